@@ -1,0 +1,1 @@
+"""Sources of the FMUs in C."""

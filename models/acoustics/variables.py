@@ -1,0 +1,47 @@
+"""Declaration of the Acoustics: a round-robin one-way channel from four beacons to the diver."""
+
+from __future__ import annotations
+
+from ..declaration import (
+    Component, choice, noise_keys, output, parameter, switch, tick_interval,
+)
+from ..ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION, ports, terminal
+
+OUTLIERS = {1: "exponential", 2: "half_normal"}
+
+COMPONENT = Component(
+    name="Acoustics",
+    number=3,
+    description="One-way ranging, one beacon per slot, with noise, loss, outliers and clock errors",
+    interval="sampling_time",
+    variables=(
+        tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
+        *noise_keys(),
+        parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
+        parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
+                  "m/s", start=1500.0, min=1.0, max=10000.0),
+        switch("motion_during_travel", "Whether the diver moves while the sound travels", True),
+        parameter("range_std", "Standard deviation of the range's white noise", "m", start=0.1,
+                  min=0.0),
+        parameter("loss_probability", "Probability that a packet is lost", start=0.0, min=0.0,
+                  max=1.0),
+        parameter("outlier_probability", "Probability that a range is an outlier", start=0.0,
+                  min=0.0, max=1.0),
+        choice("outlier_distribution", "Distribution of an outlier's excess", OUTLIERS, 1),
+        parameter("outlier_mean", "Mean excess of an outlier", "m", start=1.0, min=0.0),
+        parameter("clock_offset", "Receiver's clock minus the beacons' at the start", "s"),
+        parameter("clock_drift", "Rate of change of that difference", "s/s", min=-0.1, max=0.1),
+        parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
+                  min=0.0, max=1.0),
+        parameter("processing_delay_correction", "What the receiver subtracts for it", "s",
+                  min=0.0, max=1.0),
+        *ports(MOTION, "input", "target_"),
+        *ports(BEACON_POSITIONS, "input"),
+        *ports(RECEPTION, "output"),
+        output("true_range", "Length of the sound's path for each range", "m", shape=(BEACONS,),
+               variability="discrete"),
+    ),
+    terminals=(
+        terminal("reception", "reception", "Newest reception from each beacon", RECEPTION),
+    ),
+)

@@ -1,0 +1,259 @@
+"""What a component shows to the outside: its variables, written down once.
+
+modelDescription.xml (FMI 2 and 3), the C tables, the documentation inside the FMU, the keys of a
+scenario file and the orchestrator's checks are all generated from these declarations. The module
+needs neither CasADi nor NumPy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Causality = Literal["parameter", "input", "output"]
+Type = Literal["Float64", "Int32", "Boolean"]
+Variability = Literal["fixed", "continuous", "discrete"]
+Number = float | int | bool
+TerminalKind = Literal["reception", "depth", "estimate"]
+
+INT32_MAX = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit and its exponents of the SI base units, as FMI writes them.
+
+    Attributes
+    ----------
+    name
+        As it stands in modelDescription.xml, e.g. ``"m/s"``.
+    suffix
+        As it stands at the end of a key in a scenario file, e.g. ``"m_s"``.
+    exponents
+        FMI base unit attributes: ``kg``, ``m``, ``s``, ``A``, ``K``, ``mol``, ``cd``, ``rad``.
+    """
+
+    name: str
+    suffix: str
+    exponents: Mapping[str, int] = field(default_factory=dict)
+
+
+UNITS: Mapping[str, Unit] = {
+    unit.name: unit
+    for unit in (
+        Unit("m", "m", {"m": 1}),
+        Unit("s", "s", {"s": 1}),
+        Unit("m/s", "m_s", {"m": 1, "s": -1}),
+        Unit("m2/s3", "m2_s3", {"m": 2, "s": -3}),
+        Unit("rad", "deg", {"rad": 1}),
+        Unit("rad/s", "deg_s", {"rad": 1, "s": -1}),
+        Unit("rad/K", "deg_K", {"rad": 1, "K": -1}),
+        Unit("K", "K", {"K": 1}),
+        Unit("K/s", "K_s", {"K": 1, "s": -1}),
+        Unit("Hz", "Hz", {"s": -1}),
+        Unit("s/s", "s_s", {}),
+    )
+}
+"""Every unit a declaration may use. Angles are radians here and degrees in a scenario file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One FMI variable; a scalar, or an array of fixed shape stored row by row.
+
+    Attributes
+    ----------
+    name
+        Name in the FMU. Elements of an array are ``name[i]`` or ``name[i,j]``, 1-based.
+    description
+        One sentence for people; frames are named here.
+    causality, type, variability
+        As in the FMI standard. ``variability`` defaults to ``fixed`` for parameters,
+        ``continuous`` for other Float64 variables and ``discrete`` for the rest.
+    unit
+        Key of `UNITS`, or None for a plain number.
+    shape
+        ``()`` for a scalar, else one or two dimensions.
+    start
+        Start value of a parameter or an input: one number for all elements, or one per element.
+    min, max
+        Bounds of every element, both included.
+    choices
+        For an Int32 that selects something: its values and their names.
+    """
+
+    name: str
+    description: str
+    causality: Causality
+    unit: str | None = None
+    shape: tuple[int, ...] = ()
+    start: Number | tuple[Number, ...] = 0.0
+    min: float | None = None
+    max: float | None = None
+    type: Type = "Float64"
+    variability: Variability | None = None
+    choices: Mapping[int, str] | None = None
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and self.unit not in UNITS:
+            raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
+        if isinstance(self.start, tuple) and len(self.start) != self.size:
+            raise ValueError(f"{self.name}: {len(self.start)} start values for {self.size} elements")
+        if self.variability is None:
+            default: Variability = "continuous" if self.type == "Float64" else "discrete"
+            object.__setattr__(
+                self, "variability", "fixed" if self.causality == "parameter" else default
+            )
+        if self.choices is not None:
+            object.__setattr__(self, "type", "Int32")
+            object.__setattr__(self, "min", min(self.choices))
+            object.__setattr__(self, "max", max(self.choices))
+            if self.causality != "parameter":
+                object.__setattr__(self, "variability", "discrete")
+            elif not isinstance(self.start, int) or self.start not in self.choices:
+                raise ValueError(f"{self.name}: start {self.start!r} is not one of its choices")
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return math.prod(self.shape)
+
+    @property
+    def starts(self) -> tuple[Number, ...]:
+        """Start value of each element, row by row."""
+        return self.start if isinstance(self.start, tuple) else (self.start,) * self.size
+
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Names of the elements, row by row: ``("x[1]", "x[2]")``, or the plain name."""
+        if not self.shape:
+            return (self.name,)
+        if len(self.shape) == 1:
+            return tuple(f"{self.name}[{i + 1}]" for i in range(self.shape[0]))
+        rows, columns = self.shape
+        return tuple(f"{self.name}[{i + 1},{j + 1}]" for i in range(rows) for j in range(columns))
+
+    @property
+    def legend(self) -> str:
+        """The description with the choices spelled out, if there are any."""
+        if self.choices is None:
+            return self.description
+        return f"{self.description}: " + ", ".join(f"{k} {v}" for k, v in self.choices.items())
+
+    @property
+    def key(self) -> str:
+        """Key in a scenario file: the name with its unit, ``range_std_m``."""
+        return self.name if self.unit is None else f"{self.name}_{UNITS[self.unit].suffix}"
+
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """A group of ports that are connected together (FMI 3, section 2.4.9).
+
+    Attributes
+    ----------
+    name, kind
+        Name in the FMU, and which group of ports it is; equal kinds plug into each other.
+    members
+        Names of the component's variables and the member names they have on both sides.
+    """
+
+    name: str
+    kind: TerminalKind
+    description: str
+    members: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """Declaration of a component.
+
+    Attributes
+    ----------
+    name
+        FMI model name.
+    number
+        Identifies the kind of component in the key of its noise; never reused.
+    interval
+        The parameter that holds the time between ticks, in s; None for a component without ticks.
+    variant
+        The choice parameter that selects among alternative sets of equations, if there are such.
+    step_size, stop_time
+        Default experiment in s.
+    """
+
+    name: str
+    number: int
+    description: str
+    variables: tuple[Variable, ...]
+    interval: str | None
+    variant: str | None = None
+    terminals: tuple[Terminal, ...] = ()
+    step_size: float = 0.1
+    stop_time: float = 90.0
+
+    def __post_init__(self) -> None:
+        names = [v.name for v in self.variables]
+        if len(set(names)) != len(names):
+            raise ValueError(f"{self.name}: variable names are not unique")
+        order = {"parameter": 0, "input": 1, "output": 2}
+        if [order[v.causality] for v in self.variables] != sorted(
+            order[v.causality] for v in self.variables
+        ):
+            raise ValueError(f"{self.name}: variables must be parameters, then inputs, then outputs")
+
+    def __iter__(self) -> Iterator[Variable]:
+        return iter(self.variables)
+
+    def __getitem__(self, name: str) -> Variable:
+        for variable in self.variables:
+            if variable.name == name:
+                return variable
+        raise KeyError(f"{self.name} has no variable {name!r}")
+
+    def of(self, causality: Causality) -> tuple[Variable, ...]:
+        """The variables of one causality, in order."""
+        return tuple(v for v in self.variables if v.causality == causality)
+
+
+def parameter(name: str, description: str, unit: str | None = None, **rest: object) -> Variable:
+    """A fixed parameter; see `Variable` for the keywords."""
+    return Variable(name, description, "parameter", unit, **rest)  # type: ignore[arg-type]
+
+
+def output(name: str, description: str, unit: str | None = None, **rest: object) -> Variable:
+    """An output; see `Variable` for the keywords."""
+    return Variable(name, description, "output", unit, **rest)  # type: ignore[arg-type]
+
+
+def input_(name: str, description: str, unit: str | None = None, **rest: object) -> Variable:
+    """An input; see `Variable` for the keywords."""
+    return Variable(name, description, "input", unit, **rest)  # type: ignore[arg-type]
+
+
+def choice(name: str, description: str, choices: Mapping[int, str], start: int) -> Variable:
+    """A parameter that selects one of several named alternatives."""
+    return Variable(name, description, "parameter", start=start, choices=choices)
+
+
+def switch(name: str, description: str, start: bool) -> Variable:
+    """A parameter that turns something on or off."""
+    return Variable(name, description, "parameter", start=start, type="Boolean")
+
+
+def tick_interval(name: str, description: str) -> Variable:
+    """The parameter that holds the time between a component's ticks."""
+    return parameter(name, description, "s", start=0.1, min=1e-6, max=1e6)
+
+
+def noise_keys() -> tuple[Variable, Variable]:
+    """Seed and stream of a noisy component: equal pairs share their noise."""
+    return (
+        Variable("seed", "Seed of every random number of this component", "parameter",
+                 start=1, min=0, max=INT32_MAX, type="Int32"),
+        Variable("stream", "Tells components of one kind and one seed apart", "parameter",
+                 start=0, min=0, max=2**16 - 1, type="Int32"),
+    )

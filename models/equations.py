@@ -1,0 +1,281 @@
+"""From a component's equations to CasADi functions.
+
+Equations are plain functions of symbols, free of branches (``if_else``), so that the generated C
+runs one simulation or several side by side. Their arguments:
+
+========  =====================================================================================
+``p``     parameters, one attribute per declared variable, in its shape (arrays as matrices)
+``x``     state, one attribute per key of what ``initial`` returns
+``u``     inputs, like ``p``
+``w``     noise of the occasion, one attribute per `Draw`
+``t``     time in s
+``k``     number of the tick, 1 at the first tick after the start
+========  =====================================================================================
+
+Each returns a dict; ``tick`` and loop bodies only name the states they change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import casadi as ca
+
+from . import COMPONENTS
+from .declaration import Component
+
+Symbols = Any
+"""A namespace of CasADi symbols."""
+Values = Mapping[str, Any]
+"""CasADi expressions (or numbers) by the name of a state or an output."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """Random numbers made afresh on one occasion.
+
+    Attributes
+    ----------
+    name, size
+        Attribute of ``w``, and how many numbers it holds (a column).
+    kind
+        ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float, to be
+        compared with ``probability * 2**53`` or scaled by ``2**-53``.
+    occasion
+        ``initial``, ``tick``, or the name of a loop.
+    """
+
+    name: str
+    kind: Literal["normal", "uniform"]
+    occasion: str
+    size: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """Something done as long as its guard holds, in one step perhaps several times or never.
+
+    Attributes
+    ----------
+    guard
+        ``guard(p, x, u, t)``, nonzero while there is something to do.
+    body
+        ``body(p, x, u, w, t)``, the states after doing it once.
+    """
+
+    name: str
+    guard: Callable[[Symbols, Symbols, Symbols, Any], Any]
+    body: Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """The equations of a component, or of one of its variants.
+
+    Attributes
+    ----------
+    initial
+        ``initial(p, w, t)``: all states at the start time.
+    tick
+        ``tick(p, x, u, w, t, k)``: states changed at tick ``k`` (``k >= 1``), which is at ``t``.
+    output
+        ``output(p, x, u, t)``: all outputs at ``t``. What it takes from ``u`` is direct
+        feedthrough and is declared as such.
+    advance
+        Loops run for a time ``t`` before anything else happens at ``t`` (a leg that has ended).
+        They must not look at inputs.
+    iterate
+        Loops run after each tick (measurements still to process, iterations to convergence).
+    draws
+        All noise, of all variants of the component; a draw's place in the list is its stream.
+    """
+
+    output: Callable[[Symbols, Symbols, Symbols, Any], Values]
+    initial: Callable[[Symbols, Symbols, Any], Values] = lambda p, w, t: {}
+    tick: Callable[[Symbols, Symbols, Symbols, Symbols, Any, Any], Values] = (
+        lambda p, x, u, w, t, k: {}
+    )
+    advance: Sequence[Loop] = ()
+    iterate: Sequence[Loop] = ()
+    draws: Sequence[Draw] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Functions:
+    """The CasADi functions of one variant; all arguments and results are dense columns.
+
+    ``initial(p, w, t) -> x``, ``tick(x, u, p, w, t, k) -> x``, ``output(x, u, p, t) -> y``,
+    ``guards[name](x, u, p, t) -> c``, ``bodies[name](x, u, p, w, t) -> x``; ``jacobian(x, u, p, t)
+    -> dy/du`` (row by row) where there is direct feedthrough.
+    """
+
+    initial: ca.Function
+    tick: ca.Function
+    output: ca.Function
+    guards: Mapping[str, ca.Function]
+    bodies: Mapping[str, ca.Function]
+    jacobian: ca.Function | None
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A component ready for code generation.
+
+    Attributes
+    ----------
+    variants
+        Functions by value of the component's variant parameter; ``{0: …}`` without one.
+    states
+        Shape of each state by name, in the order of the state vector (row by row).
+    feedthrough
+        Pairs (output, input) of declared names with direct feedthrough.
+    """
+
+    component: Component
+    variants: Mapping[int, Functions]
+    states: Mapping[str, tuple[int, int]]
+    draws: Sequence[Draw]
+    advance: Sequence[str]
+    iterate: Sequence[str]
+    feedthrough: frozenset[tuple[str, str]] = field(default_factory=frozenset)
+
+
+def load(name: str) -> Model:
+    """Build the model of a component, by the name of its FMU.
+
+    Raises
+    ------
+    KeyError
+        There is no such component.
+    """
+    component = COMPONENTS[name]
+    folder = "receiver" if component.interval == "update_interval" else name
+    module = "equations" if folder == name else name
+    equations = import_module(f".{folder}.{module}", __package__).EQUATIONS
+    return build(component, equations)
+
+
+def build(component: Component, equations: Equations | Mapping[int, Equations]) -> Model:
+    """Turn equations into CasADi functions.
+
+    Parameters
+    ----------
+    equations
+        One set, or one per value of the component's variant parameter. All sets have the same
+        states, draws and names of loops.
+    """
+    variants = equations if isinstance(equations, Mapping) else {0: equations}
+    first = next(iter(variants.values()))
+    functions: dict[int, Functions] = {}
+    states: Mapping[str, tuple[int, int]] = {}
+    feedthrough: set[tuple[str, str]] = set()
+    for value, variant in variants.items():
+        functions[value], states, pairs = _functions(component, variant)
+        feedthrough |= pairs
+    return Model(
+        component=component,
+        variants=functions,
+        states=states,
+        draws=tuple(first.draws),
+        advance=tuple(loop.name for loop in first.advance),
+        iterate=tuple(loop.name for loop in first.iterate),
+        feedthrough=frozenset(feedthrough),
+    )
+
+
+def _functions(
+    component: Component, equations: Equations
+) -> tuple[Functions, Mapping[str, tuple[int, int]], set[tuple[str, str]]]:
+    p, p_vector = _symbols({v.name: _matrix_shape(v.shape) for v in component.of("parameter")})
+    u, u_vector = _symbols({v.name: _matrix_shape(v.shape) for v in component.of("input")})
+    t, k = ca.SX.sym("t"), ca.SX.sym("k")
+
+    def noise(occasion: str) -> tuple[Symbols, Any]:
+        return _symbols({d.name: (d.size, 1) for d in equations.draws if d.occasion == occasion})
+
+    w, w_vector = noise("initial")
+    start = {name: ca.densify(ca.SX(value)) for name, value in equations.initial(p, w, t).items()}
+    states = {name: value.shape for name, value in start.items()}
+    initial = _function("initial", [p_vector, w_vector, t], _column(start.values()))
+
+    x, x_vector = _symbols(states)
+
+    def updated(changes: Values) -> Any:
+        unknown = set(changes) - set(states)
+        if unknown:
+            raise ValueError(f"{component.name}: not a state: {', '.join(sorted(unknown))}")
+        return _column(
+            _shaped(changes[name], shape, name) if name in changes else getattr(x, name)
+            for name, shape in states.items()
+        )
+
+    w, w_vector = noise("tick")
+    tick = _function(
+        "tick", [x_vector, u_vector, p_vector, w_vector, t, k],
+        updated(equations.tick(p, x, u, w, t, k)),
+    )
+    guards, bodies = {}, {}
+    for loop in (*equations.advance, *equations.iterate):
+        w, w_vector = noise(loop.name)
+        guards[loop.name] = _function(
+            "guard", [x_vector, u_vector, p_vector, t], ca.SX(loop.guard(p, x, u, t))
+        )
+        bodies[loop.name] = _function(
+            "body", [x_vector, u_vector, p_vector, w_vector, t],
+            updated(loop.body(p, x, u, w, t)),
+        )
+    results = equations.output(p, x, u, t)
+    missing = {v.name for v in component.of("output")} ^ set(results)
+    if missing:
+        raise ValueError(f"{component.name}: outputs do not match: {', '.join(sorted(missing))}")
+    y_vector = _column(
+        _shaped(results[v.name], _matrix_shape(v.shape), v.name) for v in component.of("output")
+    )
+    output = _function("output", [x_vector, u_vector, p_vector, t], y_vector)
+    pairs = _feedthrough(component, output)
+    jacobian = None
+    if pairs:
+        jacobian = _function(
+            "jacobian", [x_vector, u_vector, p_vector, t],
+            ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T),
+        )
+    return Functions(initial, tick, output, guards, bodies, jacobian), states, pairs
+
+
+def _feedthrough(component: Component, output: ca.Function) -> set[tuple[str, str]]:
+    sparsity = output.jac_sparsity(0, 1)
+    rows = [v.name for v in component.of("output") for _ in range(v.size)]
+    columns = [v.name for v in component.of("input") for _ in range(v.size)]
+    return {(rows[i], columns[j]) for i, j in zip(*sparsity.get_triplet(), strict=True)}
+
+
+def _function(name: str, arguments: list[Any], result: Any) -> ca.Function:
+    (result,) = ca.cse([ca.densify(result)])
+    return ca.Function(name, arguments, [result])
+
+
+def _matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
+    rows, columns = (*shape, 1, 1)[:2]
+    return rows, columns
+
+
+def _symbols(shapes: Mapping[str, tuple[int, int]]) -> tuple[SimpleNamespace, Any]:
+    """Symbols by name, and all of them as one column, each matrix row by row."""
+    symbols = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+    return SimpleNamespace(**symbols), _column(symbols.values())
+
+
+def _column(matrices: Any) -> Any:
+    parts = [ca.vec(ca.densify(ca.SX(m)).T) for m in matrices]
+    return ca.vertcat(*parts) if parts else ca.SX(0, 1)
+
+
+def _shaped(value: Any, shape: tuple[int, int], name: str) -> Any:
+    matrix = ca.SX(value)
+    if matrix.shape != shape:
+        raise ValueError(f"{name}: shape must be {shape}, got {matrix.shape}")
+    return matrix

@@ -1,0 +1,18 @@
+"""Equations of the range model (the paper's section 3, ranges in z and their part of H)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Equations, Symbols, Values
+from ..ports import BEACONS
+
+
+def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    offsets = [u.position - u.beacon_position[i, :].T for i in range(BEACONS)]
+    return {"range": ca.vertcat(*(ca.sqrt(ca.sumsqr(d)) for d in offsets))}
+
+
+EQUATIONS = Equations(output=_output)

@@ -1,0 +1,1 @@
+"""Co-simulation of a short-baseline acoustic positioning system for divers."""
