@@ -24,4 +24,10 @@ RECEIVERS: Mapping[str, Component] = {
     name: COMPONENTS[name] for name in ("ekf", "sequential", "multilateration")
 }
 
-__all__ = ["COMPONENTS", "RECEIVERS"]
+
+def module_of(name: str) -> tuple[str, str]:
+    """Folder and module that hold the equations of a component."""
+    return ("receiver", name) if name in RECEIVERS else (name, "equations")
+
+
+__all__ = ["COMPONENTS", "RECEIVERS", "module_of"]

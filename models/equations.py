@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from . import COMPONENTS
+from . import COMPONENTS, module_of
 from .declaration import Component
 
 Symbols = Any
@@ -153,9 +153,7 @@ def load(name: str) -> Model:
         There is no such component.
     """
     component = COMPONENTS[name]
-    folder = "receiver" if component.interval == "update_interval" else name
-    module = "equations" if folder == name else name
-    equations = import_module(f".{folder}.{module}", __package__).EQUATIONS
+    equations = import_module(".".join(("", *module_of(name))), __package__).EQUATIONS
     return build(component, equations)
 
 

@@ -1,0 +1,120 @@
+/* The engine: how a component's equations are stepped, over one simulation or several side by
+ * side. Include the generated model.h before this file. */
+#ifndef SBLCOSIM_ENGINE_H
+#define SBLCOSIM_ENGINE_H
+
+#include <stdint.h>
+
+#define N_VALUES (N_P + N_U + N_Y)
+#define N_LOOPS (N_ADVANCE + N_ITERATE)
+
+/* More rounds than any sensible use needs; without an end a loop would hang its host. */
+#define MAX_ROUNDS 1000000
+
+enum occasion { OCCASION_INITIAL = 0, OCCASION_TICK = 1, OCCASION_LOOPS = 2 };
+
+/* All numbers of the simulations. No pointers: a copy is a snapshot. */
+struct block {
+    real v[N_VALUES];         /* parameters, inputs, outputs, in the order of the declaration */
+    real x[N_X + 1];          /* state; C has no empty arrays */
+    bits64 rounds[N_LOOPS + 1]; /* how often each loop has run: the counter of its noise */
+    bits64 key[2];
+};
+
+/* A whole number below 2^52 as an integer. */
+static inline bits64 r_integer(real v)
+{
+    return r_bits(v + r_set1(0x1p52)) & (UINT64_MAX >> 12);
+}
+
+static inline const real *engine_p(const struct block *b) { return b->v; }
+static inline const real *engine_u(const struct block *b) { return b->v + N_P; }
+
+/* 0 when a loop found no end. */
+static int engine_loop(struct block *b, int variant, int loop, real t)
+{
+    for (int round = 0; round < MAX_ROUNDS; round++) {
+        real going, w[N_W + 1];
+        model_guard(loop, variant, b->x, engine_u(b), engine_p(b), t, &going);
+        if (!r_any(going))
+            return 1;
+        model_noise(OCCASION_LOOPS + loop, b->key, b->rounds[loop], w);
+#if LANES == 1
+        model_body(loop, variant, b->x, engine_u(b), engine_p(b), w, t);
+#else
+        real next[N_X + 1];
+        for (int i = 0; i < N_X; i++)
+            next[i] = b->x[i];
+        model_body(loop, variant, next, engine_u(b), engine_p(b), w, t);
+        for (int i = 0; i < N_X; i++)
+            b->x[i] = r_select(going, next[i], b->x[i]);
+#endif
+        b->rounds[loop] += r_integer(r_if_else_zero(going, r_set1(1.0)));
+    }
+    return 0;
+}
+
+static int engine_loops(struct block *b, int variant, int first, int end, real t)
+{
+    for (int loop = first; loop < end; loop++)
+        if (!engine_loop(b, variant, loop, t))
+            return 0;
+    return 1;
+}
+
+static inline real engine_seconds(int64_t ns) { return r_set1((double)ns / 1e9); }
+
+static void engine_output(struct block *b, int variant, int64_t time_ns)
+{
+    model_output(variant, b->x, engine_u(b), engine_p(b), engine_seconds(time_ns),
+                 b->v + N_P + N_U);
+}
+
+/* State and outputs at the start time. */
+static int engine_initial(struct block *b, int variant, int64_t start_ns)
+{
+    const real t = engine_seconds(start_ns);
+    real w[N_W + 1];
+    bits64 zero = r_bits(r_set1(0.0));
+    b->key[0] = b->key[1] = zero;
+#if P_SEED >= 0
+    b->key[0] = r_integer(b->v[P_SEED]);
+    b->key[1] = r_integer(r_set1(COMPONENT_NUMBER * 65536.0) + b->v[P_STREAM]);
+#endif
+    for (int i = 0; i < N_LOOPS; i++)
+        b->rounds[i] = zero;
+    model_noise(OCCASION_INITIAL, b->key, zero, w);
+    model_initial(variant, engine_p(b), w, t, b->x);
+    if (!engine_loops(b, variant, 0, N_ADVANCE, t))
+        return 0;
+    engine_output(b, variant, start_ns);
+    return 1;
+}
+
+/* Everything that happens in [time_ns, end_ns), and the outputs at end_ns. Ticks are at start_ns +
+ * k interval_ns, k = 1, 2, ...; an interval of 0 means none. 0 when a loop found no end. */
+static int engine_step(struct block *b, int variant, int64_t start_ns, int64_t interval_ns,
+                       int64_t time_ns, int64_t end_ns)
+{
+    if (interval_ns > 0) {
+        int64_t k = (time_ns - start_ns + interval_ns - 1) / interval_ns;
+        if (k < 1)
+            k = 1;
+        for (; start_ns + k * interval_ns < end_ns; k++) {
+            const real t = engine_seconds(start_ns + k * interval_ns);
+            real w[N_W + 1];
+            if (!engine_loops(b, variant, 0, N_ADVANCE, t))
+                return 0;
+            model_noise(OCCASION_TICK, b->key, r_integer(r_set1((double)k)), w);
+            model_tick(variant, b->x, engine_u(b), engine_p(b), w, t, r_set1((double)k));
+            if (!engine_loops(b, variant, N_ADVANCE, N_LOOPS, t))
+                return 0;
+        }
+    }
+    if (!engine_loops(b, variant, 0, N_ADVANCE, engine_seconds(end_ns)))
+        return 0;
+    engine_output(b, variant, end_ns);
+    return 1;
+}
+
+#endif

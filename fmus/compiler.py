@@ -1,0 +1,111 @@
+"""The C compiler: the system's, else the one that the package ``ziglang`` brings."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from .errors import BuildError
+
+VARIABLE = "SBLCOSIM_CC"
+"""Environment variable that names the compiler to use, e.g. ``clang`` or ``zig``."""
+
+# No contraction to fused multiply-adds and no errno: the same bits on every machine. Nothing but
+# the functions of the standard is exported, and nothing of ours can be replaced from outside.
+FLAGS = (
+    "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared",
+    "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror", "-s",
+)
+_LINUX_FLAGS = ("-Wl,-Bsymbolic", "-Wl,--build-id=none")
+
+
+@dataclass(frozen=True, slots=True)
+class Compiler:
+    """A command that compiles C.
+
+    Attributes
+    ----------
+    command
+        Program and first arguments.
+    identity
+        Changes when the compiler changes; part of what a cached FMU is known by.
+    """
+
+    command: tuple[str, ...]
+    identity: str
+
+    def compile(
+        self, sources: Iterable[Path], output: Path, include: Sequence[Path],
+        flags: Sequence[str] = (), cwd: Path | None = None,
+    ) -> None:
+        """Compile and link a shared library.
+
+        Raises
+        ------
+        BuildError
+            The compiler cannot be started or reports an error; the message holds its output.
+        """
+        platform = _LINUX_FLAGS if sys.platform.startswith("linux") else ()
+        command = [
+            *self.command, *FLAGS, *platform, *flags,
+            *(f"-I{folder}" for folder in include), *map(str, sources), "-o", str(output),
+        ]
+        try:
+            done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise BuildError(f"the compiler {self.command[0]!r} cannot be started: {error}") from None
+        if done.returncode != 0:
+            raise BuildError(f"{' '.join(self.command)} failed:\n{done.stderr.strip()}")
+
+
+def zig() -> Compiler | None:
+    """The compiler of the package ``ziglang``, if it is installed."""
+    spec = importlib.util.find_spec("ziglang")
+    if spec is None:
+        return None
+    from importlib.metadata import version
+
+    return Compiler((sys.executable, "-m", "ziglang", "cc"), f"zig {version('ziglang')}")
+
+
+def system(name: str) -> Compiler | None:
+    """A compiler on the search path, if it is there."""
+    path = shutil.which(name)
+    if path is None:
+        return None
+    stat = os.stat(path)
+    return Compiler((path,), f"{os.path.realpath(path)} {stat.st_size} {stat.st_mtime_ns}")
+
+
+@cache
+def find() -> Compiler:
+    """The compiler to use: ``SBLCOSIM_CC``, else the system's, else zig.
+
+    Raises
+    ------
+    BuildError
+        There is none, or the one asked for is missing.
+    """
+    wanted = os.environ.get(VARIABLE)
+    if wanted:
+        compiler = zig() if wanted == "zig" else system(wanted)
+        if compiler is None:
+            raise BuildError(f"{VARIABLE}: must name a compiler, got {wanted!r}, which is not there")
+        return compiler
+    for name in ("cc", "gcc", "clang"):
+        compiler = system(name)
+        if compiler is not None:
+            return compiler
+    compiler = zig()
+    if compiler is None:
+        raise BuildError(
+            "building FMUs needs a C compiler: install gcc or clang, or pip install 'sblcosim[zig]'"
+        )
+    return compiler

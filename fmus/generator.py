@@ -1,0 +1,323 @@
+"""From a component's CasADi functions to C.
+
+A CasADi function of scalars is a list of elementary instructions. They are printed one by one as
+straight C over a type ``real`` (``c/real.h``) that is a double in an FMU, or a vector of doubles,
+one per simulation, in a study: the same text, and the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import casadi as ca
+
+from ..models.declaration import Component, Variable
+from ..models.equations import Draw, Functions, Model
+
+_OPERATIONS: Mapping[int, str] = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "r_set1(1.0) / {0}",
+    ca.OP_SQRT: "r_sqrt({0})",
+    ca.OP_SIN: "r_sin({0})",
+    ca.OP_COS: "r_cos({0})",
+    ca.OP_TAN: "r_tan({0})",
+    ca.OP_EXP: "r_exp({0})",
+    ca.OP_LOG: "r_log({0})",
+    ca.OP_ATAN: "r_atan({0})",
+    ca.OP_ATAN2: "r_atan2({0}, {1})",
+    ca.OP_ASIN: "r_asin({0})",
+    ca.OP_ACOS: "r_acos({0})",
+    ca.OP_LT: "r_lt({0}, {1})",
+    ca.OP_LE: "r_le({0}, {1})",
+    ca.OP_EQ: "r_eq({0}, {1})",
+    ca.OP_NE: "r_ne({0}, {1})",
+    ca.OP_NOT: "r_not({0})",
+    ca.OP_AND: "r_and({0}, {1})",
+    ca.OP_OR: "r_or({0}, {1})",
+    ca.OP_IF_ELSE_ZERO: "r_if_else_zero({0}, {1})",
+    ca.OP_FABS: "r_fabs({0})",
+    ca.OP_SIGN: "r_sign({0})",
+    ca.OP_FMIN: "r_fmin({0}, {1})",
+    ca.OP_FMAX: "r_fmax({0}, {1})",
+    ca.OP_COPYSIGN: "r_copysign({0}, {1})",
+    ca.OP_FLOOR: "r_floor({0})",
+    ca.OP_CEIL: "r_ceil({0})",
+    ca.OP_FMOD: "r_fmod({0}, {1})",
+}
+
+_TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
+_CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
+_NOISE = "const bits64 key[2], bits64 count, real *w"
+
+
+def statements(
+    function: ca.Function, arguments: Sequence[str], result: str, in_place: str | None = None
+) -> list[str]:
+    """The C statements of a function.
+
+    Parameters
+    ----------
+    arguments
+        C expression of each argument: an array, or a scalar if the argument is one number and
+        the expression starts with ``=``.
+    result
+        C name of the array that takes the result.
+    in_place
+        An argument that is the same array as the result: elements that do not change are not
+        written.
+
+    Raises
+    ------
+    NotImplementedError
+        An instruction has no counterpart in C; the message names it.
+    """
+    registers: dict[int, str] = {}  # what a work register of CasADi holds now
+    texts: dict[str, str] = {}  # value -> its expression, in order
+    operands: dict[str, list[str]] = {}
+    stores: dict[str, str] = {}  # element of the result -> value
+    for i in range(function.n_instructions()):
+        operation = function.instruction_id(i)
+        inputs, outputs = function.instruction_input(i), function.instruction_output(i)
+        if operation == ca.OP_OUTPUT:
+            stores[f"{result}[{outputs[1]}]"] = registers[inputs[0]]
+            continue
+        used: list[str] = []
+        if operation == ca.OP_INPUT:
+            name = arguments[inputs[0]]
+            text = name[1:] if name.startswith("=") else f"{name}[{inputs[1]}]"
+        elif operation == ca.OP_CONST:
+            text = f"r_set1({float(function.instruction_constant(i)).hex()})"
+        elif operation in _OPERATIONS:
+            used = [registers[j] for j in inputs]
+            text = _OPERATIONS[operation].format(*used)
+        else:
+            names = [n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == operation]
+            raise NotImplementedError(f"{function.name()}: no C for instruction {names}")
+        value = registers[outputs[0]] = f"a{i}"
+        texts[value], operands[value] = text, used
+    if in_place == result:
+        stores = {target: value for target, value in stores.items() if texts[value] != target}
+    needed = set(stores.values())
+    for value in reversed(texts):
+        if value in needed:
+            needed.update(operands[value])
+    # Everything is read before anything is written: argument and result may be the same array.
+    return [
+        *(f"const real {value} = {text};" for value, text in texts.items() if value in needed),
+        *(f"{target} = {value};" for target, value in stores.items()),
+    ]
+
+
+def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
+    body = [*(f"(void){name};" for name in unused), *lines]
+    return "\n".join([f"static void {signature}", "{", *(f"    {line}" for line in body), "}", ""])
+
+
+def _cases(signature: str, selector: str, cases: Mapping[int, Sequence[str]]) -> str:
+    """A procedure that does one of several things; a single one needs no selector."""
+    if len(cases) == 1:
+        return _procedure(signature, next(iter(cases.values())), [selector])
+    lines = [f"switch ({selector}) {{"]
+    for value, case in cases.items():
+        lines += [f"case {value}: {{", *(f"    {line}" for line in case), "    break;", "}"]
+    return _procedure(signature, [*lines, "default: break;", "}"])
+
+
+def _occasion(draws: Sequence[Draw], name: str, number: int) -> list[str]:
+    """Statements that fill ``w`` on one occasion.
+
+    A block of Philox gives two numbers. Draws of one kind share blocks, in the order in which
+    they are declared; the third word of the counter says which block, the fourth the occasion.
+    """
+    lines: list[str] = []
+    places: dict[Literal["normal", "uniform"], list[int]] = {"normal": [], "uniform": []}
+    position = 0
+    for draw in draws:
+        if draw.occasion == name:
+            places[draw.kind] += range(position, position + draw.size)
+            position += draw.size
+    for kind, indices in places.items():
+        for block, first in enumerate(range(0, len(indices), 2)):
+            pair = indices[first : first + 2]
+            second = f"&w[{pair[1]}]" if len(pair) == 2 else "&spare"
+            stream = 2 * block + (kind == "uniform")
+            lines.append(f"noise_{kind}2(key, count, {stream}u, {number}u, &w[{pair[0]}], {second});")
+    return ["real spare;", "(void)spare;", *lines] if lines else []
+
+
+def noise_size(draws: Sequence[Draw], occasion: str) -> int:
+    """How many numbers are drawn on one occasion."""
+    return sum(draw.size for draw in draws if draw.occasion == occasion)
+
+
+def model_source(model: Model) -> str:
+    """The generated part of an engine: sizes, noise and equations of a component, as C."""
+    component = model.component
+    loops = [*model.advance, *model.iterate]
+    occasions = ["initial", "tick", *loops]
+    parameters = [v.name for v in component.of("parameter") for _ in range(v.size)]
+
+    def place(name: str | None) -> int:
+        return parameters.index(name) if name in parameters else -1
+
+    sizes = {
+        "COMPONENT_NUMBER": component.number,
+        "N_P": len(parameters),
+        "N_U": sum(v.size for v in component.of("input")),
+        "N_Y": sum(v.size for v in component.of("output")),
+        "N_X": sum(rows * columns for rows, columns in model.states.values()),
+        "N_W": max(noise_size(model.draws, occasion) for occasion in occasions),
+        "N_ADVANCE": len(model.advance),
+        "N_ITERATE": len(model.iterate),
+        "P_SEED": place("seed"),
+        "P_STREAM": place("stream"),
+        "P_INTERVAL": place(component.interval),
+        "P_VARIANT": place(component.variant),
+        "HAS_JACOBIAN": int(bool(model.feedthrough)),
+    }
+    parts = [f"/* Equations of {component.name}, generated from its CasADi functions. */"]
+    parts += ["\n".join(f"#define {name} {value}" for name, value in sizes.items()), ""]
+    unused = ["key", "count", "w"]
+    for number, occasion in enumerate(occasions):
+        lines = _occasion(model.draws, occasion, number)
+        parts.append(_procedure(f"noise_{number}({_NOISE})", lines, unused))
+    parts.append(
+        _procedure(
+            f"model_noise(int occasion, {_NOISE})",
+            [
+                "switch (occasion) {",
+                *(f"case {n}: noise_{n}(key, count, w); break;" for n in range(len(occasions))),
+                "default: break;",
+                "}",
+            ],
+        )
+    )
+
+    def each(
+        pick: Callable[[Functions], ca.Function], arguments: Sequence[str], result: str,
+        in_place: str | None = None,
+    ) -> dict[int, list[str]]:
+        return {
+            value: statements(pick(functions), arguments, result, in_place)
+            for value, functions in model.variants.items()
+        }
+
+    xup = "const real *x, const real *u, const real *p"
+
+    def emit(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequence[str]) -> None:
+        filled = {v: [*(f"(void){n};" for n in unused), *lines] for v, lines in cases.items()}
+        parts.append(_cases(signature, "variant", filled))
+
+    emit(
+        "model_initial(int variant, const real *p, const real *w, real t, real *x)",
+        each(lambda f: f.initial, ["p", "w", "=t"], "x"), ["p", "w", "t", "x"],
+    )
+    emit(
+        "model_tick(int variant, real *x, const real *u, const real *p, const real *w, real t, "
+        "real k)",
+        each(lambda f: f.tick, ["x", "u", "p", "w", "=t", "=k"], "x", "x"),
+        ["x", "u", "p", "w", "t", "k"],
+    )
+    emit(
+        f"model_output(int variant, {xup}, real t, real *y)",
+        each(lambda f: f.output, ["x", "u", "p", "=t"], "y"), ["x", "u", "p", "t", "y"],
+    )
+    for number, loop in enumerate(loops):
+        emit(
+            f"guard_{number}(int variant, {xup}, real t, real *c)",
+            each(lambda f, loop=loop: f.guards[loop], ["x", "u", "p", "=t"], "c"),
+            ["x", "u", "p", "t"],
+        )
+        emit(
+            f"body_{number}(int variant, real *x, const real *u, const real *p, const real *w, "
+            "real t)",
+            each(lambda f, loop=loop: f.bodies[loop], ["x", "u", "p", "w", "=t"], "x", "x"),
+            ["x", "u", "p", "w", "t"],
+        )
+    numbers = range(len(loops))
+    parts.append(
+        _procedure(
+            f"model_guard(int loop, int variant, {xup}, real t, real *c)",
+            [
+                "switch (loop) {",
+                *(f"case {n}: guard_{n}(variant, x, u, p, t, c); break;" for n in numbers),
+                "default: *c = r_set1(0.0); break;",
+                "}",
+            ],
+            ["variant", "x", "u", "p", "t"],
+        )
+    )
+    parts.append(
+        _procedure(
+            "model_body(int loop, int variant, real *x, const real *u, const real *p, "
+            "const real *w, real t)",
+            [
+                "switch (loop) {",
+                *(f"case {n}: body_{n}(variant, x, u, p, w, t); break;" for n in numbers),
+                "default: break;",
+                "}",
+            ],
+            ["variant", "x", "u", "p", "w", "t"],
+        )
+    )
+    if model.feedthrough:
+        cases = {}
+        for value, functions in model.variants.items():
+            if functions.jacobian is None:
+                raise NotImplementedError(f"{component.name}: feedthrough in some variants only")
+            cases[value] = statements(functions.jacobian, ["x", "u", "p", "=t"], "j")
+        emit(
+            f"model_jacobian(int variant, {xup}, real t, real *j)", cases, ["x", "u", "p", "t"]
+        )
+    return "\n".join(parts)
+
+
+def _bound(value: float | None, infinity: str) -> str:
+    return infinity if value is None else float(value).hex()
+
+
+def table_source(component: Component, token: str, references: Mapping[str, int]) -> str:
+    """The generated tables of an FMU shell: its variables, start values and identity, as C.
+
+    Parameters
+    ----------
+    references
+        Value reference of each variable's first element, as modelDescription.xml has it.
+    """
+
+    def row(v: Variable) -> str:
+        columns = v.shape[1] if len(v.shape) == 2 else 0
+        return (
+            f'    {{"{v.name}", {_TYPES[v.type]}, {_CAUSALITIES[v.causality]}, '
+            f"{references[v.name]}, {v.size}, {len(v.shape)}, {columns}, "
+            f'{_bound(v.min, "-INFINITY")}, {_bound(v.max, "INFINITY")}}},'
+        )
+
+    owners = [str(i) for i, v in enumerate(component) for _ in range(v.size)]
+    starts = [
+        float(start).hex() for v in component if v.causality != "output" for start in v.starts
+    ]
+    return "\n".join(
+        [
+            f"/* Tables of {component.name}, generated from its declaration. */",
+            f'#define MODEL_NAME "{component.name}"',
+            f'#define MODEL_TOKEN "{token}"',
+            f"#define FIRST_REFERENCE {min(references.values())}",
+            f"#define N_VARIABLES {len(component.variables)}",
+            "static const struct variable variables[N_VARIABLES] = {",
+            *(row(v) for v in component),
+            "};",
+            "/* Which variable each element belongs to. */",
+            f"static const unsigned short owner[N_VALUES] = {{{', '.join(owners)}}};",
+            f"static const double start_values[N_P + N_U] = {{{', '.join(starts)}}};",
+            "",
+        ]
+    )
