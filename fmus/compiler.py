@@ -21,8 +21,10 @@ VARIABLE = "SBLCOSIM_CC"
 # the functions of the standard is exported, and nothing of ours can be replaced from outside.
 FLAGS = (
     "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared",
-    "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror", "-s",
+    "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror",
+    "-Wno-psabi", "-s",
 )
+_ZIG_FLAGS = ("-mcpu=baseline",)  # zig compiles for the processor it runs on unless told otherwise
 _LINUX_FLAGS = ("-Wl,-Bsymbolic", "-Wl,--build-id=none")
 
 
@@ -72,7 +74,7 @@ def zig() -> Compiler | None:
         return None
     from importlib.metadata import version
 
-    return Compiler((sys.executable, "-m", "ziglang", "cc"), f"zig {version('ziglang')}")
+    return Compiler((sys.executable, "-m", "ziglang", "cc", *_ZIG_FLAGS), f"zig {version('ziglang')}")
 
 
 def system(name: str) -> Compiler | None:

@@ -118,7 +118,7 @@ def statements(
 
 def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
     body = [*(f"(void){name};" for name in unused), *lines]
-    return "\n".join([f"static void {signature}", "{", *(f"    {line}" for line in body), "}", ""])
+    return "\n".join([f"static inline void {signature}", "{", *(f"    {line}" for line in body), "}", ""])
 
 
 def _cases(signature: str, selector: str, cases: Mapping[int, Sequence[str]]) -> str:

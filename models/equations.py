@@ -91,7 +91,7 @@ class Equations:
     iterate
         Loops run after each tick (measurements still to process, iterations to convergence).
     draws
-        All noise, of all variants of the component; a draw's place in the list is its stream.
+        All noise, of all variants of the component. Their order decides which numbers each gets.
     """
 
     output: Callable[[Symbols, Symbols, Symbols, Any], Values]

@@ -31,10 +31,10 @@ static inline const real *engine_p(const struct block *b) { return b->v; }
 static inline const real *engine_u(const struct block *b) { return b->v + N_P; }
 
 /* 0 when a loop found no end. */
-static int engine_loop(struct block *b, int variant, int loop, real t)
+static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
     for (int round = 0; round < MAX_ROUNDS; round++) {
-        real going, w[N_W + 1];
+        real going = r_set1(0.0), w[N_W + 1];
         model_guard(loop, variant, b->x, engine_u(b), engine_p(b), t, &going);
         if (!r_any(going))
             return 1;
@@ -54,7 +54,7 @@ static int engine_loop(struct block *b, int variant, int loop, real t)
     return 0;
 }
 
-static int engine_loops(struct block *b, int variant, int first, int end, real t)
+static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
 {
     for (int loop = first; loop < end; loop++)
         if (!engine_loop(b, variant, loop, t))
@@ -64,14 +64,14 @@ static int engine_loops(struct block *b, int variant, int first, int end, real t
 
 static inline real engine_seconds(int64_t ns) { return r_set1((double)ns / 1e9); }
 
-static void engine_output(struct block *b, int variant, int64_t time_ns)
+static inline void engine_output(struct block *b, int variant, int64_t time_ns)
 {
     model_output(variant, b->x, engine_u(b), engine_p(b), engine_seconds(time_ns),
                  b->v + N_P + N_U);
 }
 
 /* State and outputs at the start time. */
-static int engine_initial(struct block *b, int variant, int64_t start_ns)
+static inline int engine_initial(struct block *b, int variant, int64_t start_ns)
 {
     const real t = engine_seconds(start_ns);
     real w[N_W + 1];
@@ -93,7 +93,7 @@ static int engine_initial(struct block *b, int variant, int64_t start_ns)
 
 /* Everything that happens in [time_ns, end_ns), and the outputs at end_ns. Ticks are at start_ns +
  * k interval_ns, k = 1, 2, ...; an interval of 0 means none. 0 when a loop found no end. */
-static int engine_step(struct block *b, int variant, int64_t start_ns, int64_t interval_ns,
+static inline int engine_step(struct block *b, int variant, int64_t start_ns, int64_t interval_ns,
                        int64_t time_ns, int64_t end_ns)
 {
     if (interval_ns > 0) {

@@ -1,0 +1,79 @@
+/* Steps a component's engine on plain arrays, for any number of lanes, and exposes its generated
+ * functions. Numbers are stored [.. ][element][lane]. */
+#include "real.h"
+#include "elementary.h"
+#include "noise.h"
+#include "model.h"
+#include "engine.h"
+
+#define API __attribute__((visibility("default")))
+
+static void load(const double *from, real *to, int n)
+{
+    for (int i = 0; i < n; i++)
+        to[i] = r_load(from + (size_t)i * LANES);
+}
+
+static void store(const real *from, double *to, int n)
+{
+    for (int i = 0; i < n; i++)
+        r_store(to + (size_t)i * LANES, from[i]);
+}
+
+API void sizes(int *out)
+{
+    out[0] = LANES, out[1] = N_P, out[2] = N_U, out[3] = N_X, out[4] = N_W, out[5] = N_Y;
+}
+
+/* Outputs and states before the first step and after each; u has one set of inputs per step. */
+API int drive(int variant, const double *p, const double *u, int64_t interval_ns, int64_t step_ns,
+              int steps, double *y, double *x)
+{
+    static struct block b;
+    load(p, b.v, N_P);
+    load(u, b.v + N_P, N_U);
+    if (!engine_initial(&b, variant, 0))
+        return 0;
+    store(b.v + N_P + N_U, y, N_Y);
+    store(b.x, x, N_X);
+    for (int i = 0; i < steps; i++) {
+        load(u + (size_t)i * N_U * LANES, b.v + N_P, N_U);
+        if (!engine_step(&b, variant, 0, interval_ns, i * step_ns, (i + 1) * step_ns))
+            return 0;
+        store(b.v + N_P + N_U, y + (size_t)(i + 1) * N_Y * LANES, N_Y);
+        store(b.x, x + (size_t)(i + 1) * N_X * LANES, N_X);
+    }
+    return 1;
+}
+
+#if LANES == 1
+API void call_noise(int occasion, uint64_t seed, uint64_t component, uint64_t count, double *w)
+{
+    const bits64 key[2] = {seed, component};
+    model_noise(occasion, key, count, w);
+}
+API void call_initial(int variant, const double *p, const double *w, double t, double *x)
+{
+    model_initial(variant, p, w, t, x);
+}
+API void call_tick(int variant, double *x, const double *u, const double *p, const double *w,
+                   double t, double k)
+{
+    model_tick(variant, x, u, p, w, t, k);
+}
+API void call_output(int variant, const double *x, const double *u, const double *p, double t,
+                     double *y)
+{
+    model_output(variant, x, u, p, t, y);
+}
+API void call_guard(int loop, int variant, const double *x, const double *u, const double *p,
+                    double t, double *c)
+{
+    model_guard(loop, variant, x, u, p, t, c);
+}
+API void call_body(int loop, int variant, double *x, const double *u, const double *p,
+                   const double *w, double t)
+{
+    model_body(loop, variant, x, u, p, w, t);
+}
+#endif
