@@ -1,1 +1,54 @@
-"""Co-simulation of a short-baseline acoustic positioning system for divers."""
+"""Co-simulation of a short-baseline acoustic positioning system for divers.
+
+>>> import sblcosim                                            # doctest: +SKIP
+>>> result = sblcosim.run("paper-scenario-1", receiver="ekf")  # doctest: +SKIP
+>>> print(result)                                              # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .api import run
+    from .errors import ConfigurationError, FmuError, SblcosimError
+    from .result import Result
+    from .scenario import Scenario, load
+
+__all__ = [
+    "ConfigurationError",
+    "FmuError",
+    "Result",
+    "SblcosimError",
+    "Scenario",
+    "__version__",
+    "load",
+    "run",
+]
+
+_HOMES = {
+    "ConfigurationError": "errors",
+    "FmuError": "errors",
+    "Result": "result",
+    "SblcosimError": "errors",
+    "Scenario": "scenario",
+    "load": "scenario",
+    "run": "api",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # Imported when first used: `sblcosim --help` must not wait for pandas and matplotlib.
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("sblcosim")
+    if name in _HOMES:
+        from importlib import import_module
+
+        return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from ..declaration import (
-    Component, choice, noise_keys, output, parameter, switch, tick_interval,
+    Component,
+    choice,
+    noise_keys,
+    output,
+    parameter,
+    switch,
+    tick_interval,
 )
 from ..ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION, ports, terminal
 

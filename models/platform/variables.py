@@ -8,7 +8,12 @@ from ..declaration import Component, Variable, noise_keys, output, parameter, sw
 from ..ports import BEACON_POSITIONS, BEACONS, ports
 
 ANGLES = ("roll", "pitch", "yaw")
-DISPLACEMENTS = ("surge", "sway", "heave")
+DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
+DISPLACEMENTS = tuple(DIRECTIONS)
+
+
+def _motion_name(axis: str) -> str:
+    return f"{axis} ({DIRECTIONS[axis]})" if axis in DIRECTIONS else axis
 
 
 def _waves() -> tuple[Variable, ...]:
@@ -17,7 +22,7 @@ def _waves() -> tuple[Variable, ...]:
         variable
         for axis in (*ANGLES, *DISPLACEMENTS)
         for variable in (
-            parameter(f"{axis}_amplitude", f"Amplitude of {axis}",
+            parameter(f"{axis}_amplitude", f"Amplitude of {_motion_name(axis)}",
                       "rad" if axis in ANGLES else "m", min=0.0,
                       max=pi / 2 if axis in ANGLES else 1000.0),
             parameter(f"{axis}_frequency", f"Frequency of {axis}", "Hz", start=0.25, min=0.0,
@@ -85,8 +90,8 @@ COMPONENT = Component(
         *_imu("step", "rad", "IMU: sudden error after a shock", True),
         parameter("imu_step_time", "IMU: time of the shock after the start", "s", min=0.0),
         *_imu("scale_factor_error", None, "IMU: scale factor error", True),
-        parameter("imu_misalignment", "IMU: rotation of the sensor axes about the body axes",
-                  "rad", shape=(3,), min=-pi / 4, max=pi / 4),
+        parameter("imu_misalignment", "IMU: rotation of the sensor axes about the body axes; "
+                  "couples roll, pitch and yaw", "rad", shape=(3,), min=-pi / 4, max=pi / 4),
         output("position", "True position of the reference point, NED", "m", shape=(3,)),
         output("attitude", "True roll, pitch, yaw", "rad", shape=(3,)),
         *ports(BEACON_POSITIONS, "output"),

@@ -15,7 +15,7 @@ _SENSORS = (
     parameter("range_std", "Assumed standard deviation of a range", "m", start=0.1, min=1e-9),
     parameter("depth_std", "Assumed standard deviation of a depth reading", "m", start=0.1,
               min=1e-9),
-    choice("beacon_position_source", "Beacon position that goes with a range", 
+    choice("beacon_position_source", "Beacon position that goes with a range",
            BEACON_POSITION_SOURCE, 1),
 )
 _MOTION = (
@@ -67,8 +67,9 @@ SEQUENTIAL = _receiver(
         *_MOTION,
         parameter("gate", "Innovations beyond this many standard deviations are rejected; 0 "
                   "switches the gate off", start=4.0, min=0.0),
-        Variable("gate_limit", "Rejections in a row after which the filter gives in and widens "
-                 "its covariance", "parameter", start=5, min=1, max=1000, type="Int32"),
+        Variable("gate_limit", "Score of rejections at which the filter starts anew from the latest "
+                 "receptions: a rejected range adds 1, any other takes back 1/2", "parameter",
+                 start=5, min=1, max=1000, type="Int32"),
     ),
 )
 MULTILATERATION = _receiver(

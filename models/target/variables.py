@@ -38,8 +38,8 @@ COMPONENT = Component(
         parameter("center", "Centre of the semicircle, circle, square, spiral or box; first point "
                   "of the straight line; north and east", "m", shape=(2,)),
         parameter("heading", "Direction of the straight line; bearing from the centre to the first "
-                  "point of semicircle, circle and spiral; rotation of the square", "rad",
-                  start=0.0, min=-2 * pi, max=2 * pi),
+                  "point of semicircle, circle and spiral; direction of the square's first side",
+                  "rad", start=0.0, min=-2 * pi, max=2 * pi),
         parameter("depth_start", "Depth at the beginning of the path", "m", start=5.0, min=0.0,
                   max=11000.0),
         parameter("depth_end", "Depth at the end of the path; in between it changes in proportion "

@@ -1,0 +1,136 @@
+"""What is in an FMU, and how it is packed."""
+
+from __future__ import annotations
+
+import platform
+import uuid
+import zipfile
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .description import PACKAGE, Fmi, build_description, model_description, terminals
+from .documentation import index_html
+from .errors import BuildError
+
+if TYPE_CHECKING:
+    from sblcosim.models.equations import Model
+
+DESCRIPTION = "modelDescription.xml"
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+
+_FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
+_MACHINES = {"amd64": "x86_64", "x64": "x86_64", "arm64": "aarch64"}
+
+
+def this_machine() -> tuple[str, str]:
+    """System and machine as Python names them, e.g. ``("Linux", "x86_64")``."""
+    return platform.system(), platform.machine()
+
+
+def platform_folder(system: str, machine: str, fmi: Fmi) -> str:
+    """Name of the folder in ``binaries`` for a platform.
+
+    FMI 3 (section 2.5.1.4.1) joins architecture and system. FMI 2 has older names for the x86-64
+    platforms; for the others it takes those of FMI 3.
+
+    Parameters
+    ----------
+    system, machine
+        As from `platform.system` and `platform.machine`, in any case: ``Windows``, ``AMD64``.
+    """
+    machine = machine.lower()
+    folder = f"{_MACHINES.get(machine, machine)}-{system.lower()}"
+    return _FMI2_FOLDERS.get(folder, folder) if fmi == 2 else folder
+
+
+def library_suffix(folder: str) -> str:
+    """File name suffix of a shared library, by platform folder or system."""
+    name = folder.lower()
+    if "darwin" in name:
+        return ".dylib"
+    return ".dll" if "win" in name else ".so"
+
+
+def contents(
+    model: Model,
+    fmi: Fmi,
+    token: str,
+    sources: Mapping[str, bytes],
+    binaries: Mapping[str, bytes],
+) -> Mapping[str, bytes]:
+    """Return all files of an FMU by their names in the archive.
+
+    Parameters
+    ----------
+    token
+        FMI 2 ``guid``, FMI 3 ``instantiationToken``, as in the C code.
+    sources
+        C files by name; those that end in ``.c`` are to be compiled, the rest are included.
+    binaries
+        Shared libraries by platform folder.
+    """
+    component = model.component
+    compiled = sorted(name for name in sources if name.endswith(".c"))
+    files = {
+        DESCRIPTION: model_description(model, fmi, token, compiled),
+        "documentation/index.html": index_html(model, fmi).encode(),
+        "documentation/licenses/license.txt": licence().encode(),
+    }
+    plugs = terminals(model, fmi)
+    if plugs is not None:
+        files[TERMINALS] = plugs
+    if compiled:
+        files["sources/buildDescription.xml"] = build_description(component, compiled)
+    files |= {f"sources/{name}": data for name, data in sources.items()}
+    files |= {
+        f"binaries/{folder}/{component.name}{library_suffix(folder)}": data
+        for folder, data in binaries.items()
+    }
+    return files
+
+
+def licence() -> str:
+    """Text of the project's licence, as it was installed.
+
+    Raises
+    ------
+    BuildError
+        The package was installed without it.
+    """
+    text = metadata.distribution(PACKAGE).read_text("licenses/LICENSE")
+    if text is None:
+        raise BuildError(f"{PACKAGE}: the licence must be installed with the package, got none")
+    return text
+
+
+def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
+    """Pack files into an FMU; equal files give equal bytes.
+
+    The archive appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    files
+        Contents by name in the archive.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+            for name in sorted(files, key=lambda name: (name != DESCRIPTION, name)):
+                archive.writestr(_entry(name), files[name], compresslevel=9)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """Directory entry that depends on the name alone."""
+    entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.create_system = 3  # Unix, wherever it is packed: else the permissions mean nothing
+    permissions = 0o755 if name.startswith("binaries/") else 0o644
+    entry.external_attr = (0o100000 | permissions) << 16
+    return entry

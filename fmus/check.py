@@ -1,0 +1,347 @@
+"""Does an FMU honour the plug contract of a receiver?
+
+The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION` and
+`DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's causality,
+type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3 array, or
+scalars ``name[i]``, ``name[i,j]`` counted from 1. Neither CasADi nor the FMU's binary is loaded.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree as ET
+
+from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
+from fmpy.validation import validate_fmu
+from sblcosim.models.declaration import UNITS, TerminalKind, Variable
+from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, REQUIRED_ESTIMATE, ports
+
+from .archive import DESCRIPTION, TERMINALS, library_suffix, platform_folder, this_machine
+from .description import FMI2_TYPES, TERMINAL_KIND
+from .errors import FmuError, nearest
+
+Severity = Literal["ok", "absent", "warning", "error"]
+
+PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
+    "reception": ports(RECEPTION, "input"),
+    "depth": ports(DEPTH, "input"),
+    "estimate": ports(ESTIMATE, "output"),
+}
+"""The ports of a receiver, by the kind of terminal they belong to."""
+
+_PORTS = {port.name: port for group in PORTS.values() for port in group}
+_TYPES = {old: new for new, old in FMI2_TYPES.items()}
+_ELEMENT = re.compile(r"(?P<base>.+)\[(?P<indices>\d+(\s*,\s*\d+)*)\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found about one variable, or about the FMU as a whole (``variable`` is "FMU").
+
+    Attributes
+    ----------
+    severity
+        ``error``: the contract is broken. ``warning``: it works, with a catch. ``absent``: an
+        optional port that the FMU does not declare. ``ok``: a port that matches.
+    """
+
+    variable: str
+    severity: Severity
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The findings about an FMU, variable by variable.
+
+    Attributes
+    ----------
+    names
+        Name of the FMU's variable for each port that it declares. The two differ only where a
+        terminal says so.
+    """
+
+    path: Path
+    findings: tuple[Finding, ...]
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the FMU honours the contract."""
+        return not self.of("error")
+
+    @property
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Variable, severity and message of each finding, for a table."""
+        return [(f.variable, f.severity, f.message) for f in self.findings]
+
+    def of(self, severity: Severity) -> tuple[Finding, ...]:
+        """The findings of one severity."""
+        return tuple(f for f in self.findings if f.severity == severity)
+
+    def __str__(self) -> str:
+        width = max(len(f.variable) for f in self.findings)
+        lines = [f"{v:{width}}  {s:7}  {m}" for v, s, m in self.rows]
+        errors, warnings = len(self.of("error")), len(self.of("warning"))
+        verdict = "honours" if self.ok else "does not honour"
+        return "\n".join(
+            [
+                *lines,
+                f"{self.path.name} {verdict} the plug contract of a receiver "
+                f"({_count(errors, 'error')}, {_count(warnings, 'warning')})",
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Declared:
+    """A variable of the FMU as the contract sees it: an FMI 3 array, or scalars with indices.
+
+    ``scalars`` holds the FMU's variables by their indices; a whole variable has the key ``()``.
+    """
+
+    scalars: Mapping[tuple[int, ...], ModelVariable]
+
+    def values(self, attribute: str) -> set[str | None]:
+        """The different values of an attribute over all elements."""
+        return {getattr(v, attribute) for v in self.scalars.values()}
+
+    @property
+    def shape(self) -> tuple[int, ...] | None:
+        """Shape of the array; None if elements are missing or have an unequal number of indices."""
+        if () in self.scalars:
+            return tuple(self.scalars[()].shape or ()) if len(self.scalars) == 1 else None
+        if len({len(indices) for indices in self.scalars}) > 1:
+            return None
+        shape = tuple(map(max, zip(*self.scalars, strict=True)))
+        complete = product(*(range(1, size + 1) for size in shape))
+        return shape if set(complete) == set(self.scalars) else None
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of the FMU's variables, without indices; more than one only by a terminal."""
+        return list(dict.fromkeys(_split(v.name)[0] for v in self.scalars.values()))
+
+
+def check_receiver(path: str | Path) -> Report:
+    """Check an FMU against the plug contract of a receiver.
+
+    Raises
+    ------
+    FmuError
+        There is no such file, or it cannot be read as an FMU.
+    """
+    path = Path(path)
+    description, files, terminals = _read(path)
+    findings = list(_check_kind(description, files))
+    variables = {v.name: v for v in description.modelVariables}
+    members = dict(variables)
+    for variable, member in _members(terminals, variables, findings):
+        members = {k: v for k, v in members.items() if v is not variables[variable]}
+        members[member] = variables[variable]
+    declared = _declared(members)
+    for name, port in _PORTS.items():
+        if name in declared:
+            findings += _check_port(port, declared[name], description)
+        elif name in REQUIRED_ESTIMATE:
+            hint = nearest(name, declared.keys() - _PORTS.keys())
+            findings.append(Finding(name, "error", f"must be an output, got none{hint}"))
+        else:
+            findings.append(Finding(name, "absent", f"optional {port.causality}"))
+    for name in sorted(declared.keys() - _PORTS.keys()):
+        if declared[name].values("causality") == {"input"}:
+            hint = nearest(name, _PORTS.keys() - declared.keys())
+            findings.append(
+                Finding(name, "warning", f"is not a port: will keep its start value{hint}")
+            )
+    names = {name: declared[name].names[0] for name in _PORTS if name in declared}
+    return Report(path, tuple(findings), names)
+
+
+def _read(path: Path) -> tuple[ModelDescription, Sequence[str], ET.Element | None]:
+    """Model description, names of all files, and terminals of an FMU."""
+    if not path.is_file():
+        raise FmuError(f"{path}: must be an FMU, got {'a folder' if path.is_dir() else 'no file'}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            files = archive.namelist()
+            if DESCRIPTION not in files:
+                raise FmuError(
+                    f"{path}: must contain {DESCRIPTION}, got only "
+                    f"{_count(len(files), 'other file')}"
+                )
+            version = ET.fromstring(archive.read(DESCRIPTION)).get("fmiVersion", "no version")
+            terminals = ET.fromstring(archive.read(TERMINALS)) if TERMINALS in files else None
+    except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError) as error:
+        raise FmuError(f"{path}: must be an intact ZIP archive, got {_line(error)}") from error
+    except ET.ParseError as error:
+        raise FmuError(f"{path}: must hold well-formed XML, got {_line(error)}") from error
+    if version != "2.0" and not version.startswith("3."):
+        raise FmuError(f"{path}: must be FMI 2.0 or 3.0, got {version}")
+    try:
+        description = read_model_description(str(path), validate=False)
+    except Exception as error:  # FMPy passes on whatever the defect happens to cause
+        problem = next(iter(validate_fmu(str(path))), _line(error))
+        raise FmuError(f"{path}: must have a valid {DESCRIPTION}, got {problem}") from error
+    return description, files, terminals
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator[Finding]:
+    """Is it for Co-Simulation and for this machine?"""
+    if description.coSimulation is None:
+        yield Finding("FMU", "error", "must be for Co-Simulation, got another interface")
+        return
+    folder = platform_folder(*this_machine(), 2 if description.fmiVersion == "2.0" else 3)
+    library = f"binaries/{folder}/{description.coSimulation.modelIdentifier}"
+    if library + library_suffix(folder) in files:
+        yield Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")
+    else:
+        others = sorted({f.split("/")[1] for f in files if re.match(r"binaries/[^/]+/.", f)})
+        yield Finding(
+            "FMU",
+            "error",
+            f"must have a binary for this machine ({folder}), got "
+            + (", ".join(others) if others else "none"),
+        )
+
+
+def _members(
+    terminals: ET.Element | None,
+    variables: Mapping[str, ModelVariable],
+    findings: list[Finding],
+) -> Iterator[tuple[str, str]]:
+    """Pairs (variable, port that it is) which the terminals of our kinds declare."""
+    for terminal in () if terminals is None else terminals.iterfind("Terminals/Terminal"):
+        kind = terminal.get("terminalKind", "")
+        group = {TERMINAL_KIND + k: g for k, g in PORTS.items()}.get(kind)
+        if group is None:
+            continue
+        known = [port.name for port in group]
+        for element in terminal.iterfind("TerminalMemberVariable"):
+            variable, member = element.get("variableName", ""), element.get("memberName", "")
+            where = f"terminal {terminal.get('name')}"
+            if variable not in variables:
+                findings.append(
+                    Finding(
+                        where,
+                        "error",
+                        "must list variables of the FMU, got "
+                        f"{variable!r}{nearest(variable, variables)}",
+                    )
+                )
+            elif _split(member)[0] not in known:
+                findings.append(
+                    Finding(
+                        where,
+                        "warning",
+                        f"must list members of {kind} only, got "
+                        f"{member!r}{nearest(_split(member)[0], known)}",
+                    )
+                )
+            else:
+                yield variable, member
+
+
+def _split(name: str) -> tuple[str, tuple[int, ...]]:
+    """``x[1,2]`` is ``("x", (1, 2))``."""
+    match = _ELEMENT.fullmatch(name)
+    if match is None:
+        return name, ()
+    return match["base"], tuple(int(index) for index in match["indices"].split(","))
+
+
+def _declared(members: Mapping[str, ModelVariable]) -> Mapping[str, _Declared]:
+    groups: dict[str, dict[tuple[int, ...], ModelVariable]] = {}
+    for name, variable in members.items():
+        base, indices = _split(name)
+        groups.setdefault(base, {})[indices] = variable
+    return {base: _Declared(scalars) for base, scalars in groups.items()}
+
+
+def _check_port(
+    port: Variable, declared: _Declared, description: ModelDescription
+) -> Iterator[Finding]:
+    """Compare a port with the variable that has its name."""
+    problems = list(_problems(port, declared, description))
+    yield from problems
+    if not problems:
+        facts = [port.causality, port.type, *(f"[{size}]" for size in port.shape)]
+        text = " ".join(facts) + (f" in {port.unit}" if port.unit else "")
+        if declared.names != [port.name]:
+            text += f", the variable {declared.names[0]!r} by its terminal"
+        yield Finding(port.name, "ok", text)
+
+
+def _problems(
+    port: Variable, declared: _Declared, description: ModelDescription
+) -> Iterator[Finding]:
+    found = Finding(port.name, "error", "")
+    causalities = declared.values("causality")
+    if causalities != {port.causality}:
+        yield replace(found, message=f"must be an {port.causality}, got {_list(causalities)}")
+    types = {_TYPES.get(t or "", t) for t in declared.values("type")}
+    if types != {port.type}:
+        expected = FMI2_TYPES[port.type] if description.fmiVersion == "2.0" else port.type
+        wrong = _list(declared.values("type") - {expected})
+        yield replace(found, message=f"must be of type {expected}, got {wrong}")
+    if len(declared.names) > 1:
+        yield replace(
+            found, message="must be the elements of one variable, got " + _list(set(declared.names))
+        )
+    elif declared.shape is None:
+        present = ", ".join(v.name for v in list(declared.scalars.values())[:8])
+        yield replace(
+            found,
+            message=f"must have all elements of {_shape(port.shape)}, got "
+            f"{present}{', …' if len(declared.scalars) > 8 else ''}",
+        )
+    elif declared.shape != port.shape:
+        yield replace(found, message=f"must be {_shape(port.shape)}, got {_shape(declared.shape)}")
+    if port.unit is not None and types == {port.type}:
+        units = {_unit(v, description) for v in declared.scalars.values()} - {port.unit}
+        if units - {None}:
+            yield replace(found, message=f"must be in {port.unit}, got {_list(units - {None})}")
+        elif units:
+            yield Finding(port.name, "warning", f"must be in {port.unit}, got no unit")
+
+
+def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
+    """The unit of a variable, by our name for it if it is one that we know by another name."""
+    name: str | None = variable.unit
+    if name is None and variable.declaredType is not None:
+        name = variable.declaredType.unit
+    for definition in description.unitDefinitions:
+        base = definition.baseUnit
+        if definition.name != name or base is None:
+            continue
+        exponents = {
+            k: n for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if (n := getattr(base, k))
+        }
+        for unit in UNITS.values():
+            if (dict(unit.exponents), 1.0, 0.0) == (exponents, base.factor, base.offset):
+                return unit.name
+        return f"{name} (by its definition)" if name in UNITS else name
+    return name
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "an array of " + " by ".join(map(str, shape)) if shape else "a scalar"
+
+
+def _list(values: set[str | None]) -> str:
+    return ", ".join(sorted(str(v) for v in values))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -1,0 +1,107 @@
+"""Equations of the Acoustics (the paper's sections 2 and 2.3; the packet loss of section 4)."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Draw, Equations, Symbols, Values
+from ..ports import BEACONS
+from .variables import OUTLIERS
+
+_DRAWS = (
+    Draw("loss", "uniform", "tick"),
+    Draw("noise", "normal", "tick"),
+    Draw("outlier", "uniform", "tick"),
+    Draw("excess", "uniform", "tick", 2),
+)
+_UNIFORMS = 2.0**53
+"""How many values a uniform draw has."""
+_EXPONENTIAL = next(value for value, name in OUTLIERS.items() if name == "exponential")
+
+
+def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    return {
+        "start": t,
+        "range": ca.SX.zeros(BEACONS),
+        "true_range": ca.SX.zeros(BEACONS),
+        "range_epoch": ca.repmat(t, BEACONS, 1),
+        "reception_count": ca.SX.zeros(BEACONS),
+        "ping_beacon_position": ca.SX.zeros(BEACONS, 3),
+        "packet_beacon_position": ca.SX.zeros(BEACONS, 3),
+    }
+
+
+def _path_length(p: Symbols, u: Symbols, beacon: Any) -> Any:
+    """Way of the sound in m, from the ping of a beacon to its arrival.
+
+    The travel time solves ``|x + v tau - s| = c tau`` exactly, x and v at the ping; it exists as
+    long as the diver is slower than sound.
+    """
+    offset = u.target_position - beacon
+    c = p.sound_speed
+    c2_v2 = ca.fmax(c**2 - ca.sumsqr(u.target_velocity), 1e-9 * c**2)
+    along = ca.dot(offset, u.target_velocity)
+    tau = (along + ca.sqrt(along**2 + c2_v2 * ca.sumsqr(offset))) / c2_v2
+    return ca.if_else(p.motion_during_travel, c * tau, ca.sqrt(ca.sumsqr(offset)))
+
+
+def _excess(p: Symbols, w: Symbols) -> Any:
+    """Excess of an outlier in m, never negative, of mean ``outlier_mean``.
+
+    The half-normal one is the absolute value of a Box-Muller normal.
+    """
+    u = (w.excess + 0.5) / _UNIFORMS
+    exponential = -ca.log(u[0])
+    half_normal = sqrt(pi / 2) * ca.sqrt(2 * exponential) * ca.fabs(ca.cos(2 * pi * u[1]))
+    return p.outlier_mean * ca.if_else(
+        p.outlier_distribution == _EXPONENTIAL, exponential, half_normal
+    )
+
+
+def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    turn = (k - 1) - BEACONS * ca.floor((k - 1) / BEACONS)
+    is_turn = [turn == i for i in range(BEACONS)]
+    beacon = sum(
+        ca.if_else(is_turn[i], u.beacon_position[i, :].T, 0) for i in range(BEACONS)
+    )
+    true_range = _path_length(p, u, beacon)
+    delay = (
+        p.clock_offset + p.clock_drift * (t - x.start)
+        + p.processing_delay - p.processing_delay_correction
+    )
+    is_outlier = w.outlier < p.outlier_probability * _UNIFORMS
+    measured = (
+        p.assumed_sound_speed * (true_range / p.sound_speed + delay)
+        + p.range_std * w.noise
+        + ca.if_else(is_outlier, _excess(p, w), 0)
+    )
+    received = w.loss >= p.loss_probability * _UNIFORMS
+
+    def latch(new: Any, old: Any) -> Any:
+        """The newest packet's row at its beacon's place."""
+        return ca.vertcat(*(
+            ca.if_else(received * is_turn[i], new[i, :] if new.shape == old.shape else new,
+                       old[i, :])
+            for i in range(BEACONS)
+        ))
+
+    return {
+        "range": latch(measured, x.range),
+        "true_range": latch(true_range, x.true_range),
+        "range_epoch": latch(t, x.range_epoch),
+        "reception_count": latch(x.reception_count + 1, x.reception_count),
+        "ping_beacon_position": latch(u.reported_beacon_position, x.ping_beacon_position),
+        "packet_beacon_position": ca.if_else(
+            received, u.reported_beacon_position, x.packet_beacon_position
+        ),
+    }
+
+
+def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    return {name: value for name, value in vars(x).items() if name != "start"}
+
+
+EQUATIONS = Equations(initial=_initial, tick=_tick, output=_output, draws=_DRAWS)

@@ -1,0 +1,134 @@
+"""Equations of the Platform: pose in waves, beacons, and what GPS and IMU make of them.
+
+White noise and Gauss-Markov errors are held from tick to tick; drift, temperature and shock are
+functions of time.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Draw, Equations, Symbols, Values
+from ..geometry import rotation
+from ..ports import BEACONS
+from .variables import ANGLES, DISPLACEMENTS
+
+AXES = (*ANGLES, *DISPLACEMENTS)
+
+DRAWS = (
+    Draw("phase", "uniform", "initial", len(AXES)),
+    Draw("first_gps", "normal", "initial", 9),
+    Draw("first_imu", "normal", "initial", 9),
+    Draw("gps", "normal", "tick", 6),
+    Draw("imu", "normal", "tick", 6),
+)
+
+
+def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    fixed_phase = ca.vertcat(*(getattr(p, f"{axis}_phase") for axis in AXES))
+    return {
+        "start": t,
+        "phase": ca.if_else(p.random_phases, 2 * pi * 2.0**-53 * w.phase, fixed_phase),
+        "gps_white": _gps(p, "std") * w.first_gps[:3],
+        "gps_bias": _gps(p, "bias_std") * w.first_gps[3:6],
+        "gps_markov": _gps(p, "markov_std") * w.first_gps[6:],
+        "gps_decay": ca.exp(-p.sampling_time / p.gps_correlation_time),
+        "imu_white": _imu(p, "std") * w.first_imu[:3],
+        "imu_turn_on": _imu(p, "turn_on_std") * w.first_imu[3:6],
+        "imu_markov": _imu(p, "markov_std") * w.first_imu[6:],
+        "imu_decay": ca.exp(-p.sampling_time / p.imu_correlation_time),
+    }
+
+
+def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    return {
+        "gps_white": _gps(p, "std") * w.gps[:3],
+        "gps_markov": _markov(x.gps_markov, x.gps_decay, _gps(p, "markov_std"), w.gps[3:]),
+        "imu_white": _imu(p, "std") * w.imu[:3],
+        "imu_markov": _markov(x.imu_markov, x.imu_decay, _imu(p, "markov_std"), w.imu[3:]),
+    }
+
+
+def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    waves = [
+        getattr(p, f"{axis}_amplitude")
+        * ca.sin(2 * pi * getattr(p, f"{axis}_frequency") * t + x.phase[i])
+        for i, axis in enumerate(AXES)
+    ]  # section 4 of the paper
+    inclination = ca.vertcat(*waves[:3])
+    mean_attitude = ca.vertcat(0, 0, p.mean_heading)
+    attitude = mean_attitude + inclination
+    position = p.mean_position + ca.vertcat(*waves[3:])
+    reported_attitude = mean_attitude + _measured(p, inclination) + _imu_error(p, x, t)
+
+    R = rotation(attitude)
+    gps_error = x.gps_white + x.gps_bias + x.gps_markov
+    reported_position = position + R @ p.gps_antenna_offset + gps_error
+    b = _beacons(p)
+    return {
+        "position": position,
+        "attitude": attitude,
+        "beacon_position": _placed(position, R, b + p.mounting_error),
+        "reported_beacon_position": _placed(reported_position, rotation(reported_attitude), b),
+        "reported_position": reported_position,
+        "reported_attitude": reported_attitude,
+    }
+
+
+def _beacons(p: Symbols) -> Any:
+    """Nominal beacon positions in the body frame, one per row: arms +x, +y, -x, -y."""
+    arms = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    assert len(arms) == BEACONS
+    return ca.vertcat(
+        *(ca.horzcat(p.arm_length * x, p.arm_length * y, p.beacon_depth) for x, y in arms)
+    )
+
+
+def _placed(position: Any, R: Any, points: Any) -> Any:
+    """Body-frame points (rows) in NED."""
+    return ca.repmat(position.T, points.shape[0], 1) + points @ R.T
+
+
+def _markov(value: Any, decay: Any, std: Any, noise: Any) -> Any:
+    """Exact step of a stationary first-order Gauss-Markov process, decay = exp(-T/τ)."""
+    return decay * value + std * ca.sqrt(ca.fmax(1 - decay**2, 0)) * noise
+
+
+def _measured(p: Symbols, inclination: Any) -> Any:
+    """Scale factor and misalignment ε to first order: (1 + k) θ − ε × θ (the paper's Figure 4)."""
+    scaled = (1 + _imu(p, "scale_factor_error")) * inclination
+    return scaled - ca.cross(p.imu_misalignment, inclination)
+
+
+def _imu_error(p: Symbols, x: Symbols, t: Any) -> Any:
+    """Additive errors of roll, pitch, yaw in rad: the four components of section 2.2, a shock and
+    noise."""
+    since = t - x.start
+    temperature = p.imu_temperature_offset + p.imu_temperature_rate * since
+    fixed = _imu(p, "bias")
+    in_run = x.imu_markov + _imu(p, "drift") * since
+    shock = ca.if_else(since >= p.imu_step_time, _imu(p, "step"), 0)
+    return (
+        fixed
+        + _imu(p, "temperature_coefficient") * temperature
+        + x.imu_turn_on
+        + in_run
+        + shock
+        + x.imu_white
+    )
+
+
+def _gps(p: Symbols, part: str) -> Any:
+    horizontal = getattr(p, f"gps_horizontal_{part}")
+    return ca.vertcat(horizontal, horizontal, getattr(p, f"gps_vertical_{part}"))
+
+
+def _imu(p: Symbols, part: str) -> Any:
+    tilt = getattr(p, f"imu_tilt_{part}")
+    return ca.vertcat(tilt, tilt, getattr(p, f"imu_heading_{part}"))
+
+
+EQUATIONS = Equations(_output, _initial, _tick, draws=DRAWS)

@@ -1,0 +1,62 @@
+"""The paper's Extended Kalman Filter (section 3)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Equations, Symbols, Values
+from . import kalman
+from .estimate import POSITION, STATES, pack, unpack
+from .measurements import BEACONS, predicted, samples, variances
+from .variables import MEASUREMENT_NOISE
+
+_VARIANCE = next(k for k, v in MEASUREMENT_NOISE.items() if v == "variance")
+
+
+def _noise(p: Symbols) -> Any:
+    """Diagonal of R, (5, 1): variances, or literally the standard deviations, taken as m^2."""
+    literal = ca.vertcat(ca.repmat(p.range_std, BEACONS, 1), p.depth_std)
+    return ca.if_else(p.measurement_noise == _VARIANCE, variances(p), literal)
+
+
+def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    s = samples(p, x, u)
+    update, start, changes = kalman.begin(x, s)
+    newest = ca.fmax(s.newest, x.epoch)
+    # An interval and gains of zero leave the estimate as it is when there is nothing to do.
+    mean, P = kalman.predict(
+        p, x.mean, unpack(x.covariance, STATES), update * (newest - x.epoch)
+    )
+    before = mean
+    R = _noise(p)
+    nis = ca.SX(0)
+    # R is diagonal: scalar updates one after another, all linearised at the same predicted state,
+    # equal the paper's 5 x 5 form.
+    for i, (value, gradient) in enumerate(predicted(before[list(POSITION)], s)):
+        h = kalman.sensitivity(gradient)
+        innovation = s.z[i] - value - ca.dot(h, mean - before)
+        b = P @ h
+        weight = update * s.heard[i] / (ca.dot(h, b) + R[i])
+        K = b * weight
+        nis += weight * innovation**2
+        mean = mean + K * innovation
+        P = kalman.reduce(P, b, K)
+    return {
+        **changes,
+        "seen": s.mark,
+        "epoch": ca.if_else(ca.fmax(update, start), newest, x.epoch),
+        "mean": mean,
+        "covariance": pack(P),
+        "nis": ca.if_else(update, nis, x.nis),
+        "nis_degrees": ca.if_else(update, ca.sum1(s.heard), x.nis_degrees),
+    }
+
+
+EQUATIONS = Equations(
+    initial=lambda p, w, t: kalman.initial(p, t),
+    tick=_tick,
+    output=kalman.output,
+    iterate=(kalman.initialise(_noise),),
+)

@@ -1,0 +1,104 @@
+"""What a receiver finds on its inputs, and the measurement equations (the paper's z and H).
+
+The five measurements are always in the order of the paper's z: the ranges to the four beacons,
+then the depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Symbols, Values
+from ..ports import BEACONS
+from .variables import BEACON_POSITION_SOURCE
+
+DEPTH = BEACONS
+"""Index of the depth in z."""
+MEASUREMENTS = BEACONS + 1
+_OWN_PACKET = next(k for k, v in BEACON_POSITION_SOURCE.items() if v == "own_packet")
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """The newest samples of the sensors; flags are 0 or 1.
+
+    Attributes
+    ----------
+    z
+        Ranges and depth in m, (5, 1).
+    epoch
+        Their epochs in s, (5, 1).
+    beacons
+        The position that goes with each range in m, NED, (4, 3).
+    mark
+        What changes with each new sample, (5, 1).
+    heard, new
+        Whether there has been one at all; whether it came after the one last seen, (5, 1).
+    any_new
+        Whether one of them is new.
+    newest
+        The latest epoch in s.
+    enough
+        Whether they suffice for a fix: three ranges and the depth.
+    """
+
+    z: Any
+    epoch: Any
+    beacons: Any
+    mark: Any
+    heard: Any
+    new: Any
+    any_new: Any
+    newest: Any
+    enough: Any
+
+
+def initial(t: Any) -> Values:
+    """The states that `samples` needs, at the start."""
+    return {"start": t, "seen": ca.vertcat(ca.SX.zeros(BEACONS), t)}
+
+
+def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
+    """Read the inputs; ``x.seen`` is the mark of the samples already used."""
+    epoch = ca.vertcat(u.range_epoch, u.depth_epoch)
+    mark = ca.vertcat(u.reception_count, u.depth_epoch)
+    heard = ca.vertcat(u.reception_count > 0, u.depth_epoch > x.start)
+    new = mark != x.seen
+    return Samples(
+        z=ca.vertcat(u.range, u.depth),
+        epoch=epoch,
+        beacons=ca.if_else(
+            p.beacon_position_source == _OWN_PACKET,
+            u.ping_beacon_position, u.packet_beacon_position,
+        ),
+        mark=mark,
+        heard=heard,
+        new=new,
+        any_new=ca.sum1(new) > 0,
+        newest=ca.mmax(epoch),
+        enough=(ca.sum1(heard[:BEACONS]) >= 3) * heard[DEPTH],
+    )
+
+
+def variances(p: Symbols) -> Any:
+    """Variance of each measurement in m^2, (5, 1): the paper's R, with squares on its diagonal."""
+    return ca.vertcat(ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2)
+
+
+def distance(position: Any, beacon: Any) -> tuple[Any, Any]:
+    """Distance in m from a beacon (row) to a position (column), and its gradient, (3, 1).
+
+    The gradient is the row of the paper's H; on the beacon itself it is 0.
+    """
+    offset = position - beacon.T
+    length = ca.sqrt(ca.fmax(ca.sumsqr(offset), 1e-24))
+    return length, offset * (1 / length)
+
+
+def predicted(position: Any, s: Samples) -> list[tuple[Any, Any]]:
+    """Each measurement at a position, and its gradient, (3, 1)."""
+    ranges = [distance(position, s.beacons[i, :]) for i in range(BEACONS)]
+    return [*ranges, (position[2], ca.SX([0, 0, 1]))]

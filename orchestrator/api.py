@@ -1,0 +1,76 @@
+"""From a scenario to its result, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from .fmu import Fmu
+from .master import execute
+from .plan import resolve
+from .result import Result
+from .scenario import Overrides, Receivers, Scenario, Source, load
+from .tables import nanoseconds
+from .wiring import FIXED, RAW, connect
+
+
+def run(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    receiver: Receivers = (),
+    overrides: Overrides = (),
+    *,
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Simulate a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Name of a scenario that comes with the project, TOML file, nested tables, or what `load`
+        returned.
+    receiver
+        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, or what makes a Python
+        component (see `sblcosim.system.PythonComponent`); several in a sequence, or with labels in
+        a mapping, run side by side on the same noise. None: the scenario's own. The raw fix runs
+        along as ``raw``.
+    overrides
+        Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
+    fmi
+        FMI version (2 or 3) of our components, in place of the scenario's.
+    components
+        Replacements of ``target``, ``platform``, ``acoustics``: FMU files, or what makes a Python
+        component.
+    progress
+        Called now and then with the share of the run that is done.
+
+    Raises
+    ------
+    ConfigurationError
+        Something in the scenario or the arguments is wrong.
+    FmuError
+        An FMU cannot be built, is broken, or has failed.
+
+    Examples
+    --------
+    >>> result = run("paper-scenario-1", ["ekf", "sequential"])      # doctest: +SKIP
+    >>> result.errors.loc["sequential", "absolute", "total"].rms_m   # doctest: +SKIP
+    """
+    settled = load(scenario, overrides)
+    system = connect(settled, receiver, fmi, components)
+    plan = resolve(system)
+    record = execute(plan, progress)
+    labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    if RAW in system.components:
+        labels.append(RAW)
+    return Result(
+        settled.name,
+        settled,
+        record,
+        labels,
+        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        seeds={name: getattr(settled, name).seed for name in FIXED},
+        update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
+    )

@@ -1,0 +1,281 @@
+"""The command ``sblcosim``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Timer
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from .errors import ConfigurationError, SblcosimError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PATIENCE = 2.0
+"""Seconds after which a command shows what it is doing."""
+
+
+class _Group(TyperGroup):
+    """Turns our exceptions into one line each and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except SblcosimError as error:
+            for line in str(error).splitlines():
+                typer.echo(f"error: {line}", err=True)
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            typer.echo("interrupted; nothing was written", err=True)
+            raise typer.Exit(130) from None
+
+
+app = typer.Typer(
+    cls=_Group,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Co-simulation of a short-baseline acoustic positioning system for divers.",
+)
+
+_ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="TOML file, or a name from 'sblcosim scenarios'.")
+]
+_ReceiverOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--receiver",
+        metavar="NAME|FILE.fmu",
+        help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+    ),
+]
+_SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key, e.g. platform.arm_length_m=0.4."
+    ),
+]
+_FmiOption = Annotated[
+    int | None, typer.Option("--fmi", min=2, max=3, help="FMI version of our components.")
+]
+_SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from . import __version__
+
+        typer.echo(f"sblcosim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    scenario: _ScenarioArgument,
+    receiver: _ReceiverOption = None,
+    set_: _SetOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/NAME]."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+    ] = False,
+    fmi: _FmiOption = None,
+    seed: _SeedOption = None,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Simulate a scenario and write its results.
+
+    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    """
+    with _waiting() as progress:
+        from . import api
+
+        result = api.run(
+            scenario, receiver or (), _overrides(set_, seed), fmi=fmi, progress=progress
+        )
+        folder = result.save(
+            out or Path("runs") / result.scenario_name, figures=not no_figures
+        )
+    if as_json:
+        typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
+    else:
+        typer.echo(f"{result}\n\nwritten to {folder}")
+
+
+@app.command()
+def plan(
+    scenario: _ScenarioArgument,
+    receiver: _ReceiverOption = None,
+    set_: _SetOption = None,
+    fmi: _FmiOption = None,
+) -> None:
+    """Print what would run, and how it is connected."""
+    with _waiting():
+        from .plan import resolve
+        from .scenario import load
+        from .wiring import connect
+
+        resolved = resolve(connect(load(scenario, set_ or ()), receiver or (), fmi))
+    typer.echo(str(resolved))
+
+
+@app.command()
+def scenarios() -> None:
+    """List the scenarios that come with the project."""
+    from .scenario import load, shipped
+
+    _table([(name, load(name).title) for name in shipped()])
+
+
+@app.command()
+def receivers() -> None:
+    """List the receivers that can be chosen by name."""
+    from sblcosim.models import RECEIVERS
+
+    _table([(name, component.description) for name, component in RECEIVERS.items()])
+    typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+
+
+@app.command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="SCENARIO", help="Begin with the keys of this scenario."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+) -> None:
+    """Write a scenario file to begin with."""
+    from .starter import starter
+
+    text = starter(file.stem, source)
+    try:
+        with file.open("w" if force else "x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{file}: must not exist yet, got an existing file; --force replaces it"
+        ) from None
+    except OSError as error:
+        raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
+    typer.echo(f"written to {file}; simulate it with: sblcosim run {file}")
+
+
+@app.command()
+def build(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
+    ] = None,
+    fmi: Annotated[
+        int | None, typer.Option("--fmi", min=2, max=3, help="FMI version; none: both.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
+        Path("fmus")
+    ),
+) -> None:
+    """Build our components as FMUs.
+
+    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu.
+    """
+    from sblcosim.fmus.factory import build as build_fmu
+    from sblcosim.models import COMPONENTS
+
+    with _waiting("building"):
+        built = [
+            (build_fmu(name, version), out / f"fmi{version}" / f"{name}.fmu")
+            for version in ((2, 3) if fmi is None else (fmi,))
+            for name in (names or COMPONENTS)
+        ]
+        for cached, path in built:
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(cached, path)
+            except OSError as error:
+                raise ConfigurationError(f"{path}: must be writable, got {error.strerror}") from None
+    for _, path in built:
+        typer.echo(str(path))
+
+
+@app.command()
+def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu")]) -> None:
+    """Say whether an FMU can be a receiver.
+
+    Lists its variables against the contract; the exit code is 1 if it breaks it.
+    """
+    from sblcosim.fmus.check import check_receiver
+
+    report = check_receiver(file)
+    typer.echo(str(report))
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+def _overrides(keys: list[str] | None, seed: int | None) -> list[str]:
+    return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
+
+
+def _table(rows: list[tuple[str, str]]) -> None:
+    width = max(len(first) for first, _ in rows)
+    for first, second in rows:
+        typer.echo(f"{first:{width}}  {second}")
+
+
+@contextmanager
+def _waiting(what: str = "preparing") -> Iterator[Callable[[float], None]]:
+    """Show progress on a terminal's stderr, as soon as it takes longer than two seconds."""
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    display = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = display.add_task(what, total=None)
+    timer = Timer(PATIENCE, display.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield lambda share: display.update(
+            task,
+            total=1.0,
+            completed=share,
+            description="simulating" if share < 1.0 else "writing",
+        )
+    finally:
+        timer.cancel()
+        timer.join()  # it may be starting the display just now
+        display.stop()
+
+
+def main() -> None:
+    """Entry point of the command."""
+    app()

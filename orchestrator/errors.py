@@ -1,0 +1,22 @@
+"""The exceptions of the package, for use by and in the orchestrator."""
+
+from __future__ import annotations
+
+from sblcosim.fmus.errors import BuildError, FmuError, SblcosimError, nearest
+
+__all__ = [
+    "BuildError",
+    "ConfigurationError",
+    "ConfigurationWarning",
+    "FmuError",
+    "SblcosimError",
+    "nearest",
+]
+
+
+class ConfigurationError(SblcosimError):
+    """Something that the user wrote, in a file or in Python, cannot be carried out."""
+
+
+class ConfigurationWarning(UserWarning):
+    """Something that the user wrote can be carried out, but is perhaps not what was meant."""

@@ -1,0 +1,281 @@
+"""The Python master: runs a plan, on FMPy.
+
+At each communication instant it reads the outputs of all components that have arrived there,
+records them, sets the inputs of these components, and only then lets each of them step. So nothing
+depends on the order of the components, and an output reaches an input without delay.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import fmu
+from .errors import ConfigurationError, nearest
+from .fmu import DTYPES, WARNING, Fmu, Vector
+from .plan import Plan, PlannedComponent, Read, resolve
+from .record import Record
+from .system import SECOND, ComponentSpec, System, text_of
+
+PROGRESS_INTERVAL = 0.1
+"""Least time between two reports of progress [s]."""
+
+Vectors = Mapping[str, Vector]
+"""Newest outputs of all components, by type; see `sblcosim.plan`."""
+
+
+def execute(plan: Plan, progress: Callable[[float], None] | None = None) -> Record:
+    """Run a plan from its start to its stop.
+
+    Parameters
+    ----------
+    progress
+        Called with the share of the run that is done, at most ten times per second, and with 1 at
+        the end.
+
+    Raises
+    ------
+    FmuError
+        An FMU has returned a status that is worse than a warning.
+    ConfigurationError
+        A Python component has returned something that does not fit its declaration.
+    """
+    instants = plan.instants
+    vectors = _vectors(plan)
+    history = {kind: np.empty((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()}
+    recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
+    reported = time.monotonic()
+    with ExitStack() as stack:
+        runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
+        due = [runner for _, runner in runners]
+        same = len({interval for interval, _ in runners}) == 1
+        last = len(instants) - 1
+        for row, now in enumerate(instants.tolist()):
+            if not same:
+                elapsed = now - plan.start_ns
+                due = [runner for interval, runner in runners if elapsed % interval == 0]
+            for runner in due:
+                runner.read(now)
+            for rows, vector in recorded:
+                rows[row] = vector
+            if row == last:
+                break
+            for runner in due:
+                runner.write(now)
+            for runner in due:
+                runner.step(now)
+            if progress is not None and time.monotonic() - reported >= PROGRESS_INTERVAL:
+                progress((row + 1) / last)
+                reported = time.monotonic()
+        for _, runner in runners:
+            runner.finish()
+    if progress is not None:
+        progress(1.0)
+    return Record(
+        time_ns=instants,
+        values={
+            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in plan.columns
+        },
+    )
+
+
+def initial_outputs(
+    spec: ComponentSpec, names: Sequence[str], start_ns: int = 0
+) -> dict[str, NDArray[Any]]:
+    """Outputs of a component on its own at the start, without any step.
+
+    Parameters
+    ----------
+    names
+        Of the outputs wanted.
+
+    Returns
+    -------
+    dict
+        Values in SI units, in the shapes of the variables.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As `sblcosim.plan.resolve` and `execute`; and if there is no such output.
+    """
+    name = spec.fmu.stem if hasattr(spec.fmu, "stem") else "component"
+    plan = resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
+    vectors = _vectors(plan)
+    with ExitStack() as stack:
+        (component,) = plan.components
+        _start(component, plan, vectors, stack).read(start_ns)
+    outputs = {
+        c.name.partition(".")[2]: vectors[c.type][c.start : c.stop].reshape(c.shape)
+        for c in plan.columns
+    }
+    for wanted in names:
+        if wanted not in outputs:
+            raise ConfigurationError(
+                f"{name}: must have an output {wanted!r}, got none{nearest(wanted, outputs)}"
+            )
+    return {wanted: outputs[wanted] for wanted in names}
+
+
+def _vectors(plan: Plan) -> Vectors:
+    return {kind: np.zeros(size, DTYPES[kind]) for kind, size in plan.sizes.items()}
+
+
+class _Runner(Protocol):
+    """A component during a run. All calls take the communication instant in ns."""
+
+    def read(self, now: int) -> None:
+        """Put the outputs into the vectors."""
+
+    def write(self, now: int) -> None:
+        """Take the inputs from the vectors."""
+
+    def step(self, now: int) -> None:
+        """Advance by the communication interval."""
+
+    def finish(self) -> None:
+        """The run has reached its end."""
+
+
+def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: ExitStack) -> _Runner:
+    """A component, initialised. An FMU's instance is given back when the stack is left."""
+    if not isinstance(component.source, Fmu):
+        return _PythonRunner(component, vectors, plan.start_ns)
+    instance = fmu.acquire(component.source, component.name)
+    stack.callback(fmu.release, instance)
+    return _FmuRunner(component, instance, vectors, plan.start_ns)
+
+
+class _FmuRunner:
+    """Calls an FMU through functions whose arguments were bound beforehand."""
+
+    def __init__(
+        self,
+        component: PlannedComponent,
+        instance: fmu.Instance,
+        vectors: Vectors,
+        start_ns: int,
+    ) -> None:
+        self._instance = instance
+        instance.initialise(
+            start_ns,
+            ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
+        )
+        self._gets = [
+            (instance.getter(r.type, r.references, vectors[r.type][r.start : r.stop]), r.type)
+            for r in component.reads
+        ]
+        self._sets = []
+        for w in component.writes:
+            inputs = np.zeros(len(w.sources), DTYPES[w.type])
+            index = np.array(w.sources, np.intp)
+            set_ = instance.setter(w.type, w.references, inputs)
+            self._sets.append((vectors[w.type].take, index, inputs, set_, w.type))
+        self._step = instance.stepper(component.interval_ns)
+
+    def read(self, now: int) -> None:
+        for get, kind in self._gets:
+            status = get()
+            if status > WARNING:
+                raise self._instance.failure(self._instance.function("Get", kind), status, now)
+
+    def write(self, now: int) -> None:
+        for take, index, inputs, set_, kind in self._sets:
+            take(index, None, inputs, "clip")  # "clip" writes into inputs without a copy
+            status = set_()
+            if status > WARNING:
+                raise self._instance.failure(self._instance.function("Set", kind), status, now)
+
+    def step(self, now: int) -> None:
+        status = self._step(now / SECOND)
+        if status > WARNING:
+            raise self._instance.failure(f"fmi{self._instance.fmu.fmi}DoStep", status, now)
+
+    def finish(self) -> None:
+        self._instance.terminate()
+
+
+class _PythonRunner:
+    """Calls a Python component; holds its outputs until the end of the step."""
+
+    def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
+        assert not isinstance(component.source, Fmu)
+        self._name = component.name
+        self._step_ns = component.interval_ns
+        self._places = {
+            name: place
+            for read in component.reads
+            for name, place in _views(read, vectors[read.type]).items()
+        }
+        values = {
+            port.name: np.array(port.start, DTYPES[port.type])
+            for port in component.ports.values()
+            if port.causality != "output"
+        }
+        for setting in component.settings:
+            values[setting.port.name][:] = setting.values
+        self._inputs: dict[str, NDArray[Any]] = {}
+        parameters = {}
+        for port in component.ports.values():
+            if port.causality == "parameter":
+                parameters[port.name] = values[port.name].reshape(port.shape)
+            elif port.causality == "input":
+                view = values[port.name].reshape(port.shape).view()
+                view.flags.writeable = False
+                self._inputs[port.name] = view
+        self._sources = []
+        for write in component.writes:
+            index = np.array(write.sources, np.intp)
+            for port in write.ports:
+                here, index = index[: port.size], index[port.size :]
+                self._sources.append((vectors[write.type], here, values[port.name]))
+        self._component = component.source()
+        self._outputs = self._fitting(self._component.initialise(start_ns, parameters), start_ns)
+
+    def _fitting(self, outputs: Mapping[str, Any], now: int) -> dict[str, NDArray[Any]]:
+        """Outputs as arrays, checked against the declaration."""
+        where = f"{self._name} at {text_of(now)}"
+        if outputs.keys() != self._places.keys():
+            odd = ", ".join(sorted(outputs.keys() ^ self._places.keys()))
+            raise ConfigurationError(
+                f"{where}: must return each of its outputs, got too few or too many: {odd}"
+            )
+        arrays = {}
+        for name, place in self._places.items():
+            value = np.asarray(outputs[name])
+            if value.shape != place.shape or not np.can_cast(value.dtype, place.dtype, "same_kind"):
+                raise ConfigurationError(
+                    f"{where}: {name} must be {place.dtype} of shape {place.shape}, got "
+                    f"{value.dtype} of shape {value.shape}"
+                )
+            arrays[name] = value.copy()  # the component may change its own array in the next step
+        return arrays
+
+    def read(self, now: int) -> None:
+        for name, place in self._places.items():
+            place[...] = self._outputs[name]
+
+    def write(self, now: int) -> None:
+        for vector, index, values in self._sources:
+            values[:] = vector[index]
+
+    def step(self, now: int) -> None:
+        outputs = self._component.do_step(now, self._step_ns, self._inputs)
+        self._outputs = self._fitting(outputs, now + self._step_ns)
+
+    def finish(self) -> None:
+        pass
+
+
+def _views(read: Read, vector: Vector) -> dict[str, Vector]:
+    """The place of each output in the vector, in its shape."""
+    places, start = {}, read.start
+    for port in read.ports:
+        places[port.name] = vector[start : start + port.size].reshape(port.shape)
+        start += port.size
+    return places

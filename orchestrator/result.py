@@ -1,0 +1,256 @@
+"""What a run gives: tables, statistics, figures, and a folder with all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from . import artifacts, metrics, plots, style
+from .metrics import AXES, FRAMES
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+    from .record import Record
+
+_STATISTICS = ("mean_m", "rms_m", "std_m")
+_CONSISTENCY = {
+    "nees_position": "NEES of the position",
+    "nees_state": "NEES of the state",
+    "nis": "NIS",
+}
+_BANDS = (
+    "Bands are those of 95 % for independent samples. The errors of one run follow each other,\n"
+    "so a consistent filter leaves them more often; a test takes the mean over many runs."
+)
+
+
+class Result:
+    """A finished run.
+
+    Parameters
+    ----------
+    scenario_name
+        What the run is called.
+    scenario
+        The scenario as it was run, defaults filled in: a pydantic model, or plain data.
+    record
+        Everything that was recorded.
+    receivers
+        Names of the receivers, the main one first.
+    fmus
+        What identifies each component's FMU (its SHA-256), by component.
+    seeds
+        Seeds by component.
+    update_interval_ns
+        Time between updates of the receivers; without it `summary` leaves ``update_share`` open.
+
+    Attributes
+    ----------
+    data
+        The `Record`, as arrays.
+
+    Examples
+    --------
+    >>> result = sblcosim.run("scenario-1")                  # doctest: +SKIP
+    >>> result.errors.loc["ekf", "absolute", "total"].rms_m  # doctest: +SKIP
+    >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        scenario_name: str,
+        scenario: Any,
+        record: Record,
+        receivers: Sequence[str],
+        fmus: Mapping[str, Any] | None = None,
+        seeds: Mapping[str, int] | None = None,
+        update_interval_ns: int | None = None,
+    ) -> None:
+        self.scenario_name = scenario_name
+        self.scenario = scenario
+        self.data = record
+        self.receivers = tuple(receivers)
+        self.fmus = dict(fmus or {})
+        self.seeds = dict(seeds or {})
+        self.update_interval_ns = update_interval_ns
+
+    @cached_property
+    def record(self) -> pd.DataFrame:
+        """Everything that was recorded; one row per communication instant (see `Record`)."""
+        return self.data.to_frame()
+
+    @cached_property
+    def estimates(self) -> dict[str, pd.DataFrame]:
+        """Each receiver's estimates beside the truth (see `metrics.track`)."""
+        return {receiver: metrics.track(self.data, receiver) for receiver in self.receivers}
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Mean, RMS and standard deviation of the errors [m] (see `metrics.error_table`)."""
+        return metrics.error_table(self.estimates)
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`)."""
+        return metrics.summary(self.data, self.estimates, self.update_interval_ns)
+
+    @property
+    def title(self) -> str:
+        """What the scenario calls itself, else its name."""
+        return getattr(self.scenario, "title", "") or self.scenario_name
+
+    def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
+        """Path and estimates from above; see `plots.plot_path`."""
+        return plots.plot_path(self.data, self.estimates, ax, theme)
+
+    def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
+        """Path and estimates in space; see `plots.plot_path_3d`."""
+        return plots.plot_path_3d(self.data, self.estimates, ax, theme)
+
+    def plot_axes(
+        self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
+    ) -> Sequence[Axes]:
+        """Coordinates over time, three axes; see `plots.plot_axes`."""
+        return plots.plot_axes(self.data, self.estimates, axes, theme)
+
+    def plot_errors(
+        self,
+        axes: Sequence[Axes] | None = None,
+        frame: str = "absolute",
+        theme: style.ThemeName = "light",
+    ) -> Sequence[Axes]:
+        """Errors over time with ±2σ, four axes; see `plots.plot_errors`."""
+        return plots.plot_errors(self.estimates, axes, frame, theme)
+
+    def plot_inclination(
+        self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
+    ) -> Sequence[Axes]:
+        """Roll, pitch and yaw of the platform, three axes; see `plots.plot_inclination`."""
+        return plots.plot_inclination(self.data, axes, theme=theme)
+
+    def save(
+        self, directory: str | Path, *, figures: bool = True, theme: style.ThemeName = "light"
+    ) -> Path:
+        """Write record, estimates, errors, summary, manifest and figures into a folder.
+
+        The folder appears when it is complete. Earlier results under the same name are replaced;
+        anything else there is refused.
+
+        Raises
+        ------
+        ConfigurationError
+            There is something else under that name.
+        """
+        with artifacts.folder(directory, self._manifest()) as folder:
+            artifacts.write_table(self.record, folder, "record")
+            tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
+            estimates = pd.concat(tables, ignore_index=True)
+            estimates.insert(0, "receiver", estimates.pop("receiver"))
+            artifacts.write_table(estimates, folder, "estimates")
+            artifacts.write_table(self.errors.reset_index(), folder, "errors")
+            artifacts.write_table(self.summary.reset_index(), folder, "summary")
+            if hasattr(self.scenario, "dump_toml"):
+                (folder / "scenario.toml").write_text(self.scenario.dump_toml(), "utf-8")
+            if figures:
+                self._save_figures(folder, theme)
+        return Path(directory)
+
+    def _save_figures(self, folder: Path, theme: style.ThemeName) -> None:
+        style.save(self.plot_path(theme=theme), folder, "path_xy")
+        style.save(self.plot_path_3d(theme=theme), folder, "path_xyz")
+        style.save(self.plot_axes(theme=theme)[0], folder, "axes")
+        style.save(self.plot_errors(theme=theme)[0], folder, "errors")
+        style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
+
+    def _manifest(self) -> dict[str, Any]:
+        scenario = self.scenario
+        if hasattr(scenario, "model_dump"):
+            scenario = scenario.model_dump(mode="json")
+        return {
+            "scenario_name": self.scenario_name,
+            "receivers": list(self.receivers),
+            "seeds": artifacts.plain(self.seeds),
+            "fmus": artifacts.plain(self.fmus),
+            "scenario": artifacts.plain(scenario),
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Errors and summary as plain data; a number that does not exist is None."""
+        errors: dict[str, Any] = {}
+        for row in self.errors.reset_index().to_dict(orient="records"):
+            receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
+            errors.setdefault(receiver, {}).setdefault(frame, {})[axis] = row
+        result: dict[str, Any] = artifacts.plain(
+            {
+                "scenario_name": self.scenario_name,
+                "seeds": self.seeds,
+                "errors": errors,
+                "summary": self.summary.to_dict(orient="index"),
+            }
+        )
+        return result
+
+    def __str__(self) -> str:
+        lines = [
+            self.title,
+            "",
+            f"{'Error [m]':<24}{'absolute':^27}   {'relative to the platform':^27}",
+            f"{'receiver':<16}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
+        ]
+        for receiver in self.receivers:
+            for axis in (*AXES, "total"):
+                cells = "   ".join(
+                    "".join(
+                        f"{value:9.3f}"
+                        for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
+                    )
+                    for frame in FRAMES
+                )
+                lines.append(f"{receiver if axis == 'x' else '':<16}{axis:<8}{cells}")
+        for receiver in self.receivers:
+            lines += ["", *self._about(receiver)]
+        return "\n".join([*lines, "", _BANDS])
+
+    def _about(self, receiver: str) -> list[str]:
+        """Availability and consistency of a receiver in words."""
+        row: Any = self.summary.loc[receiver]
+        if not row.estimates:
+            return [f"{receiver}: no fix"]
+        share = f", new at {100 * row.update_share:.1f} % of updates"
+        lines = [
+            f"{receiver}: {row.estimates} estimates, the first at {row.first_fix_s:g} s; a fix "
+            f"available {100 * row.availability:.1f} % of the time"
+            + ("" if pd.isna(row.update_share) else share)
+        ]
+        for name, words in _CONSISTENCY.items():
+            if pd.notna(row[name]):
+                band = (
+                    "no band"
+                    if pd.isna(row[f"{name}_low"])
+                    else f"{row[f'{name}_low']:.2f} to {row[f'{name}_high']:.2f}: "
+                    f"{row[f'{name}_verdict']}"
+                )
+                lines.append(f"  mean {words} {row[name]:.2f} ({band})")
+        if row.inconsistent:
+            lines.append("  inconsistent: its errors are larger than it claims")
+        if row.lost:
+            lines.append("  lost: at the end its error exceeds the distance to the platform")
+        return lines
+
+    def _repr_html_(self) -> str:
+        wide = pd.concat(
+            {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
+        )
+        notes = "\n".join(line for name in self.receivers for line in self._about(name))
+        notes += f"\n{_BANDS}"
+        return (
+            f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
+            f"<pre>{escape(notes)}</pre>"
+        )

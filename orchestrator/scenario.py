@@ -1,0 +1,432 @@
+"""Scenario files: everything about a run in one TOML text, with units in its keys.
+
+What a file leaves out is filled in when it is loaded, so a `Scenario` states every number of its
+run.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.platform.beaufort import sea_state
+from sblcosim.models.platform.imu import grade
+
+from .errors import ConfigurationError, nearest
+from .system import PythonComponent, System
+from .tables import (
+    PATH,
+    PRIOR_KEYS,
+    SEED,
+    TRUE,
+    Acoustics,
+    Platform,
+    Receiver,
+    Table,
+    Target,
+    Time,
+    default,
+    divides,
+    in_file_units,
+    is_whole_ns,
+    rows,
+    toml,
+)
+
+Source = str | Path | Callable[[], PythonComponent]
+"""What to use as a component: a receiver's name, an FMU file, or what makes a Python component."""
+Receivers = Source | Sequence[Source] | Mapping[str, Source]
+"""One or more receivers, with labels if it is a mapping."""
+Overrides = Mapping[str, Any] | Iterable[str]
+"""``{"platform.arm_length_m": 0.4}``, nested tables, or ``["platform.arm_length_m=0.4"]``."""
+
+
+class Scenario(Table):
+    """A run, completely.
+
+    Made by `load`; all values that a file leaves out are filled in.
+
+    Attributes
+    ----------
+    name, title
+        For people and for the folder of results.
+    seed
+        Of all random numbers; a component may have its own.
+    fmi
+        FMI version (2 or 3) of the components.
+    time, target, platform, acoustics, receiver
+        The tables. Keys are those of a scenario file: ``scenario.platform.arm_length_m``.
+    """
+
+    name: str = "scenario"
+    title: str = ""
+    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
+    fmi: Literal[2, 3] = 2
+    time: Time = Field(default_factory=Time)
+    target: Target = Field(default_factory=Target)  # type: ignore[valid-type]
+    platform: Platform = Field(default_factory=Platform)  # type: ignore[valid-type]
+    acoustics: Acoustics = Field(default_factory=Acoustics)  # type: ignore[valid-type]
+    receiver: Receiver = Field(default_factory=Receiver)  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        """Fill in what was not given, then check what several keys say together."""
+        common = {"sampling_time_s": self.time.sampling_time_s, "seed": self.seed}
+        presets: dict[str, Any] = {}
+        if self.platform.beaufort is not None:
+            presets |= _preset(sea_state(self.platform.beaufort))
+        if self.platform.imu_grade is not None:
+            presets |= _preset(grade(self.platform.imu_grade))
+        if self.target.waypoint_m:
+            presets["waypoint_count"] = len(self.target.waypoint_m) // 3
+        for name, table in self._tables("target", "platform", "acoustics"):
+            table.fill(
+                {k: default(COMPONENTS[name], v) for k, v in table.variables.items()}
+                | {k: v for k, v in presets.items() if k in table.variables}
+                | common
+            )
+            table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
+        self._complete_receiver()
+        problems = [*self._problems()]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    def _complete_receiver(self) -> None:
+        receiver = self.receiver
+        if receiver.type is None and receiver.fmu is None:
+            receiver.fill({"type": "ekf"})
+        update = float(Decimal(repr(self.time.sampling_time_s)) * self.time.ekf_ratio)
+        own = RECEIVERS.get(receiver.type or "")
+        levels = {"range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m}
+        derived = {
+            key: max(level, receiver.variables[key].min or 0.0) for key, level in levels.items()
+        }
+        derived["update_interval_s"] = update
+        if receiver.prior == TRUE:
+            derived["initialisation"] = "prior"
+        if own is not None:
+            known = {v.key: default(own, v) for v in own.of("parameter")}
+            derived = known | {k: v for k, v in derived.items() if k in known}
+        receiver.fill(derived)
+        receiver.fill({"interval_s": receiver.update_interval_s})
+
+    def _problems(self) -> Iterator[str]:
+        """What contradicts something else; one line each."""
+        receiver = self.receiver
+        for name, table in (("time", self.time), *self._tables()):
+            for key in ("sampling_time_s", "update_interval_s", "interval_s"):
+                if key in table.model_fields_set and not is_whole_ns(getattr(table, key)):
+                    yield (
+                        f"[{name}] {key}: must be a whole number of nanoseconds, "
+                        f"got {getattr(table, key)!r}"
+                    )
+        for name, table in self._tables():
+            if table.fmu is None and table.parameters:
+                yield f"[{name}] parameters: must come with fmu, the FMU that has them"
+            tick = "update_interval_s" if name == "receiver" else "sampling_time_s"
+            whole = getattr(receiver if name == "receiver" else self.acoustics, tick)
+            if "interval_s" in table.model_fields_set and not divides(table.interval_s, whole):
+                where = "" if name in ("receiver", "acoustics") else " of [acoustics]"
+                yield (
+                    f"[{name}] interval_s: must divide {tick}{where} ({whole!r}), "
+                    f"got {table.interval_s!r}"
+                )
+        if not divides(self.acoustics.sampling_time_s, receiver.update_interval_s):
+            yield (
+                "[receiver] update_interval_s: must be a whole multiple of the sampling time "
+                f"({self.acoustics.sampling_time_s!r}), got {receiver.update_interval_s!r}"
+            )
+        if receiver.type is not None and receiver.fmu is not None:
+            yield f"[receiver]: must have type or fmu, got both ({receiver.type}, {receiver.fmu})"
+        if self.true_prior:
+            for key in receiver.model_fields_set & set(PRIOR_KEYS):
+                yield f"[receiver] {key}: must be left out when prior is 'true'"
+            if receiver.initialisation not in ("prior", None):
+                yield (
+                    "[receiver] initialisation: must be 'prior' or be left out when prior is "
+                    f"'true', got {receiver.initialisation!r}"
+                )
+        count = len(self.target.waypoint_m) // 3
+        if self.target.trajectory == "waypoints" and not 2 <= self.target.waypoint_count <= count:
+            yield (
+                "[target] waypoint_m: must have at least 2 rows, and as many as waypoint_count "
+                f"({self.target.waypoint_count}), got {count}"
+            )
+
+    def _tables(self, *names: str) -> Iterator[tuple[str, Any]]:
+        for name in names or ("target", "platform", "acoustics", "receiver"):
+            yield name, getattr(self, name)
+
+    def given(self) -> dict[str, Any]:
+        """What was given by hand, as nested tables; the rest follows from it."""
+        return self.model_dump(exclude_unset=True)
+
+    def override(self, overrides: Overrides) -> Scenario:
+        """Another scenario with some keys changed; what depends on them follows."""
+        return load(self, overrides)
+
+    def dump_toml(self) -> str:
+        """The complete scenario as TOML; `load` gives the same scenario back."""
+        lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
+        for name in ("time", "target", "platform", "acoustics", "receiver"):
+            table = getattr(self, name)
+            lines += ["", f"[{name}]"]
+            for key in type(table).model_fields:
+                value = getattr(table, key)
+                if value is None or value == () or (key in PRIOR_KEYS and self.true_prior):
+                    continue
+                lines.append(f"{key} = {toml(rows(table.variables.get(key), value))}")
+        return "\n".join(lines) + "\n"
+
+    def system(
+        self,
+        receivers: Receivers = (),
+        fmi: int | None = None,
+        components: Mapping[str, Source] | None = None,
+    ) -> System:
+        """Choose and connect the components; see `sblcosim.wiring.connect`."""
+        from .wiring import connect
+
+        return connect(self, receivers, fmi, components)
+
+    @property
+    def true_prior(self) -> bool:
+        """Whether the receivers are told the true start."""
+        return bool(self.receiver.prior == TRUE)
+
+
+def _preset(values: Mapping[str, float]) -> dict[str, Any]:
+    """FMI names and SI values as keys and values of ``[platform]``."""
+    platform = COMPONENTS["platform"]
+    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
+
+
+# --- Reading -------------------------------------------------------------------------------------
+
+
+@cache
+def shipped() -> tuple[str, ...]:
+    """Names of the scenarios that come with the project."""
+    folder = resources.files("sblcosim.scenarios")
+    return tuple(
+        sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+    )
+
+
+def shipped_text(name: str) -> str:
+    """Text of a scenario that comes with the project."""
+    return (resources.files("sblcosim.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load(
+    source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = ()
+) -> Scenario:
+    """Read a scenario, fill in what it leaves out, and check it.
+
+    Parameters
+    ----------
+    source
+        Name of a scenario that comes with the project (``"paper-scenario-1"``), path of a TOML
+        file, nested tables, or a scenario.
+    overrides
+        Keys to change: ``{"platform.arm_length_m": 0.4}``, nested tables, or
+        ``["platform.arm_length_m=0.4"]`` with values in TOML (a bare word is a string).
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such scenario, or something in it is wrong: one line per problem.
+    """
+    where, raw, folder = _read(source)
+    raw = {k: dict(v) if isinstance(v, Mapping) else v for k, v in raw.items()}
+    for table in raw.values():
+        if isinstance(table, dict) and isinstance(table.get("fmu"), str):
+            table["fmu"] = str(folder / table["fmu"])
+    changed = set()
+    for path, value in _pairs(overrides):
+        changed.add(path)
+        table = raw
+        for part in path[:-1]:
+            table = table.setdefault(part, {})
+            if not isinstance(table, dict):
+                raise ConfigurationError(f"override {'.'.join(path)}: {part} must be a table")
+        is_file = path[-1] == "fmu" and isinstance(value, str)
+        table[path[-1]] = str(Path(value).resolve()) if is_file else value
+    if isinstance(source, str | Path) and "name" not in raw:
+        raw["name"] = Path(source).stem
+    try:
+        return Scenario.model_validate(raw)
+    except ValidationError as error:
+        lines = [line for e in error.errors() for line in _lines(e, where, changed)]
+        raise ConfigurationError("\n".join(lines)) from None
+
+
+def _read(source: str | Path | Mapping[str, Any] | Scenario
+          ) -> tuple[str, Mapping[str, Any], Path]:
+    """Where it comes from, the tables, and the folder of relative paths."""
+    if isinstance(source, Scenario):
+        return source.name, source.given(), Path.cwd()
+    if isinstance(source, Mapping):
+        return "scenario", source, Path.cwd()
+    path = Path(source)
+    name = str(source).removesuffix(".toml")
+    if path.is_file():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigurationError(f"{path}: must be a text file, got {error}") from None
+    elif name in shipped():
+        path, text = Path(f"{name}.toml"), shipped_text(name)
+    else:
+        raise ConfigurationError(
+            f"scenario: must be a TOML file or one of {', '.join(shipped())}, got {str(source)!r}"
+            + nearest(path.name.removesuffix(".toml"), shipped())
+        )
+    try:
+        return str(path), tomllib.loads(text), path.resolve().parent
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(_toml_problem(str(path), error)) from None
+
+
+def _toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
+    message = str(error)
+    place = re.search(r" \(at line (\d+), column (\d+)\)$", message)
+    if place is None:
+        return f"{where}: must be TOML: {message}"
+    return f"{where}, line {place[1]}, column {place[2]}: {message[: place.start()]}"
+
+
+def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Keys as paths, and their values."""
+    if isinstance(overrides, str):
+        overrides = (overrides,)
+    if isinstance(overrides, Mapping):
+        for key, value in overrides.items():
+            path = tuple(str(key).split("."))
+            if isinstance(value, Mapping) and path[-1] != "parameters":
+                for rest, inner in _pairs(value):
+                    yield path + rest, inner
+            else:
+                yield path, value
+        return
+    for item in overrides:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise ConfigurationError(f"override: must be table.key=value, got {item!r}")
+        yield tuple(part.strip() for part in key.split(".")), _toml_or_word(key, text.strip())
+
+
+def _toml_or_word(key: str, text: str) -> Any:
+    try:
+        (value,) = tomllib.loads(f"value = {text}").values()
+    except (tomllib.TOMLDecodeError, ValueError):
+        if re.fullmatch(r"[A-Za-z_./~\\][\w./~\\:-]*", text):
+            return text
+        raise ConfigurationError(
+            f"override {key.strip()}: must be a value in TOML, got {text!r}"
+        ) from None
+    return value
+
+
+# --- Messages ------------------------------------------------------------------------------------
+
+
+def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> Iterator[str]:
+    """A problem that pydantic found, in our wording."""
+    location = error["loc"]
+    if not location:
+        yield from (f"{where}: {line}" for line in str(error["ctx"]["error"]).splitlines())
+        return
+    table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
+    if any(path[: len(location[:2])] == location[:2] for path in changed):
+        where = place = f"override {'.'.join((table, key)) if key else table}"
+    elif key:
+        place = f"{where}: [{table}] {key}"
+    else:
+        place = f"{where}: {f'[{table}]' if _is_table(table) else table}"
+    if error["type"] == "extra_forbidden":
+        yield f"{where}: {_unknown(location)}"
+        return
+    requirement, choices = _requirement(error)
+    got = error["input"]
+    close = nearest(got, choices) if isinstance(got, str) else ""
+    yield f"{place}{_element(location)}: {requirement}, got {toml(got)}{close}"
+
+
+def _requirement(error: ErrorDetails) -> tuple[str, list[str]]:
+    """What must hold, and the valid names if it is a choice."""
+    context = error.get("ctx", {})
+    kind = error["type"]
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", context["expected"])
+        return f"must be {context['expected']}", choices
+    wording = {
+        "float_type": "must be a number",
+        "finite_number": "must be a finite number",
+        "int_type": "must be a whole number",
+        "int_from_float": "must be a whole number",
+        "bool_type": "must be true or false",
+        "string_type": "must be a string",
+        "tuple_type": "must be an array",
+        "dict_type": "must be a table",
+        "model_type": "must be a table",
+        "greater_than_equal": "must be at least {ge}",
+        "less_than_equal": "must be at most {le}",
+        "greater_than": "must be more than {gt}",
+    }
+    return wording.get(kind, error["msg"]).format(**context), []
+
+
+def _is_table(name: Any) -> bool:
+    field = Scenario.model_fields.get(str(name))
+    return field is not None and isinstance(field.annotation, type) and issubclass(
+        field.annotation, Table
+    )
+
+
+def _element(location: Sequence[str | int]) -> str:
+    """Index of the element of an array, as in FMI: 1-based."""
+    if len(location) < 3 or not isinstance(location[2], int):
+        return ""
+    table = Scenario.model_fields[str(location[0])].annotation
+    variable = getattr(table, "variables", {}).get(location[1])
+    if variable is None:
+        return ""
+    return str(variable.elements[location[2]].removeprefix(variable.name))
+
+
+def _unknown(location: Sequence[str | int]) -> str:
+    """An unknown key or table, with the nearest valid one."""
+    tables = {
+        name: list(field.annotation.model_fields)
+        for name, field in Scenario.model_fields.items()
+        if _is_table(name) and isinstance(field.annotation, type)
+    }
+    name = str(location[-1])
+    if len(location) == 1:
+        homes = [table for table, keys in tables.items() if name in keys]
+        if homes:
+            return f"key {name!r} must stand in the table [{homes[0]}]"
+        return f"there is no key or table {name!r}" + nearest(name, Scenario.model_fields)
+    table = str(location[0])
+    close = nearest(name, tables[table])
+    homes = [other for other, keys in tables.items() if name in keys]
+    if homes:
+        close = f"; did you mean {name!r} in [{homes[0]}]?"
+    elif not close:
+        # A longer or a shorter name of the same thing: "arm" for "arm_length_m".
+        parts = [key for key in tables[table] if name.lower() in key.lower()]
+        close = f"; did you mean {parts[0]!r}?" if parts else ""
+    return f"[{table}] has no key {name!r}{close}"
+

@@ -1,0 +1,98 @@
+"""How figures look: colours that colour-blind people tell apart, on light or dark paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+ThemeName = Literal["light", "dark"]
+
+
+@dataclass(frozen=True, slots=True)
+class Theme:
+    """Colours of a figure.
+
+    Attributes
+    ----------
+    ink
+        Text, axes and the truth.
+    soft
+        Raw fixes and other things in the background.
+    receivers
+        Okabe and Ito's palette (https://jfly.uni-koeln.de/color/), those that stand out on this
+        paper, in the order of the receivers.
+    """
+
+    paper: str
+    ink: str
+    grid: str
+    soft: str
+    receivers: tuple[str, ...]
+
+
+THEMES: dict[ThemeName, Theme] = {
+    "light": Theme(
+        "#ffffff", "#000000", "#dddddd", "#8a8a8a",
+        ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"),
+    ),
+    "dark": Theme(
+        "#14171a", "#f2f2f2", "#3a3f44", "#9a9a9a",
+        ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#f0e442"),
+    ),
+}
+LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
+"""Line styles of the receivers, so that no figure depends on colour alone."""
+
+
+@contextmanager
+def use(theme: ThemeName) -> Iterator[Theme]:
+    """Draw in a theme; Matplotlib's own settings are put back afterwards."""
+    look = THEMES[theme]
+    settings: Any = {
+        "figure.facecolor": look.paper,
+        "figure.constrained_layout.use": True,
+        "axes.facecolor": look.paper,
+        "axes.edgecolor": look.ink,
+        "axes.labelcolor": look.ink,
+        "axes.titlecolor": look.ink,
+        "axes.titlesize": "medium",
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "grid.color": look.grid,
+        "grid.linewidth": 0.6,
+        "text.color": look.ink,
+        "xtick.color": look.ink,
+        "ytick.color": look.ink,
+        "legend.frameon": False,
+        "font.size": 9.5,
+        "lines.linewidth": 1.4,
+    }
+    with mpl.rc_context(settings):
+        yield look
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure [inch] that belongs to nobody's interactive session."""
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(axes: Axes, folder: Path, name: str) -> None:
+    """Write a figure, given by its axes, as SVG and PNG; equal figures give equal bytes."""
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
+        figure.set_layout_engine("none")  # it is laid out now, and that takes a third of the time
+        figure.savefig(folder / f"{name}.svg", dpi=150, metadata={"Date": None})

@@ -1,0 +1,85 @@
+"""What `pip install .` puts on a user's machine."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = {
+    "orchestrator": PurePosixPath("sblcosim"),
+    "models": PurePosixPath("sblcosim/models"),
+    "fmus": PurePosixPath("sblcosim/fmus"),
+}
+NOT_SHIPPED = {".fmu", ".pyc"}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.split("\0")
+    for name in filter(None, listed):
+        if (ROOT / name).is_file():
+            copy = source / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.write_bytes((ROOT / name).read_bytes())
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
+         "--wheel-dir", str(folder), str(source)],
+        check=True,
+    )
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+def test_the_wheel_has_every_module_and_data_file(wheel: Path) -> None:
+    packed = {PurePosixPath(name) for name in zipfile.ZipFile(wheel).namelist()}
+    missing = []
+    for folder, package in FOLDERS.items():
+        for path in sorted((ROOT / folder).rglob("*")):
+            inside = package / PurePosixPath(path.relative_to(ROOT / folder).as_posix())
+            if path.is_file() and path.suffix not in NOT_SHIPPED and inside not in packed:
+                missing.append(str(inside))
+    assert not missing
+
+
+def test_the_wheel_installs_nothing_but_the_package(wheel: Path) -> None:
+    tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"sblcosim"}
+
+
+def test_the_wheel_has_the_licence_and_the_command(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    names = archive.namelist()
+    (entry_points,) = (name for name in names if name.endswith("entry_points.txt"))
+    assert "sblcosim = sblcosim.cli:main" in archive.read(entry_points).decode()
+    (metadata,) = (name for name in names if name.endswith(".dist-info/METADATA"))
+    assert "License-Expression: MIT" in archive.read(metadata).decode()
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+
+
+def test_imports_point_one_way() -> None:
+    """models -> fmus -> orchestrator; the declarations need neither CasADi nor NumPy."""
+    script = (
+        "import sys, sblcosim.models, sblcosim.models.ports;"
+        "print([m for m in ('casadi', 'numpy', 'fmpy', 'sblcosim.fmus') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+    for path in (ROOT / "models").rglob("*.py"):
+        assert "fmus" not in path.read_text() or "sblcosim.fmus" not in path.read_text(), path
+    for path in (ROOT / "fmus").rglob("*.py"):
+        text = path.read_text()
+        for module in (p.stem for p in (ROOT / "orchestrator").glob("*.py")):
+            if module not in ("__init__", "errors"):
+                assert f"sblcosim.{module}" not in text, path

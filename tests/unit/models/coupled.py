@@ -1,0 +1,134 @@
+"""A diver's path, the Acoustics and one receiver, coupled as the time contract says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.ports import RECEPTION
+from stepper import Noise, Stepper
+
+Array = NDArray[np.float64]
+Path = Callable[[float], tuple[Array, Array]]
+"""``path(t)``: true position in m and velocity in m/s, NED, at time t in s."""
+
+NS = 10**9
+CROSS = np.array([[3.0, 0.0, 0.5], [0.0, 3.0, 0.5], [-3.0, 0.0, 0.5], [0.0, -3.0, 0.5]])
+"""Beacons of a cross with arms of 3 m; those of ``CROSS * [s, s, 1]`` have arms of 3 s m."""
+
+
+def at_rest(*position: float) -> Path:
+    """A diver who stays where he is."""
+    return lambda t: (np.array(position), np.zeros(3))
+
+
+def straight(start: Any, velocity: Any) -> Path:
+    """A diver on a straight line."""
+    return lambda t: (np.asarray(start) + np.asarray(velocity) * t, np.asarray(velocity, float))
+
+
+@dataclass(frozen=True)
+class Dive:
+    """One row per new estimate, and what the receiver saw at each of its ticks.
+
+    Attributes
+    ----------
+    t
+        Time of the tick that gave the estimate, s.
+    error
+        Estimate minus truth at its epoch, m.
+    inputs
+        The receiver's inputs at all its ticks, first tick first.
+    """
+
+    t: Array
+    epoch: Array
+    position: Array
+    velocity: Array
+    covariance: Array
+    nis: Array
+    nis_degrees: Array
+    error: Array
+    inputs: list[Mapping[str, Any]]
+    receiver: Stepper
+
+    @property
+    def distance(self) -> Array:
+        """Length of the error, m."""
+        return np.linalg.norm(self.error, axis=1)
+
+
+def dive(
+    receiver: str,
+    path: Path,
+    *,
+    steps: int = 300,
+    sampling_time: float = 0.1,
+    ratio: int = 1,
+    acoustics: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    depth_std: float = 0.0,
+    beacons: Array = CROSS,
+    reported: Callable[[float], Array] | None = None,
+    noise: Noise | None = None,
+    seed: int = 1,
+) -> Dive:
+    """Simulate `steps` sampling times; distances are taken at the ping unless asked otherwise."""
+    T = round(sampling_time * NS)
+    channel = Stepper(
+        "acoustics",
+        {"sampling_time": sampling_time, "motion_during_travel": False, **(acoustics or {})},
+        noise=noise, seed=seed,
+    )
+    box = Stepper(receiver, {"update_interval": ratio * sampling_time, **(parameters or {})})
+    rng = np.random.default_rng(seed)
+    depth = depth_epoch = 0.0
+    rows, inputs = [], []
+    for n in range(steps):
+        t = n * T
+        position, velocity = path(t / NS)
+        received = {v.name: channel.y[v.name] for v in RECEPTION}
+        channel.set(
+            target_position=position, target_velocity=velocity, beacon_position=beacons,
+            reported_beacon_position=beacons if reported is None else reported(t / NS),
+        )
+        if n % ratio == 0:
+            box.set(**received, depth=depth, depth_epoch=depth_epoch)
+            before = box.y
+            y = box.step(t, ratio * T)
+            if n > 0:
+                inputs.append(box.u)
+            if y["update_count"] != before["update_count"]:
+                truth = path(y["epoch"])[0]
+                rows.append((t / NS, y["epoch"], y["position"], y["velocity"], y["covariance"],
+                             y["nis"], y["nis_degrees"], y["position"] - truth))
+        channel.step(t, T)
+        if n > 0:
+            depth, depth_epoch = position[2] + depth_std * rng.standard_normal(), t / NS
+    columns = zip(*rows, strict=True) if rows else [()] * 8
+    return Dive(*(np.array(column) for column in columns), inputs, box)
+
+
+def simultaneous(
+    receiver: str, position: Any, parameters: Mapping[str, Any] | None = None, *,
+    beacons: Array = CROSS, errors: Any = 0.0,
+) -> Stepper:
+    """A receiver right after its first tick, at which all four ranges and the depth are fresh."""
+    box = Stepper(receiver, {"update_interval": 0.1, **(parameters or {})})
+    box.step(0, NS // 10)
+    hear(box, position, 0.1, beacons=beacons, errors=errors)
+    box.step(NS // 10, NS // 10)
+    return box
+
+
+def hear(box: Stepper, position: Any, epoch: float, *, beacons: Array = CROSS,
+         errors: Any = 0.0) -> None:
+    """Put four ranges and a depth of one epoch on a receiver's inputs."""
+    box.set(
+        range=np.linalg.norm(position - beacons, axis=1) + errors, range_epoch=np.full(4, epoch),
+        reception_count=box.u["reception_count"] + 1, ping_beacon_position=beacons,
+        packet_beacon_position=beacons, depth=position[2], depth_epoch=epoch,
+    )

@@ -1,0 +1,201 @@
+"""The Acoustics: travel time, timing, noise, loss, outliers, round robin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from coupled import CROSS, NS
+from scipy.optimize import brentq
+from scipy.stats import binom, expon, halfnorm, kstest, norm
+from sblcosim.models.equations import load
+from stepper import Stepper, no_noise
+
+MODEL = load("acoustics")
+MANY = 20_000
+POSITION = np.array([9.0, -4.0, 6.0])
+
+
+def channel(**parameters: Any) -> Stepper:
+    stepper = Stepper(MODEL, {"range_std": 0.0, **parameters}, noise=no_noise)
+    stepper.set(target_position=POSITION, beacon_position=CROSS, reported_beacon_position=CROSS)
+    stepper.step(0, NS // 10)
+    return stepper
+
+
+def tick(stepper: Stepper) -> Any:
+    return stepper.step(stepper.t_ns, NS // 10)
+
+
+def first_ticks(seed: int = 1, **parameters: Any) -> dict[str, np.ndarray]:
+    """Ranges and counts of beacon 1 after tick 1, for many independent draws at once."""
+    stepper = channel(**parameters)
+    rng = np.random.default_rng(seed)
+    w = np.array([
+        rng.standard_normal(MANY) if draw.kind == "normal" else rng.integers(2**53, size=MANY)
+        for draw in MODEL.draws
+        for _ in range(draw.size)
+    ], dtype=float)
+    columns = [np.repeat(part[:, None], MANY, 1) for part in (stepper.x, stepper._u, stepper._p)]
+    x = stepper.functions.tick(*columns, w, np.full((1, MANY), 0.1), np.ones((1, MANY))).full()
+    at = {}
+    row = 0
+    for name, (rows, n) in MODEL.states.items():
+        at[name] = row
+        row += rows * n
+    return {"range": x[at["range"]], "count": x[at["reception_count"]]}
+
+
+def length(beacon: int) -> float:
+    return float(np.linalg.norm(POSITION - CROSS[beacon]))
+
+
+def test_a_noise_free_range_is_the_distance_at_the_ping() -> None:
+    c = channel()
+    for beacon in range(4):
+        y = tick(c)
+        assert y["range"][beacon] == pytest.approx(length(beacon), abs=1e-12)
+        assert y["true_range"][beacon] == pytest.approx(length(beacon), abs=1e-12)
+
+
+@pytest.mark.parametrize("velocity", [(0.5, 0.2, -0.1), (-20.0, 3.0, 0.0), (0.0, 0.0, 0.0)])
+def test_sound_meets_the_moving_diver_exactly(velocity: tuple[float, float, float]) -> None:
+    c = channel(sound_speed=1480.0, assumed_sound_speed=1500.0)
+    c.set(target_velocity=velocity)
+    y = tick(c)
+    offset = POSITION - CROSS[0]
+    tau = brentq(
+        lambda s: np.linalg.norm(offset + np.multiply(velocity, s)) - 1480.0 * s, 0.0, 1.0,
+        xtol=1e-16, rtol=1e-15,
+    )
+    assert y["true_range"][0] == pytest.approx(1480.0 * tau, abs=1e-10)
+    assert y["range"][0] == pytest.approx(1500.0 * tau, abs=1e-10)
+
+
+def test_motion_during_travel_can_be_switched_off() -> None:
+    c = channel(motion_during_travel=False)
+    c.set(target_velocity=(15.0, 0.0, 0.0))
+    assert tick(c)["range"][0] == pytest.approx(length(0), abs=1e-12)
+
+
+def test_a_diver_on_the_beacon_has_range_zero() -> None:
+    c = channel()
+    c.set(target_position=CROSS[0], target_velocity=(1.0, 0.0, 0.0))
+    assert tick(c)["range"][0] == 0.0
+
+
+def test_a_diver_faster_than_sound_gives_a_finite_range() -> None:
+    c = channel(sound_speed=1.0)
+    c.set(target_velocity=(20.0, 0.0, 0.0))
+    assert np.isfinite(tick(c)["range"]).all()
+
+
+def test_clock_and_delays_enter_with_the_assumed_sound_speed() -> None:
+    c = channel(
+        assumed_sound_speed=1490.0, clock_offset=2e-3, clock_drift=-1e-4, processing_delay=5e-3,
+        processing_delay_correction=4e-3,
+    )
+    for k in range(1, 9):
+        y = tick(c)
+        beacon = (k - 1) % 4
+        expected = 1490.0 * (length(beacon) / 1500.0 + 2e-3 - 1e-4 * 0.1 * k + 1e-3)
+        assert y["range"][beacon] == pytest.approx(expected, abs=1e-9)
+        assert y["true_range"][beacon] == pytest.approx(length(beacon), abs=1e-12)
+
+
+def test_clock_drift_counts_from_the_start() -> None:
+    start = 50 * NS
+    c = Stepper(MODEL, {"range_std": 0.0, "clock_drift": 1e-4}, noise=no_noise, start_ns=start)
+    c.set(target_position=POSITION, beacon_position=CROSS)
+    c.step(start, NS // 10)
+    y = c.step(start + NS // 10, NS // 10)
+    assert y["range"][0] == pytest.approx(length(0) + 1500.0 * 1e-4 * 0.1, abs=1e-9)
+    assert y["range_epoch"].tolist() == [50.1, 50.0, 50.0, 50.0]
+
+
+def test_beacons_take_turns_and_only_the_received_one_changes() -> None:
+    c = channel()
+    rows = ("range", "true_range", "range_epoch", "reception_count", "ping_beacon_position")
+    for k in range(1, 14):
+        before = c.y
+        reported = CROSS + 0.01 * k
+        c.set(target_position=POSITION + 0.1 * k, reported_beacon_position=reported)
+        after = tick(c)
+        beacon = (k - 1) % 4
+        for name in rows:
+            changed = (after[name] != before[name]).reshape(4, -1).any(axis=1)
+            assert changed.tolist() == [i == beacon for i in range(4)], name
+        assert after["range_epoch"][beacon] == pytest.approx(0.1 * k)
+        assert after["reception_count"].sum() == k
+        np.testing.assert_array_equal(after["ping_beacon_position"][beacon], reported[beacon])
+        np.testing.assert_array_equal(after["packet_beacon_position"], reported)
+
+
+def test_a_lost_packet_changes_nothing_but_uses_up_its_turn() -> None:
+    lost = {2}
+
+    def noise(draw: Any, count: int) -> np.ndarray:
+        value = 0.0 if draw.name == "loss" and count in lost else 2.0**52
+        return np.full(draw.size, 0.0 if draw.kind == "normal" else value)
+
+    c = Stepper(MODEL, {"range_std": 0.0, "loss_probability": 0.25}, noise=noise)
+    c.set(target_position=POSITION, beacon_position=CROSS, reported_beacon_position=CROSS)
+    c.step(0, NS // 10)
+    before = tick(c)
+    after = tick(c)
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value, err_msg=name)
+    assert tick(c)["reception_count"].tolist() == [1, 0, 1, 0]
+
+
+@pytest.mark.parametrize("probability", [0.0, 0.01, 0.25, 0.5, 1.0])
+def test_packets_are_lost_with_the_configured_probability(probability: float) -> None:
+    lost = MANY - first_ticks(loss_probability=probability)["count"].sum()
+    low, high = binom.interval(0.9999, MANY, probability)
+    assert low <= lost <= high
+
+
+@pytest.mark.parametrize(("threshold", "share"), [(-0.674, 0.25), (0.0, 0.5)])
+def test_the_papers_unit_normal_below_a_threshold_is_the_same_model(
+    threshold: float, share: float
+) -> None:
+    """A normal below its quantile and a uniform number below the probability are one event."""
+    uniform = np.random.default_rng(3).integers(2**53, size=MANY)
+    probability = norm.cdf(threshold)
+    normal = norm.ppf((uniform + 0.5) / 2**53)
+    np.testing.assert_array_equal(normal < threshold, uniform < probability * 2**53)
+    assert probability == pytest.approx(share, abs=2e-4)
+
+
+def test_range_noise_is_normal_with_the_configured_deviation() -> None:
+    errors = first_ticks(range_std=0.3)["range"] - length(0)
+    assert kstest(errors / 0.3, "norm").pvalue > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("kind", "law"), [(1, expon(scale=1.7)), (2, halfnorm(scale=1.7 * np.sqrt(np.pi / 2)))]
+)
+def test_outliers_have_the_configured_share_and_law(kind: int, law: Any) -> None:
+    excess = first_ticks(
+        outlier_probability=0.1, outlier_distribution=kind, outlier_mean=1.7
+    )["range"] - length(0)
+    low, high = binom.interval(0.9999, MANY, 0.1)
+    outliers = excess[np.abs(excess) > 1e-12]
+    assert low <= len(outliers) <= high
+    assert outliers.min() > 0
+    assert kstest(outliers, law.cdf).pvalue > 1e-3
+    assert outliers.mean() == pytest.approx(1.7, rel=0.1)
+
+
+def test_loss_and_outliers_do_not_depend_on_each_other_or_on_the_noise() -> None:
+    quiet = first_ticks(loss_probability=0.3)
+    noisy = first_ticks(loss_probability=0.3, range_std=1.0, outlier_probability=0.5)
+    np.testing.assert_array_equal(quiet["count"], noisy["count"])
+    received = noisy["count"] > 0
+    excess = first_ticks(outlier_probability=0.5)["range"] - length(0) > 1e-9
+    assert np.corrcoef(received, excess)[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(MANY))
+
+
+def test_no_output_depends_directly_on_an_input() -> None:
+    assert not MODEL.feedthrough

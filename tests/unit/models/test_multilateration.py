@@ -1,0 +1,132 @@
+"""The raw fix: exactness, covariance, robustness of the iteration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from coupled import CROSS, NS, at_rest, dive, hear, simultaneous, straight
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+from sblcosim.models.receiver.fix import PASSES
+
+POSITIONS = [
+    (12.0, -7.0, 5.0), (0.3, 0.1, 2.0), (-60.0, 80.0, 30.0), (3.0, 0.0, 0.6), (0.5, 0.5, 0.5),
+]
+ERRORS = np.array([0.11, -0.05, 0.08, 0.13])
+
+
+@pytest.mark.parametrize("position", POSITIONS)
+@pytest.mark.parametrize("arm", [0.4, 3.0, 30.0])
+def test_it_is_exact_on_fresh_simultaneous_data(
+    position: tuple[float, float, float], arm: float
+) -> None:
+    beacons = CROSS * [arm / 3, arm / 3, 1.0] + [100.0, -200.0, 0.0]
+    truth = np.add(position, [100.0, -200.0, 0.0])
+    y = simultaneous("multilateration", truth, beacons=beacons).y
+    np.testing.assert_allclose(y["position"], truth, rtol=0, atol=1e-9)
+    assert y["nis"] < 1e-12
+
+
+@pytest.mark.parametrize("arm", [0.4, 3.0])
+def test_it_is_the_weighted_least_squares_solution(arm: float) -> None:
+    truth = np.array([12.0, -7.0, 5.0])
+    beacons = CROSS * [arm / 3, arm / 3, 1.0]
+    y = simultaneous(
+        "multilateration", truth, {"range_std": 0.2, "depth_std": 0.05}, beacons=beacons,
+        errors=ERRORS,
+    ).y
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        ranges = np.linalg.norm(truth - beacons, axis=1) + ERRORS
+        return np.append(
+            (ranges - np.linalg.norm(x - beacons, axis=1)) / 0.2, (truth[2] - x[2]) / 0.05
+        )
+
+    best = least_squares(residuals, truth, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    np.testing.assert_allclose(y["position"], best.x, rtol=0, atol=1e-5)
+    assert y["nis"] == pytest.approx(2 * best.cost, rel=1e-9)
+    assert y["nis_degrees"] == 2
+    P = np.linalg.inv(best.jac.T @ best.jac)
+    np.testing.assert_allclose(y["covariance"][::2, ::2], P, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(y["position_std"], np.sqrt(np.diag(P)), rtol=1e-4)
+
+
+def test_velocity_is_not_estimated() -> None:
+    y = simultaneous("multilateration", np.array([12.0, -7.0, 5.0])).y
+    np.testing.assert_array_equal(y["velocity"], 0.0)
+    np.testing.assert_array_equal(y["covariance"][1::2], 0.0)
+    np.testing.assert_array_equal(y["covariance"][:, 1::2], 0.0)
+
+
+def test_three_ranges_and_the_depth_suffice_and_two_do_not() -> None:
+    result = dive("multilateration", at_rest(12.0, -7.0, 5.0), steps=8,
+                  acoustics={"range_std": 0.0})
+    np.testing.assert_allclose(result.epoch, [0.3, 0.4, 0.5, 0.6], rtol=0, atol=1e-12)
+    assert result.nis_degrees.tolist() == [1, 2, 2, 2]
+    assert result.distance.max() < 1e-9
+
+
+def test_a_far_jump_is_followed_at_once() -> None:
+    box = simultaneous("multilateration", np.array([12.0, -7.0, 5.0]))
+    hear(box, np.array([-30.0, 25.0, 2.0]), 0.2)
+    y = box.step(box.t_ns, NS // 10)
+    np.testing.assert_allclose(y["position"], [-30.0, 25.0, 2.0], rtol=0, atol=1e-9)
+    assert y["epoch"] == 0.2
+    assert y["update_count"] == 2
+
+
+def test_the_error_on_a_moving_diver_is_that_of_stale_ranges() -> None:
+    result = dive("multilateration", straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05)),
+                  acoustics={"range_std": 0.0})
+    assert 0.01 < result.distance[5:].max() < 0.5
+
+
+def test_nis_is_chi_square_with_measurements_minus_three_degrees() -> None:
+    position = np.array([12.0, -7.0, 5.0])
+    rng = np.random.default_rng(2)
+    nis = np.array([
+        simultaneous("multilateration", position, errors=0.1 * rng.standard_normal(4)).y["nis"]
+        for _ in range(200)
+    ])
+    # The depth is exact here, which takes next to nothing from two degrees.
+    low, high = chi2.interval(0.999, 2 * len(nis))
+    assert low < nis.sum() < high
+
+
+@pytest.mark.parametrize("std", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("arm", [0.4, 3.0])
+def test_the_iteration_is_bounded(std: float, arm: float) -> None:
+    result = dive("multilateration", straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05)), steps=100,
+                  acoustics={"range_std": std}, beacons=CROSS * [arm / 3, arm / 3, 1.0])
+    assert result.receiver.counts["improve"] <= PASSES * len(result.epoch)
+    if std <= 0.1 and arm == 3.0:
+        assert result.receiver.counts["improve"] <= 6 * len(result.epoch)
+    assert np.isfinite(result.position).all()
+
+
+def test_degenerate_geometry_gives_finite_numbers() -> None:
+    for beacons in (np.zeros((4, 3)), CROSS * [1.0, 0.0, 1.0]):
+        for position in ([0.0, 0.0, 0.0], [0.0, 0.0, 5.0], [3.0, 0.0, 0.5]):
+            y = simultaneous("multilateration", np.array(position), beacons=beacons).y
+            assert np.isfinite(y["position"]).all()
+            assert np.isfinite(y["covariance"]).all()
+
+
+def test_negative_ranges_give_finite_numbers() -> None:
+    y = simultaneous("multilateration", CROSS[0] + [0.0, 0.0, 0.01], errors=-0.5).y
+    assert np.isfinite(y["position"]).all()
+
+
+def test_the_newest_packets_positions_can_be_used_for_all_ranges() -> None:
+    def reported(t: float) -> np.ndarray:
+        return CROSS + [t, 0.0, 0.0]
+
+    path = straight((12.0, -7.0, 5.0), (1.0, 0.0, 0.0))
+    for source, exact in ((1, True), (2, False)):
+        result = dive("multilateration", path, steps=30, acoustics={"range_std": 0.0},
+                      parameters={"beacon_position_source": source}, reported=reported)
+        # Seen from the moving cross the diver moves too; only one pairing is free of a jump.
+        spread = np.ptp(result.error[3:, 0])
+        assert np.isfinite(spread)
+        assert (result.receiver.u["ping_beacon_position"][0, 0]
+                != result.receiver.u["packet_beacon_position"][0, 0]) or exact
