@@ -1,9 +1,10 @@
 """Does an FMU honour the plug contract of a receiver?
 
 The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION` and
-`DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's causality,
-type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3 array, or
-scalars ``name[i]``, ``name[i,j]`` counted from 1. Neither CasADi nor the FMU's binary is loaded.
+`DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's name,
+causality, type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3
+array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. If the FMU has terminals of our kinds,
+they must agree. Neither CasADi nor the FMU's binary is loaded.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from sblcosim.models.declaration import UNITS, TerminalKind, Variable
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, REQUIRED_ESTIMATE, ports
 
 from .archive import DESCRIPTION, TERMINALS, library_suffix, platform_folder, this_machine
-from .description import FMI2_TYPES, TERMINAL_KIND
+from .description import FMI2_TYPES, TERMINAL_KIND, Fmi
 from .errors import FmuError, nearest
 
 Severity = Literal["ok", "absent", "warning", "error"]
@@ -65,7 +66,7 @@ class Report:
     ----------
     names
         Name of the FMU's variable for each port that it declares. The two differ only where a
-        terminal says so.
+        terminal says so, and then there is an error.
     """
 
     path: Path
@@ -202,9 +203,12 @@ def _check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator
     if description.coSimulation is None:
         yield Finding("FMU", "error", "must be for Co-Simulation, got another interface")
         return
-    folder = platform_folder(*this_machine(), 2 if description.fmiVersion == "2.0" else 3)
-    library = f"binaries/{folder}/{description.coSimulation.modelIdentifier}"
-    if library + library_suffix(folder) in files:
+    identifier = description.coSimulation.modelIdentifier
+    # FMI 2.0.4 also has the folder names of FMI 3.
+    folders: tuple[Fmi, ...] = (2, 3) if description.fmiVersion == "2.0" else (3,)
+    names = [platform_folder(*this_machine(), fmi) for fmi in folders]
+    folder = names[0]
+    if any(f"binaries/{name}/{identifier}{library_suffix(name)}" in files for name in names):
         yield Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")
     else:
         others = sorted({f.split("/")[1] for f in files if re.match(r"binaries/[^/]+/.", f)})
@@ -278,8 +282,6 @@ def _check_port(
     if not problems:
         facts = [port.causality, port.type, *(f"[{size}]" for size in port.shape)]
         text = " ".join(facts) + (f" in {port.unit}" if port.unit else "")
-        if declared.names != [port.name]:
-            text += f", the variable {declared.names[0]!r} by its terminal"
         yield Finding(port.name, "ok", text)
 
 
@@ -295,11 +297,11 @@ def _problems(
         expected = FMI2_TYPES[port.type] if description.fmiVersion == "2.0" else port.type
         wrong = _list(declared.values("type") - {expected})
         yield replace(found, message=f"must be of type {expected}, got {wrong}")
-    if len(declared.names) > 1:
-        yield replace(
-            found, message="must be the elements of one variable, got " + _list(set(declared.names))
-        )
-    elif declared.shape is None:
+    if declared.names != [port.name]:
+        # Ports are connected by their names, which a terminal may not change.
+        other = ", ".join(declared.names)
+        yield replace(found, message=f"must be a variable of this name, got {other} by a terminal")
+    if declared.shape is None:
         present = ", ".join(v.name for v in list(declared.scalars.values())[:8])
         yield replace(
             found,

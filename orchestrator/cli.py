@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,11 +25,13 @@ PATIENCE = 2.0
 
 
 class _Group(TyperGroup):
-    """Turns our exceptions into one line each and an exit code."""
+    """Turns our exceptions into a line per problem and an exit code, our warnings into a line."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.showwarning = _show_warning
+                return super().invoke(ctx)
         except SblcosimError as error:
             for line in str(error).splitlines():
                 typer.echo(f"error: {line}", err=True)
@@ -36,6 +39,10 @@ class _Group(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    typer.echo(f"warning: {message}", err=True)
 
 
 app = typer.Typer(
@@ -116,13 +123,8 @@ def run(
         result = api.run(
             scenario, receiver or (), _overrides(set_, seed), fmi=fmi, progress=progress
         )
-        folder = result.save(
-            out or Path("runs") / result.scenario_name, figures=not no_figures
-        )
-    if as_json:
-        typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
-    else:
-        typer.echo(f"{result}\n\nwritten to {folder}")
+        folder = result.save(out or Path("runs", result.scenario_name), figures=not no_figures)
+    _report(result, folder, as_json)
 
 
 @app.command()
@@ -140,6 +142,47 @@ def plan(
 
         resolved = resolve(connect(load(scenario, set_ or ()), receiver or (), fmi))
     typer.echo(str(resolved))
+
+
+@app.command()
+def calibrate(
+    sound_speed: Annotated[float, typer.Option(help="True speed of sound in m/s.")] = 1530.0,
+    assumed_sound_speed: Annotated[
+        float, typer.Option(help="Speed with which ranges are formed, in m/s.")
+    ] = 1500.0,
+    range_std: Annotated[float, typer.Option(help="Noise of a range in m.")] = 0.1,
+    distance: Annotated[float, typer.Option(help="Known distance in m.")] = 10.0,
+    distance_std: Annotated[float, typer.Option(help="Its standard uncertainty in m.")] = 0.0,
+    clock_offset: Annotated[float, typer.Option(help="Receiver's clock error in s.")] = 0.0,
+    pings: Annotated[int, typer.Option(help="Pings per distance.")] = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
+    fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version.")] = 2,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = (
+        Path("runs", "calibration")
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else.")] = False,
+) -> None:
+    """Calibrate the speed of sound and test the ranges.
+
+    As in the paper's section 2.3: the speed of sound from a known distance, and ranges at 0 to
+    100 m in steps of 5 m against the truth, through the Acoustics FMU.
+    """
+    with _waiting("calibrating"):
+        from .calibrate import calibrate as measure
+
+        result = measure(
+            sound_speed=sound_speed,
+            assumed_sound_speed=assumed_sound_speed,
+            range_std=range_std,
+            distance=distance,
+            distance_std=distance_std,
+            clock_offset=clock_offset,
+            pings=pings,
+            seed=seed,
+            fmi=3 if fmi == 3 else 2,
+        )
+        folder = result.save(out)
+    _report(result, folder, as_json)
 
 
 @app.command()
@@ -235,6 +278,13 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu")]) -> None:
 
 def _overrides(keys: list[str] | None, seed: int | None) -> list[str]:
     return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
+
+
+def _report(result: Any, folder: Path, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
+    else:
+        typer.echo(f"{result}\n\nwritten to {folder}")
 
 
 def _table(rows: list[tuple[str, str]]) -> None:

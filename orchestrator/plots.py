@@ -66,7 +66,7 @@ def plot_path_3d(
     """Path and estimates in space, depth downwards (the paper's Figure 12b)."""
     with use(theme) as look:
         own = ax is None
-        ax = ax or new_figure(6.8, 4.9).add_subplot(projection="3d")
+        ax = ax or new_figure(6.8, 4.6).add_subplot(projection="3d")
         truth = recorded(record, "target.position")
         beacons = recorded(record, "platform.beacon_position").mean(axis=0)
         reference = np.vstack([truth, beacons])
@@ -90,7 +90,7 @@ def plot_path_3d(
         ax.set(xlabel="East y [m]", ylabel="North x [m]", zlabel="Depth z [m]")
         width, depth = np.ptp(limits["y"]), np.ptp(limits["x"])
         ax.set_box_aspect((width, depth, max(np.ptp(limits["z"]), 0.35 * max(width, depth))),
-                          zoom=1.2)
+                          zoom=1.3)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_locator(MaxNLocator(5))
             axis.set_pane_color(look.paper)
@@ -108,7 +108,7 @@ def plot_axes(
         axes = _panels(3, axes)
         time_s, truth = record.time_ns / 1e9, recorded(record, "target.position")
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
-            ax.plot(time_s, truth[:, i], color=look.ink, label="truth", zorder=3)
+            ax.plot(time_s, truth[:, i], color=look.ink, lw=1, label="truth", zorder=5)
             for label, table, how in _tracks(tracks, look):
                 ax.plot(table["epoch_s"], table[f"{axis}_m"], label=label, **how)
             ax.set_ylim(*_limits(truth[:, i], _columns(tracks, f"{axis}_m"), least=0.5))
@@ -175,9 +175,10 @@ def plot_inclination(
         shown = time_s <= window_s
         angles = np.rad2deg(recorded(record, "platform.attitude")[shown])
         middle = (angles.max(axis=0) + angles.min(axis=0)) / 2
+        marker = ".-" if len(angles) < 200 else "-"  # few instants: show that the waves are sampled
         reach = max(1.15 * np.ptp(angles, axis=0).max() / 2, 0.5)
         for i, (ax, name) in enumerate(zip(axes, ("Roll", "Pitch", "Yaw"), strict=True)):
-            ax.plot(record.time_ns[shown] / 1e9, angles[:, i], color=look.receivers[1])
+            ax.plot(record.time_ns[shown] / 1e9, angles[:, i], marker, color=look.receivers[1])
             ax.set_ylim(middle[i] - reach, middle[i] + reach)
             ax.set_ylabel(f"{name} [°]")
         axes[-1].set_xlabel("Time [s]")
@@ -259,6 +260,8 @@ def _panels(count: int, axes: Sequence[Axes] | None, heights: Sequence[float] | 
     figure = new_figure(7.2, 1.6 + 1.45 * count if heights is None else 5.6)
     grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
     figure.align_ylabels(grid)
+    for ax in grid:
+        ax.margins(x=0.01)
     return list(grid)
 
 

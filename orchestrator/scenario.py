@@ -68,7 +68,7 @@ class Scenario(Table):
         The tables. Keys are those of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: str = "scenario"
+    name: Annotated[str, Field(pattern=r"^\w[^/\\]*$")] = "scenario"
     title: str = ""
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
     fmi: Literal[2, 3] = 2
@@ -378,6 +378,7 @@ def _requirement(error: ErrorDetails) -> tuple[str, list[str]]:
         "int_from_float": "must be a whole number",
         "bool_type": "must be true or false",
         "string_type": "must be a string",
+        "string_pattern_mismatch": "must begin with a letter or digit and have no slash",
         "tuple_type": "must be an array",
         "dict_type": "must be a table",
         "model_type": "must be a table",

@@ -236,7 +236,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         if key in table.model_fields_set and key not in known:
             have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]
             raise ConfigurationError(
-                f"[receiver] {key}: must be a key of a receiver of this run "
+                f"{scenario.name}: [receiver] {key}: must be a key of a receiver of this run "
                 f"({', '.join(names)}), got one of {', '.join(have)}"
             )
 
@@ -260,7 +260,7 @@ def _stop_ns(scenario: Scenario, target: ComponentSpec) -> int:
         duration = float(initial_outputs(target, ("path_duration",), 0)["path_duration"])
         if not 0.0 < duration < math.inf:
             raise ConfigurationError(
-                "[time] duration_s: must be a number for a target whose path has no end, "
+                f"{scenario.name}: [time] duration_s: must be a number for a target whose path has no end, "
                 f"got 'path' with the trajectory {scenario.target.trajectory!r}"
             )
     return int(Decimal(repr(duration)) * SECOND)

@@ -50,11 +50,10 @@ def symmetric(matrix: Any) -> Any:
 def inverse(matrix: Any) -> Any:
     """Inverse of a symmetric, positive semidefinite 3 x 3 matrix.
 
-    A part of 1e-12 of the trace is added to the diagonal, so that a degenerate geometry gives a
-    large variance instead of a division by zero.
+    Each element of the diagonal grows by 1e-12 of itself and 1e-20 of the trace, so that a
+    degenerate geometry gives a large variance instead of a division by zero.
     """
-    scale = ca.trace(matrix)
-    a = matrix + 1e-12 * scale * ca.SX.eye(3)
+    a = matrix + ca.diag(1e-12 * ca.diag(matrix) + 1e-20 * ca.trace(matrix))
     cofactors = ca.SX(3, 3)
     for i in range(3):
         for j in range(i, 3):
@@ -62,7 +61,7 @@ def inverse(matrix: Any) -> Any:
             cofactors[i, j] = a[r, c] * a[s, d] - a[r, d] * a[s, c]
     cofactors = symmetric(cofactors)
     determinant = ca.dot(a[:, 0], cofactors[:, 0])
-    return cofactors * (1 / ca.fmax(determinant, 1e-30 * scale * scale * scale))
+    return cofactors * (1 / ca.fmax(determinant, 1e-26 * a[0, 0] * a[1, 1] * a[2, 2]))
 
 
 def closed_form(s: Samples) -> Any:
@@ -119,7 +118,7 @@ def improve(position: Any, damping: Any, s: Samples, weight: Any) -> Pass:
         slope += weighted * residual
         here += weight[i] * residual**2
     information = symmetric(information)
-    damped = information + damping * ca.trace(information) * ca.SX.eye(3)
+    damped = information + damping * ca.diag(ca.diag(information))
     step = inverse(damped) @ slope
     there = cost(position + step, s, weight)
     better = there <= here

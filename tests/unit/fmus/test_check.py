@@ -226,12 +226,14 @@ def terminals(kind: str, members: Mapping[str, str]) -> dict[str, bytes]:
     }
 
 
-def test_a_terminal_can_give_ports_other_names(tmp_path: Path) -> None:
+def test_a_terminal_cannot_give_ports_other_names(tmp_path: Path) -> None:
     members = {f"fix.{name}": name for name in REQUIRED}
     description = fmi2({variable: REQUIRED[name] for variable, name in members.items()})
     files = binary(2) | terminals("org.sblcosim.estimate", members)
     report = checked(tmp_path, description, files)
-    assert complaints(report) == {}
+    assert complaints(report)["position"] == (
+        "error: must be a variable of this name, got fix.position by a terminal"
+    )
     assert report.names["position"] == "fix.position"
     other_kind = binary(2) | terminals("org.example.estimate", members)
     assert complaints(checked(tmp_path, description, other_kind)).keys() == {
@@ -258,7 +260,7 @@ def test_an_array_put_together_from_several_variables_is_refused(tmp_path: Path)
     description = fmi2(variables | dict.fromkeys(members, "Real output m"))
     files = binary(2) | terminals("org.sblcosim.estimate", members)
     assert complaints(checked(tmp_path, description, files)) == {
-        "position": "error: must be the elements of one variable, got down, east, north",
+        "position": "error: must be a variable of this name, got north, east, down by a terminal",
     }
 
 
@@ -268,6 +270,10 @@ def test_an_fmu_for_other_machines_says_which(tmp_path: Path) -> None:
         "FMU": f"error: must have a binary for this machine ({here(2)}), got plan9, win32",
     }
     assert complaints(checked(tmp_path, fmi2(REQUIRED), {}))["FMU"].endswith("got none")
+
+
+def test_an_fmi2_fmu_may_use_the_folder_names_of_fmi3(tmp_path: Path) -> None:
+    assert checked(tmp_path, fmi2(REQUIRED), binary(3)).ok
 
 
 def test_model_exchange_is_refused(tmp_path: Path) -> None:

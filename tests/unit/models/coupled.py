@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.equations import load
 from sblcosim.models.ports import RECEPTION
 from stepper import Noise, Stepper
 
 Array = NDArray[np.float64]
 Path = Callable[[float], tuple[Array, Array]]
 """``path(t)``: true position in m and velocity in m/s, NED, at time t in s."""
+Beacons = Callable[[float], Array]
+"""``beacons(t)``: positions of the beacons at time t, m, NED, (4, 3)."""
 
 NS = 10**9
 CROSS = np.array([[3.0, 0.0, 0.5], [0.0, 3.0, 0.5], [-3.0, 0.0, 0.5], [0.0, -3.0, 0.5]])
-"""Beacons of a cross with arms of 3 m; those of ``CROSS * [s, s, 1]`` have arms of 3 s m."""
+"""Beacons of a cross with arms of 3 m."""
+model = cache(load)
+
+
+def cross(arm: float) -> Array:
+    """Beacons of a cross with arms of a length in m."""
+    return CROSS * [arm / 3, arm / 3, 1.0]
 
 
 def at_rest(*position: float) -> Path:
@@ -71,19 +81,19 @@ def dive(
     acoustics: Mapping[str, Any] | None = None,
     parameters: Mapping[str, Any] | None = None,
     depth_std: float = 0.0,
-    beacons: Array = CROSS,
-    reported: Callable[[float], Array] | None = None,
+    beacons: Beacons = lambda t: CROSS,
+    reported: Beacons | None = None,
     noise: Noise | None = None,
     seed: int = 1,
 ) -> Dive:
     """Simulate `steps` sampling times; distances are taken at the ping unless asked otherwise."""
     T = round(sampling_time * NS)
     channel = Stepper(
-        "acoustics",
+        model("acoustics"),
         {"sampling_time": sampling_time, "motion_during_travel": False, **(acoustics or {})},
         noise=noise, seed=seed,
     )
-    box = Stepper(receiver, {"update_interval": ratio * sampling_time, **(parameters or {})})
+    box = Stepper(model(receiver), {"update_interval": ratio * sampling_time, **(parameters or {})})
     rng = np.random.default_rng(seed)
     depth = depth_epoch = 0.0
     rows, inputs = [], []
@@ -92,8 +102,8 @@ def dive(
         position, velocity = path(t / NS)
         received = {v.name: channel.y[v.name] for v in RECEPTION}
         channel.set(
-            target_position=position, target_velocity=velocity, beacon_position=beacons,
-            reported_beacon_position=beacons if reported is None else reported(t / NS),
+            target_position=position, target_velocity=velocity, beacon_position=beacons(t / NS),
+            reported_beacon_position=(reported or beacons)(t / NS),
         )
         if n % ratio == 0:
             box.set(**received, depth=depth, depth_epoch=depth_epoch)
@@ -117,7 +127,7 @@ def simultaneous(
     beacons: Array = CROSS, errors: Any = 0.0,
 ) -> Stepper:
     """A receiver right after its first tick, at which all four ranges and the depth are fresh."""
-    box = Stepper(receiver, {"update_interval": 0.1, **(parameters or {})})
+    box = Stepper(model(receiver), {"update_interval": 0.1, **(parameters or {})})
     box.step(0, NS // 10)
     hear(box, position, 0.1, beacons=beacons, errors=errors)
     box.step(NS // 10, NS // 10)

@@ -1,0 +1,82 @@
+"""The sequence of (epoch, estimate) does not depend on how a system is stepped."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim.master import execute
+from sblcosim.plan import resolve
+from sblcosim.system import ComponentSpec, System
+
+RECEIVERS = ("ekf", "sequential", "raw")
+SCENARIO = {
+    "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 12.0},
+    "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0,
+                 "gps_horizontal_markov_std_m": 0.5},
+    "acoustics": {"loss_probability": 0.2, "outlier_probability": 0.05},
+}
+
+
+def estimates(system: System) -> dict[str, np.ndarray]:
+    record = execute(resolve(system))
+    columns = {}
+    for name in RECEIVERS:
+        found = record.estimates(name)
+        assert found.covariance is not None
+        columns[name] = np.column_stack(
+            [found.epoch_ns, found.position, found.covariance.reshape(len(found), -1)]
+        )
+    return columns
+
+
+def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    for name in RECEIVERS:
+        # A longer communication interval shows the last estimates later, or not any more.
+        n = min(len(one[name]), len(other[name]))
+        assert n > 50
+        assert abs(len(one[name]) - len(other[name])) <= 1
+        np.testing.assert_array_equal(one[name][:n], other[name][:n])
+
+
+def stepped(change: Callable[[str, ComponentSpec], ComponentSpec]) -> System:
+    system = sblcosim.load(SCENARIO).system(("ekf", "sequential"))
+    components = {name: change(name, spec) for name, spec in system.components.items()}
+    return replace(system, components=components)
+
+
+@pytest.fixture(scope="module")
+def reference() -> dict[str, np.ndarray]:
+    return estimates(stepped(lambda name, spec: spec))
+
+
+@pytest.mark.parametrize(("divisor", "fmi"), list(itertools.product((1, 2, 5), (2, 3))))
+def test_every_communication_interval_gives_the_same_estimates(
+    divisor: int, fmi: int, reference: dict[str, np.ndarray]
+) -> None:
+    system = sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=fmi)
+    step = 100_000_000 // divisor
+    components = {
+        name: replace(spec, interval_ns=step) for name, spec in system.components.items()
+    }
+    same(estimates(replace(system, components=components)), reference)
+
+
+def test_receivers_stepped_at_the_ratio_or_at_the_sampling_time(
+    reference: dict[str, np.ndarray],
+) -> None:
+    fine = stepped(
+        lambda name, spec: replace(spec, interval_ns=100_000_000) if name in RECEIVERS else spec
+    )
+    assert stepped(lambda name, spec: spec).components["ekf"].interval_ns == 200_000_000
+    same(estimates(fine), reference)
+
+
+def test_versions_of_fmi_mixed(reference: dict[str, np.ndarray]) -> None:
+    three = sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=3).components
+    mixed = stepped(lambda name, spec: three[name] if name in ("acoustics", "ekf") else spec)
+    same(estimates(mixed), reference)
