@@ -10,8 +10,10 @@ Run by hand: ``python benchmarks/python_master.py``
 from __future__ import annotations
 
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import fmpy
@@ -56,9 +58,12 @@ def master(fmi: int, steps: int) -> float:
 class Bare:
     """The same, the way one writes it with FMPy."""
 
-    def __init__(self, fmi: int) -> None:
+    def __init__(self, fmi: int, folder: Path) -> None:
         self.fmi = fmi
-        self.fmus = {name: self._instance(name, fmi) for name in NAMES}
+        self.descriptions = {
+            name: fmpy.read_model_description(build(name, fmi), validate=False) for name in NAMES
+        }
+        self.fmus = {name: self._instance(name, folder / f"{name}{fmi}") for name in NAMES}
         self.gets, self.sets = [], []
         for name in NAMES:
             outputs = COMPONENTS[name].of("output")
@@ -81,13 +86,11 @@ class Bare:
                     references = self._references(name, [b for _, b, _ in pairs])
                     self.sets.append((set_, references, labels))
 
-    def _instance(self, name: str, fmi: int) -> Any:
-        path = build(name, fmi)
-        self.descriptions = getattr(self, "descriptions", {})
-        self.descriptions[name] = description = fmpy.read_model_description(path, validate=False)
-        slave = (FMU2Slave if fmi == 2 else FMU3Slave)(
+    def _instance(self, name: str, folder: Path) -> Any:
+        description = self.descriptions[name]
+        slave = (FMU2Slave if self.fmi == 2 else FMU3Slave)(
             guid=description.guid,
-            unzipDirectory=str(fmpy.extract(path)),
+            unzipDirectory=str(fmpy.extract(build(name, self.fmi), folder)),
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName=name,
         )
@@ -142,12 +145,13 @@ class Bare:
 
 def main() -> None:
     for fmi in (2, 3):
-        bare = Bare(fmi)
         ours, theirs = [], []
         master(fmi, STEPS)  # builds, loads and warms everything
-        for _ in range(REPEATS):
-            ours.append((master(fmi, STEPS + 1) - master(fmi, 1)) / STEPS * 1e6)
-            theirs.append(bare.run(STEPS) / STEPS * 1e6)
+        with tempfile.TemporaryDirectory() as folder:
+            bare = Bare(fmi, Path(folder))
+            for _ in range(REPEATS):
+                ours.append((master(fmi, STEPS + 1) - master(fmi, 1)) / STEPS * 1e6)
+                theirs.append(bare.run(STEPS) / STEPS * 1e6)
         for label, times in (("Python master", ours), ("bare FMPy calls", theirs)):
             print(
                 f"FMI {fmi}  {label:16} min {min(times):6.1f} µs  "

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 from .errors import BuildError
@@ -62,7 +63,9 @@ class Compiler:
         try:
             done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
         except OSError as error:
-            raise BuildError(f"the compiler {self.command[0]!r} cannot be started: {error}") from None
+            raise BuildError(
+                f"the compiler {self.command[0]!r} cannot be started: {error}"
+            ) from None
         if done.returncode != 0:
             raise BuildError(f"{' '.join(self.command)} failed:\n{done.stderr.strip()}")
 
@@ -72,9 +75,8 @@ def zig() -> Compiler | None:
     spec = importlib.util.find_spec("ziglang")
     if spec is None:
         return None
-    from importlib.metadata import version
-
-    return Compiler((sys.executable, "-m", "ziglang", "cc", *_ZIG_FLAGS), f"zig {version('ziglang')}")
+    command = (sys.executable, "-m", "ziglang", "cc", *_ZIG_FLAGS)
+    return Compiler(command, f"zig {version('ziglang')}")
 
 
 def system(name: str) -> Compiler | None:
@@ -99,7 +101,9 @@ def find() -> Compiler:
     if wanted:
         compiler = zig() if wanted == "zig" else system(wanted)
         if compiler is None:
-            raise BuildError(f"{VARIABLE}: must name a compiler, got {wanted!r}, which is not there")
+            raise BuildError(
+                f"{VARIABLE}: must name a compiler, got {wanted!r}, which is not there"
+            )
         return compiler
     for name in ("cc", "gcc", "clang"):
         compiler = system(name)

@@ -8,6 +8,7 @@ one per simulation, in a study: the same text, and the same bits.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Literal
 
 import casadi as ca
@@ -118,7 +119,8 @@ def statements(
 
 def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
     body = [*(f"(void){name};" for name in unused), *lines]
-    return "\n".join([f"static inline void {signature}", "{", *(f"    {line}" for line in body), "}", ""])
+    indented = [f"    {line}" for line in body]
+    return "\n".join([f"static inline void {signature}", "{", *indented, "}", ""])
 
 
 def _cases(signature: str, selector: str, cases: Mapping[int, Sequence[str]]) -> str:
@@ -149,7 +151,8 @@ def _occasion(draws: Sequence[Draw], name: str, number: int) -> list[str]:
             pair = indices[first : first + 2]
             second = f"&w[{pair[1]}]" if len(pair) == 2 else "&spare"
             stream = 2 * block + (kind == "uniform")
-            lines.append(f"noise_{kind}2(key, count, {stream}u, {number}u, &w[{pair[0]}], {second});")
+            to = f"&w[{pair[0]}], {second}"
+            lines.append(f"noise_{kind}2(key, count, {stream}u, {number}u, {to});")
     return ["real spare;", "(void)spare;", *lines] if lines else []
 
 
@@ -205,6 +208,7 @@ def model_source(model: Model) -> str:
         pick: Callable[[Functions], ca.Function], arguments: Sequence[str], result: str,
         in_place: str | None = None,
     ) -> dict[int, list[str]]:
+        """One function of each variant, printed."""
         return {
             value: statements(pick(functions), arguments, result, in_place)
             for value, functions in model.variants.items()
@@ -231,16 +235,13 @@ def model_source(model: Model) -> str:
         each(lambda f: f.output, ["x", "u", "p", "=t"], "y"), ["x", "u", "p", "t", "y"],
     )
     for number, loop in enumerate(loops):
-        emit(
-            f"guard_{number}(int variant, {xup}, real t, real *c)",
-            each(lambda f, loop=loop: f.guards[loop], ["x", "u", "p", "=t"], "c"),
-            ["x", "u", "p", "t"],
-        )
+        guards = each(partial(_guard, loop), ["x", "u", "p", "=t"], "c")
+        bodies = each(partial(_body, loop), ["x", "u", "p", "w", "=t"], "x", "x")
+        emit(f"guard_{number}(int variant, {xup}, real t, real *c)", guards, ["x", "u", "p", "t"])
         emit(
             f"body_{number}(int variant, real *x, const real *u, const real *p, const real *w, "
             "real t)",
-            each(lambda f, loop=loop: f.bodies[loop], ["x", "u", "p", "w", "=t"], "x", "x"),
-            ["x", "u", "p", "w", "t"],
+            bodies, ["x", "u", "p", "w", "t"],
         )
     numbers = range(len(loops))
     parts.append(
@@ -278,6 +279,14 @@ def model_source(model: Model) -> str:
             f"model_jacobian(int variant, {xup}, real t, real *j)", cases, ["x", "u", "p", "t"]
         )
     return "\n".join(parts)
+
+
+def _guard(loop: str, functions: Functions) -> ca.Function:
+    return functions.guards[loop]
+
+
+def _body(loop: str, functions: Functions) -> ca.Function:
+    return functions.bodies[loop]
 
 
 def _bound(value: float | None, infinity: str) -> str:

@@ -100,7 +100,9 @@ class Variable:
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
         if isinstance(self.start, tuple) and len(self.start) != self.size:
-            raise ValueError(f"{self.name}: {len(self.start)} start values for {self.size} elements")
+            raise ValueError(
+                f"{self.name}: {len(self.start)} start values for {self.size} elements"
+            )
         if self.variability is None:
             default: Variability = "continuous" if self.type == "Float64" else "discrete"
             object.__setattr__(
@@ -199,11 +201,9 @@ class Component:
         names = [v.name for v in self.variables]
         if len(set(names)) != len(names):
             raise ValueError(f"{self.name}: variable names are not unique")
-        order = {"parameter": 0, "input": 1, "output": 2}
-        if [order[v.causality] for v in self.variables] != sorted(
-            order[v.causality] for v in self.variables
-        ):
-            raise ValueError(f"{self.name}: variables must be parameters, then inputs, then outputs")
+        order = [("parameter", "input", "output").index(v.causality) for v in self.variables]
+        if order != sorted(order):
+            raise ValueError(f"{self.name}: parameters must come first, then inputs, then outputs")
 
     def __iter__(self) -> Iterator[Variable]:
         return iter(self.variables)

@@ -257,7 +257,9 @@ def build(
                 path.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(cached, path)
             except OSError as error:
-                raise ConfigurationError(f"{path}: must be writable, got {error.strerror}") from None
+                raise ConfigurationError(
+                    f"{path}: must be writable, got {error.strerror}"
+                ) from None
     for _, path in built:
         typer.echo(str(path))
 

@@ -370,7 +370,7 @@ class Instance:
             self.usable = False
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"status {status}"
         when = "" if time_ns is None else f" at {text_of(time_ns)}"
-        said = self.said()
+        said = self.said().removeprefix(f"{self.name}: ").removeprefix(f"{function}: ")
         return FmuError(
             f"{self.name}: {function}{when} must succeed, got {label}"
             + (f": {said}" if said else f" (FMU {self.fmu.path}, no message)")
@@ -402,8 +402,8 @@ class Instance:
         for port, values in settings:
             status = self.setter(port.type, port.references, values)()
             if status > WARNING:
-                error = self.failure(self.function("Set", port.type), status)
-                raise FmuError(f"{self.name}.{port.name}: {error}")
+                error = str(self.failure(self.function("Set", port.type), status))
+                raise FmuError(f"{self.name}.{port.name}: {error.removeprefix(self.name + ': ')}")
         enter = "EnterInitializationMode"
         arguments = (False, 0.0, start, False, 0.0) if self.fmu.fmi == 3 else ()
         self._check(f"fmi{self.fmu.fmi}{enter}", f[enter](c, *arguments))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -104,7 +105,7 @@ def initial_outputs(
     ConfigurationError, FmuError
         As `sblcosim.plan.resolve` and `execute`; and if there is no such output.
     """
-    name = spec.fmu.stem if hasattr(spec.fmu, "stem") else "component"
+    name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
     plan = resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
     vectors = _vectors(plan)
     with ExitStack() as stack:
@@ -253,7 +254,7 @@ class _PythonRunner:
                     f"{where}: {name} must be {place.dtype} of shape {place.shape}, got "
                     f"{value.dtype} of shape {value.shape}"
                 )
-            arrays[name] = value.copy()  # the component may change its own array in the next step
+            arrays[name] = value
         return arrays
 
     def read(self, now: int) -> None:

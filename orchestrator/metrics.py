@@ -172,13 +172,13 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
 
     Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
     and ``relative_error_{x,y,z,total}_m``; where the receiver tells them, ``std_{x,y,z}_m``,
-    ``nees_position`` (3 degrees of freedom), ``nees_state`` (6), ``nis`` and ``nis_degrees``, all
-    of the absolute error.
+    ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
+    ``nis`` and ``nis_degrees``.
 
     Raises
     ------
     FmuError
-        An estimate's epoch lies outside the run.
+        An estimate's epoch lies outside the run, or its position is not finite.
     """
     estimates = record.estimates(receiver)
     epoch_ns, position = estimates.epoch_ns, estimates.position
@@ -188,6 +188,12 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
         raise FmuError(
             f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
             f"got {epoch_ns[outside][0] / 1e9:g} s"
+        )
+    broken = ~np.isfinite(position).all(axis=1)
+    if broken.any():
+        raise FmuError(
+            f"{receiver}.position: must be finite in a valid estimate, got "
+            f"{position[broken][0].tolist()} at epoch {epoch_ns[broken][0] / 1e9:g} s"
         )
     true_position, true_velocity = state_at(
         record.time_ns,

@@ -379,7 +379,7 @@ def _connections(
             )
             if source.unit and target.unit:
                 raise ConfigurationError(message)
-            warnings.warn(message, ConfigurationWarning, stacklevel=4)
+            warnings.warn(message, ConfigurationWarning, stacklevel=3)
         earlier = connections.get((component, variable))
         if earlier is not None:
             raise ConfigurationError(

@@ -17,7 +17,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
-
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
@@ -25,7 +24,6 @@ from sblcosim.models.platform.imu import grade
 from .errors import ConfigurationError, nearest
 from .system import PythonComponent, System
 from .tables import (
-    PATH,
     PRIOR_KEYS,
     SEED,
     TRUE,
@@ -73,10 +71,10 @@ class Scenario(Table):
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
     fmi: Literal[2, 3] = 2
     time: Time = Field(default_factory=Time)
-    target: Target = Field(default_factory=Target)  # type: ignore[valid-type]
-    platform: Platform = Field(default_factory=Platform)  # type: ignore[valid-type]
-    acoustics: Acoustics = Field(default_factory=Acoustics)  # type: ignore[valid-type]
-    receiver: Receiver = Field(default_factory=Receiver)  # type: ignore[valid-type]
+    target: Target = Field(default_factory=Target)
+    platform: Platform = Field(default_factory=Platform)
+    acoustics: Acoustics = Field(default_factory=Acoustics)
+    receiver: Receiver = Field(default_factory=Receiver)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -150,8 +148,9 @@ class Scenario(Table):
         if receiver.type is not None and receiver.fmu is not None:
             yield f"[receiver]: must have type or fmu, got both ({receiver.type}, {receiver.fmu})"
         if self.true_prior:
-            for key in receiver.model_fields_set & set(PRIOR_KEYS):
-                yield f"[receiver] {key}: must be left out when prior is 'true'"
+            for key in PRIOR_KEYS:
+                if key in receiver.model_fields_set:
+                    yield f"[receiver] {key}: must be left out when prior is 'true'"
             if receiver.initialisation not in ("prior", None):
                 yield (
                     "[receiver] initialisation: must be 'prior' or be left out when prior is "
@@ -229,9 +228,7 @@ def shipped_text(name: str) -> str:
     return (resources.files("sblcosim.scenarios") / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def load(
-    source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = ()
-) -> Scenario:
+def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
     """Read a scenario, fill in what it leaves out, and check it.
 
     Parameters
@@ -249,11 +246,11 @@ def load(
         There is no such scenario, or something in it is wrong: one line per problem.
     """
     where, raw, folder = _read(source)
-    raw = {k: dict(v) if isinstance(v, Mapping) else v for k, v in raw.items()}
+    raw = _without_none(raw)
     for table in raw.values():
         if isinstance(table, dict) and isinstance(table.get("fmu"), str):
             table["fmu"] = str(folder / table["fmu"])
-    changed = set()
+    changed: set[tuple[str, ...]] = set()
     for path, value in _pairs(overrides):
         changed.add(path)
         table = raw
@@ -266,14 +263,22 @@ def load(
     if isinstance(source, str | Path) and "name" not in raw:
         raw["name"] = Path(source).stem
     try:
-        return Scenario.model_validate(raw)
+        return Scenario.model_validate(_without_none(raw))
     except ValidationError as error:
         lines = [line for e in error.errors() for line in _lines(e, where, changed)]
         raise ConfigurationError("\n".join(lines)) from None
 
 
-def _read(source: str | Path | Mapping[str, Any] | Scenario
-          ) -> tuple[str, Mapping[str, Any], Path]:
+def _without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of nested tables without the keys that hold nothing."""
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in tables.items()
+        if value is not None
+    }
+
+
+def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mapping[str, Any], Path]:
     """Where it comes from, the tables, and the folder of relative paths."""
     if isinstance(source, Scenario):
         return source.name, source.given(), Path.cwd()
@@ -391,8 +396,10 @@ def _requirement(error: ErrorDetails) -> tuple[str, list[str]]:
 
 def _is_table(name: Any) -> bool:
     field = Scenario.model_fields.get(str(name))
-    return field is not None and isinstance(field.annotation, type) and issubclass(
-        field.annotation, Table
+    return (
+        field is not None
+        and isinstance(field.annotation, type)
+        and issubclass(field.annotation, Table)
     )
 
 
@@ -430,4 +437,3 @@ def _unknown(location: Sequence[str | int]) -> str:
         parts = [key for key in tables[table] if name.lower() in key.lower()]
         close = f"; did you mean {parts[0]!r}?" if parts else ""
     return f"[{table}] has no key {name!r}{close}"
-

@@ -11,11 +11,10 @@ import math
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import PydanticCustomError
-
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.platform.beaufort import LEVELS
@@ -23,9 +22,9 @@ from sblcosim.models.platform.imu import GRADES
 
 from .system import SECOND
 
-PATH = "path"
+PATH: Final = "path"
 """Value of ``duration_s``: until the end of the target's path."""
-TRUE = "true"
+TRUE: Final = "true"
 """Value of ``prior``: the true start, at rest."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 
@@ -37,6 +36,10 @@ class Table(BaseModel):
         extra="forbid", frozen=True, strict=True, revalidate_instances="always"
     )
     variables: ClassVar[Mapping[str, Variable]] = {}
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, key: str) -> Any: ...
 
     def fill(self, values: Mapping[str, Any]) -> None:
         """Set what was not given. Only for a table that is being validated."""
@@ -126,19 +129,13 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
 
 def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
     """Make the class of a table: its own keys first, then one per parameter."""
-    variables = {v.key: v for v in variables if v.causality == "parameter"}
-    fields: dict[str, Any] = {
-        **extra,
-        **{
-            key: (
-                _annotation(variables.values(), variable) | None,
-                Field(None, description=variable.description),
-            )
-            for key, variable in variables.items()
-        },
-    }
-    table = create_model(name, __base__=Table, __module__=__name__, **fields)
-    table.variables = variables
+    parameters = {v.key: v for v in variables if v.causality == "parameter"}
+    keys: dict[str, Any] = dict(extra)
+    for key, variable in parameters.items():
+        annotation = _annotation(parameters.values(), variable)
+        keys[key] = (annotation | None, Field(None, description=variable.description))
+    table: type[Table] = create_model(name, __base__=Table, __module__=__name__, **keys)
+    table.variables = parameters
     return table
 
 
@@ -156,35 +153,53 @@ COMMON: Mapping[str, Any] = {
     ),
 }
 
-Target = _table("Target", COMPONENTS["target"], COMMON)
-Platform = _table(
-    "Platform",
-    COMPONENTS["platform"],
-    {
-        **COMMON,
-        "beaufort": (
-            Annotated[int, Field(ge=min(LEVELS), le=max(LEVELS))] | None,
-            Field(None, description="Sea state, 0 to 6: sets the waves' numbers that are not given"),
-        ),
-        "imu_grade": (
-            Literal[tuple(GRADES)] | None,
-            Field(None, description=f"Sets the IMU's errors that are not given: {', '.join(GRADES)}"),
-        ),
-    },
-)
-Acoustics = _table("Acoustics", COMPONENTS["acoustics"], COMMON)
-Receiver = _table(
-    "Receiver",
-    {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
-    {
-        "type": (Literal[tuple(RECEIVERS)] | None, Field(None, description=f"One of ours: {', '.join(RECEIVERS)}")),
-        **COMMON,
-        "prior": (
-            Literal[TRUE] | None,
-            Field(None, description="'true': the prior is the true start, at rest"),
-        ),
-    },
-)
+if TYPE_CHECKING:
+    # A type checker cannot know the keys: they are made from the declarations.
+    class Target(Table):
+        """Table ``[target]``."""
+
+    class Platform(Table):
+        """Table ``[platform]``."""
+
+    class Acoustics(Table):
+        """Table ``[acoustics]``."""
+
+    class Receiver(Table):
+        """Table ``[receiver]``: keys of all our receivers."""
+
+else:
+    Target = _table("Target", COMPONENTS["target"], COMMON)
+    Platform = _table(
+        "Platform",
+        COMPONENTS["platform"],
+        {
+            **COMMON,
+            "beaufort": (
+                Annotated[int, Field(ge=min(LEVELS), le=max(LEVELS))] | None,
+                Field(None, description="Sea state, 0 to 6: sets the keys of waves not given"),
+            ),
+            "imu_grade": (
+                Literal[tuple(GRADES)] | None,
+                Field(None, description=f"Sets keys of the IMU not given: {', '.join(GRADES)}"),
+            ),
+        },
+    )
+    Acoustics = _table("Acoustics", COMPONENTS["acoustics"], COMMON)
+    Receiver = _table(
+        "Receiver",
+        {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
+        {
+            "type": (
+                Literal[tuple(RECEIVERS)] | None,
+                Field(None, description=f"One of ours: {', '.join(RECEIVERS)}"),
+            ),
+            **COMMON,
+            "prior": (
+                Literal[TRUE] | None,
+                Field(None, description="'true': the prior is the true start, at rest"),
+            ),
+        },
+    )
 
 
 def _duration(value: Any) -> Any:
@@ -196,7 +211,7 @@ def _duration(value: Any) -> Any:
         problem = "must be more than 0"
     else:
         return float(value)
-    raise PydanticCustomError("duration", problem)  # type: ignore[arg-type]
+    raise PydanticCustomError("duration", problem)
 
 
 _TICK = COMPONENTS["acoustics"]["sampling_time"]
@@ -207,14 +222,14 @@ class Time(Table):
     """When things happen."""
 
     sampling_time_s: Annotated[float, Field(ge=_TICK.min, le=_TICK.max)] = Field(
-        float(_TICK.starts[0]),
+        default=float(_TICK.starts[0]),
         description="Time between samples of all sensors and between pings: the paper's T",
     )
     ekf_ratio: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        1, description="Updates of the receiver come every ekf_ratio sampling times"
+        default=1, description="Updates of the receiver come every ekf_ratio sampling times"
     )
     duration_s: Annotated[float | Literal["path"], BeforeValidator(_duration)] = Field(
-        PATH, description="Length of the run; 'path': until the end of the target's path"
+        default=PATH, description="Length of the run; 'path': until the end of the target's path"
     )
 
 
@@ -224,10 +239,12 @@ def nanoseconds(seconds: float) -> int:
 
 
 def is_whole_ns(seconds: float) -> bool:
+    """Whether a time is a whole number of nanoseconds."""
     return Decimal(repr(seconds)) * SECOND % 1 == 0
 
 
 def divides(part: float, whole: float) -> bool:
+    """Whether one time is a whole multiple of another."""
     return nanoseconds(part) > 0 and nanoseconds(whole) % nanoseconds(part) == 0
 
 
@@ -250,4 +267,3 @@ def toml(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
     return str(value)
-

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, cast
 
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
@@ -18,7 +18,7 @@ from .errors import ConfigurationError, nearest
 from .fmu import ports_of, read
 from .master import initial_outputs
 from .scenario import Receivers, Scenario, Source
-from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, Value
+from .system import SECOND, ComponentSpec, Connection, System, Value
 from .tables import PATH, TRUE, in_si, nanoseconds
 
 FIXED = ("target", "platform", "acoustics")
@@ -92,7 +92,7 @@ def connect(
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=tuple(_connections(parts, chosen)),
-        stop_ns=_stop_ns(scenario, parts["target"].spec),
+        stop_ns=_stop_ns(scenario, parts["target"]),
     )
 
 
@@ -101,7 +101,7 @@ def _ours(name: str, table: Any, fmi: int) -> _Part:
 
     component = COMPONENTS[name]
     spec = ComponentSpec(
-        build(name, fmi),
+        build(name, cast(Literal[2, 3], fmi)),  # anything else is refused there
         nanoseconds(table.interval_s),
         _values(component.of("parameter"), table),
     )
@@ -136,9 +136,7 @@ def _foreign(table_name: str, table: Any, source: Source, own: bool) -> _Part:
     }
     if own:
         parameters |= {k: _flat(v) for k, v in (table.parameters or {}).items()}
-    return _Part(
-        ComponentSpec(fmu, nanoseconds(table.interval_s), parameters), frozenset(ports)
-    )
+    return _Part(ComponentSpec(fmu, nanoseconds(table.interval_s), parameters), frozenset(ports))
 
 
 def _check_contract(source: Source) -> None:
@@ -243,7 +241,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
 
 def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
     """Write the true start, at rest, into the receivers' priors."""
-    position = initial_outputs(parts["target"].spec, ("position",), 0)["position"]
+    position = initial_outputs(parts["target"].spec, ("position",))["position"]
     start: dict[str, Value] = {
         "prior_position": tuple(float(x) for x in position),
         "prior_velocity": (0.0, 0.0, 0.0),
@@ -254,14 +252,16 @@ def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
         parts[label] = _Part(replace(spec, parameters={**spec.parameters, **known}), names)
 
 
-def _stop_ns(scenario: Scenario, target: ComponentSpec) -> int:
+def _stop_ns(scenario: Scenario, target: _Part) -> int:
     duration = scenario.time.duration_s
     if duration == PATH:
-        duration = float(initial_outputs(target, ("path_duration",), 0)["path_duration"])
+        duration = 0.0
+        if "path_duration" in target.names:
+            duration = float(initial_outputs(target.spec, ("path_duration",))["path_duration"])
         if not 0.0 < duration < math.inf:
             raise ConfigurationError(
-                f"{scenario.name}: [time] duration_s: must be a number for a target whose path has no end, "
-                f"got 'path' with the trajectory {scenario.target.trajectory!r}"
+                f"{scenario.name}: [time] duration_s: must be a number for a target that does not "
+                f"tell when its path ends, got 'path'"
             )
     return int(Decimal(repr(duration)) * SECOND)
 

@@ -47,6 +47,7 @@ enum status { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3 };
 #define SNAPSHOT_MAGIC 0x53424c46u /* "SBLF" */
 #define SNAPSHOT_VERSION 1u
 #define TICK_TOLERANCE_NS 1000
+#define MAX_SECONDS 4e9 /* differences of two such times fit into 64 bits of nanoseconds */
 
 /* Everything that changes, and nothing but numbers: a snapshot is a copy. */
 struct data {
@@ -60,6 +61,7 @@ struct data {
 struct snapshot {
     uint32_t magic, version;
     uint64_t size;
+    uint64_t checksum; /* 0 except in the serialized form */
     char token[sizeof MODEL_TOKEN];
     struct data data;
 };
@@ -166,7 +168,7 @@ static void instance_free(struct instance *in)
 /* Seconds to whole nanoseconds; 0 if they are no sensible time. */
 static int to_ns(double seconds, int64_t *ns)
 {
-    if (!(seconds > -9e9 && seconds < 9e9))
+    if (!(seconds > -MAX_SECONDS && seconds < MAX_SECONDS))
         return 0;
     *ns = (int64_t)(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5));
     return 1;
@@ -175,7 +177,8 @@ static int to_ns(double seconds, int64_t *ns)
 static enum status instance_set_start(struct instance *in, double start)
 {
     if (!to_ns(start, &in->data.start_ns))
-        return report(in, ERROR, "the start time must be finite and below 9e9 s, got %g", start);
+        return report(in, ERROR, "the start time must be finite and below %g s, got %g",
+                      MAX_SECONDS, start);
     in->data.time_ns = in->data.start_ns;
     in->data.stale = 1;
     return OK;
@@ -250,11 +253,15 @@ static enum status instance_refresh(struct instance *in)
 {
     if (!in->data.stale)
         return OK;
-    if (in->data.mode == INITIALIZATION)
-        return instance_initialise(in);
-    engine_output(&in->data.block, in->data.variant, in->data.time_ns);
-    in->data.stale = 0;
-    return OK;
+    if (in->data.mode == INITIALIZATION) {
+        const enum status status = instance_initialise(in);
+        if (status != OK)
+            return status;
+    } else
+        engine_output(&in->data.block, in->data.variant, in->data.time_ns);
+    const enum status status = instance_check_finite(in);
+    in->data.stale = status != OK;
+    return status;
 }
 
 /* Why a value cannot be set, or NULL. */
@@ -411,8 +418,8 @@ static enum status instance_step(struct instance *in, double point, double size)
     struct data *d = &in->data;
     int64_t point_ns, size_ns, end_ns;
     if (!to_ns(point, &point_ns) || !to_ns(size, &size_ns) || !to_ns(point + size, &end_ns))
-        return report(in, ERROR, "doStep: time %g s and step %g s must be finite and below 9e9 s",
-                      point, size);
+        return report(in, ERROR, "doStep: the communication point and its step must be finite "
+                      "and below %g s, got %g s and %g s", MAX_SECONDS, point, size);
     if (size_ns <= 0)
         return report(in, ERROR, "doStep: the step must be at least 1 ns, got %g s", size);
     int64_t tolerance = size_ns / 1000;
@@ -490,6 +497,12 @@ static enum status instance_derivative(struct instance *in, const char *function
                 for (unsigned u = input; u < input + extent(input); u++, column++)
                     sum += jacobian[(y - N_P - N_U) * N_U + (u - N_P)] * seed[column];
             }
+            if (!__builtin_isfinite(sum)) {
+                char name[128];
+                element_name(y, name, sizeof name);
+                return report(in, DISCARD, "%s: %s has no derivative here, got %g", function, name,
+                              sum);
+            }
             sensitivity[row] = sum;
         }
     }
@@ -540,13 +553,33 @@ static enum status snapshot_set(struct instance *in, const void *state)
     return status;
 }
 
+/* FNV-1a over all other bytes. */
+static uint64_t snapshot_checksum(const struct snapshot *s)
+{
+    struct snapshot copy;
+    unsigned char bytes[sizeof copy];
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    memcpy(&copy, s, sizeof copy);
+    copy.checksum = 0;
+    memcpy(bytes, &copy, sizeof copy);
+    for (size_t i = 0; i < sizeof copy; i++)
+        hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
 static enum status snapshot_serialize(const struct instance *in, const void *state,
                                       unsigned char *bytes, size_t size)
 {
+    struct snapshot outgoing;
+    const enum status status = snapshot_check(in, state);
+    if (status != OK)
+        return status;
     if (size < sizeof(struct snapshot))
         return report(in, ERROR, "the serialized state takes %zu bytes, got room for %zu",
                       sizeof(struct snapshot), size);
-    memcpy(bytes, state, sizeof(struct snapshot));
+    memcpy(&outgoing, state, sizeof outgoing);
+    outgoing.checksum = snapshot_checksum(&outgoing);
+    memcpy(bytes, &outgoing, sizeof outgoing);
     return OK;
 }
 
@@ -561,10 +594,13 @@ static enum status snapshot_deserialize(const struct instance *in, const unsigne
     const enum status status = snapshot_check(in, &incoming);
     if (status != OK)
         return status;
+    if (incoming.checksum != snapshot_checksum(&incoming))
+        return report(in, ERROR, "the serialized state is damaged");
+    incoming.checksum = 0;
     struct snapshot *s = *state ? *state : malloc(sizeof *s);
     if (!s)
         return report(in, ERROR, "no memory for the state");
-    *s = incoming;
+    memcpy(s, &incoming, sizeof *s);
     *state = s;
     return OK;
 }

@@ -53,7 +53,7 @@ def _gps(part: str, description: str) -> tuple[Variable, ...]:
 COMPONENT = Component(
     name="Platform",
     number=2,
-    description="A moored platform in waves that broadcasts its beacons' positions from GPS and IMU",
+    description="A moored platform in waves; it broadcasts its beacons' positions from GPS and IMU",
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between draws of the GPS and IMU errors"),

@@ -7,9 +7,10 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Symbols, Values
+from ..ports import BEACONS
 from . import kalman
 from .estimate import POSITION, STATES, pack, unpack
-from .measurements import BEACONS, predicted, samples, variances
+from .measurements import predicted, samples, variances
 from .variables import MEASUREMENT_NOISE
 
 _VARIANCE = next(k for k, v in MEASUREMENT_NOISE.items() if v == "variance")

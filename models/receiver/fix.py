@@ -50,10 +50,10 @@ def symmetric(matrix: Any) -> Any:
 def inverse(matrix: Any) -> Any:
     """Inverse of a symmetric, positive semidefinite 3 x 3 matrix.
 
-    Each element of the diagonal grows by 1e-12 of itself and 1e-20 of the trace, so that a
-    degenerate geometry gives a large variance instead of a division by zero.
+    Each element of the diagonal grows by 1e-12 of itself, 1e-20 of the trace and 1e-30, so that a
+    degenerate geometry gives a large variance, and no data at all no division by zero.
     """
-    a = matrix + ca.diag(1e-12 * ca.diag(matrix) + 1e-20 * ca.trace(matrix))
+    a = matrix + ca.diag(1e-12 * ca.diag(matrix) + (1e-20 * ca.trace(matrix) + 1e-30))
     cofactors = ca.SX(3, 3)
     for i in range(3):
         for j in range(i, 3):

@@ -7,10 +7,10 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
+from ..ports import BEACONS
 from . import fix, kalman
 from .estimate import POSITION, STATES, pack, unpack
-from .measurements import BEACONS, DEPTH, MEASUREMENTS, distance, samples, variances
-
+from .measurements import DEPTH, MEASUREMENTS, distance, samples, variances
 
 _FORGIVEN = 0.5
 """What a range inside the gate takes back from the score of rejections. Below 1, because a filter

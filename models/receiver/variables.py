@@ -67,9 +67,9 @@ SEQUENTIAL = _receiver(
         *_MOTION,
         parameter("gate", "Innovations beyond this many standard deviations are rejected; 0 "
                   "switches the gate off", start=4.0, min=0.0),
-        Variable("gate_limit", "Score of rejections at which the filter starts anew from the latest "
-                 "receptions: a rejected range adds 1, any other takes back 1/2", "parameter",
-                 start=5, min=1, max=1000, type="Int32"),
+        Variable("gate_limit", "Score of rejections at which the filter starts anew from the "
+                 "latest receptions: a rejected range adds 1, any other takes back 1/2",
+                 "parameter", start=5, min=1, max=1000, type="Int32"),
     ),
 )
 MULTILATERATION = _receiver(

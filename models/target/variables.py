@@ -5,7 +5,13 @@ from __future__ import annotations
 from math import pi
 
 from ..declaration import (
-    Component, choice, noise_keys, output, parameter, tick_interval, Variable,
+    Component,
+    Variable,
+    choice,
+    noise_keys,
+    output,
+    parameter,
+    tick_interval,
 )
 from ..ports import DEPTH, MOTION, ports, terminal
 

@@ -112,7 +112,10 @@ class Stepper:
         """Go from `t_ns` to ``t_ns + h_ns`` and return the outputs there."""
         assert t_ns == self.t_ns, "steps must follow one another"
         end_ns = t_ns + h_ns
-        while self.interval_ns and (tick := self.start_ns + (self.k + 1) * self.interval_ns) < end_ns:
+        while self.interval_ns:
+            tick = self.start_ns + (self.k + 1) * self.interval_ns
+            if tick >= end_ns:
+                break
             self.k += 1
             self._advance(tick)
             self.x = self._call(self.functions.tick, self.x, self._u, self._p,

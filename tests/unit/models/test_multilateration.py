@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from coupled import CROSS, NS, at_rest, cross, dive, hear, simultaneous, straight
+from sblcosim.models.receiver.fix import PASSES
 from scipy.optimize import least_squares
 from scipy.stats import chi2
-from sblcosim.models.receiver.fix import PASSES
 
 POSITIONS = [
     (12.0, -7.0, 5.0), (0.3, 0.1, 2.0), (-60.0, 80.0, 30.0), (3.0, 0.0, 0.6), (0.5, 0.5, 0.5),
@@ -20,7 +20,7 @@ ERRORS = np.array([0.11, -0.05, 0.08, 0.13])
 def test_it_is_exact_on_fresh_simultaneous_data(
     position: tuple[float, float, float], arm: float
 ) -> None:
-    beacons = cross(arm) + [100.0, -200.0, 0.0]
+    beacons = cross(arm) + np.array([100.0, -200.0, 0.0])
     truth = np.add(position, [100.0, -200.0, 0.0])
     y = simultaneous("multilateration", truth, beacons=beacons).y
     np.testing.assert_allclose(y["position"], truth, rtol=0, atol=1e-9)
@@ -119,7 +119,7 @@ def test_negative_ranges_give_finite_numbers() -> None:
 
 def test_positions_of_the_newest_packet_suit_a_cross_that_moves_along_with_the_diver() -> None:
     def beacons(t: float) -> np.ndarray:
-        return CROSS + [t, 0.0, 0.0]
+        return CROSS + np.array([t, 0.0, 0.0])
 
     def largest_error(source: int) -> float:
         result = dive(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled import CROSS, NS, Dive, at_rest, dive, hear, simultaneous, straight
+from coupled import CROSS, NS, Dive, at_rest, dive, hear, model, simultaneous, straight
 from stepper import Stepper
 
 LINE = straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05))
@@ -70,7 +70,6 @@ def test_it_equals_scalar_updates_in_order_of_epoch(ratio: int, gate: float) -> 
                   parameters={**PRIOR, "gate": gate, "gate_limit": 1000})
     reference = Reference(result.receiver.p)
     rows = {round(epoch, 6): row for row, epoch in enumerate(result.epoch)}
-    rejected = 0
     for u in result.inputs:
         before = reference.epoch
         reference.tick(u)
@@ -193,3 +192,18 @@ def test_covariances_are_symmetric_and_positive() -> None:
         scale = np.sqrt(np.einsum("nii->ni", P))
         assert (scale > 0).all()
         assert np.linalg.eigvalsh(P / (scale[:, :, None] * scale[:, None, :])).min() > -1e-9
+
+
+@pytest.mark.parametrize("name", ["acoustics", "ekf", "sequential", "multilateration"])
+@pytest.mark.parametrize("heard", [False, True])
+def test_what_a_guard_would_have_skipped_is_finite_too(name: str, heard: bool) -> None:
+    """Side by side with a run that loops, one that does not evaluates the body in vain."""
+    box = Stepper(model(name))
+    if heard and name != "acoustics":
+        hear(box, HERE, 0.1)
+    functions = box.functions
+    noise = np.full(sum(draw.size for draw in box.model.draws), 0.5)
+    results = [functions.tick(box.x, box._u, box._p, noise, 0.1, 1)]
+    results += [body(box.x, box._u, box._p, [], 0.1) for body in functions.bodies.values()]
+    for result in results:
+        assert np.isfinite(result.full()).all()

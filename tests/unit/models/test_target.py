@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from math import cos, hypot, inf, pi, sin, sqrt
+from math import atan2, hypot, inf, pi, sqrt
+from types import SimpleNamespace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
-from scipy import integrate, stats
 from sblcosim.models.equations import Model, load
+from sblcosim.models.target.equations import _spiral_angle, _spiral_arc
 from sblcosim.models.target.variables import TRAJECTORIES
+from scipy import integrate, stats
 from stepper import Stepper, no_noise, numpy_noise
 
 SECOND = 10**9
@@ -170,54 +173,62 @@ def test_a_nanosecond_of_jitter_at_a_corner_does_not_matter(shift_ns: int) -> No
         assert abs(y["velocity"] @ before) < 1e-12, "already on the next leg"
 
 
-@pytest.mark.parametrize("radii", [(2.5, 25.0), (25.0, 2.5), (0.0, 10.0), (10.0, 0.0), (7.0, 7.0),
-                                   (0.0, 1e-3), (5.0, 5.0 + 1e-9), (0.0, 1e5)])
-@pytest.mark.parametrize("turns", [0.01, 0.3, 2.0, 1000.0])
-def test_spiral_radius_grows_with_the_angle_and_speed_stays(radii: tuple[float, float],
-                                                           turns: float) -> None:
-    a, b = radii[0], (radii[1] - radii[0]) / (2 * pi * turns)
-    path = target("spiral", spiral_radius=radii, turns=turns)
-    length = path.y["path_duration"] * 0.5
-    angle = 0.0
-    for share in np.linspace(0.001, 0.999, 60):
-        time = path.y["path_duration"] * share
-        y = at(path, time)
-        r = np.hypot(*y["position"][:2])
-        # arc length of r = a + b θ up to this radius, by an independent quadrature
-        angle = (r - a) / b if abs(b) > 1e-6 else 0.5 * path.t_ns / SECOND / a
-        if turns < 10 and abs(b) > 1e-6:
-            arc = integrate.quad(lambda s: hypot(a + b * s, b), 0, angle, epsabs=0,
-                                 epsrel=1e-13)[0]
-            assert arc == pytest.approx(0.5 * path.t_ns / SECOND, abs=1e-11 * length + 1e-12)
-        if turns < 10:
-            np.testing.assert_allclose(
-                y["position"][:2], [r * cos(angle), r * sin(angle)],
-                atol=1e-9 * max(radii) + 1e-12,
-            )
-        assert np.linalg.norm(y["velocity"]) == pytest.approx(0.5, rel=1e-9)
-    assert np.hypot(*at(path, path.y["path_duration"] + 1)["position"][:2]) == pytest.approx(
-        radii[1], rel=1e-12, abs=1e-12 * max(radii))
+RADII = [(2.5, 25.0), (25.0, 2.5), (0.0, 10.0), (10.0, 0.0), (7.0, 7.0), (0.0, 1e-3),
+         (5.0, 5.0 + 1e-9), (0.0, 1e5)]
 
 
-def test_spiral_angle_inverts_the_arc_length_over_all_parameters() -> None:
+@pytest.mark.parametrize("radii", RADII)
+@pytest.mark.parametrize("turns", [0.01, 0.3, 2.0])
+def test_spiral_radius_is_linear_in_the_angle_and_speed_is_constant(radii: tuple[float, float],
+                                                                    turns: float) -> None:
+    path = target("spiral", spiral_radius=radii, turns=turns, sampling_time=1e6)
+    times = path.y["path_duration"] * np.linspace(0.001, 0.999, 60)
+    rows = [at(path, time) for time in times]
+    r, bearing = np.array([
+        (hypot(*row["position"][:2]), atan2(*row["position"][1::-1])) for row in rows
+    ]).T
+    b = (radii[1] - radii[0]) / (2 * pi * turns)
+    np.testing.assert_allclose(r, radii[0] + b * np.unwrap(bearing), atol=1e-9 * max(radii))
+    np.testing.assert_allclose([np.linalg.norm(row["velocity"]) for row in rows], 0.5, rtol=1e-9)
+    last = at(path, path.y["path_duration"] + 1)["position"][:2]
+    assert hypot(*last) == pytest.approx(radii[1], rel=1e-12, abs=1e-12 * max(radii))
+
+
+def spiral(parameters: SimpleNamespace, angle: float) -> float:
+    """Arc length of the spiral by the model's closed form."""
+    return float(_spiral_arc(parameters, ca.DM(angle)))
+
+
+@pytest.mark.parametrize("radii", RADII)
+@pytest.mark.parametrize("turns", [0.01, 2.0])
+def test_arc_length_of_the_spiral_is_its_integral(radii: tuple[float, float], turns: float) -> None:
+    p = SimpleNamespace(spiral_radius=ca.DM(radii), turns=turns)
+    b = (radii[1] - radii[0]) / (2 * pi * turns)
+    for share in (0.01, 0.5, 1.0):
+        angle = 2 * pi * turns * share
+        arc, _ = integrate.quad(lambda s: hypot(radii[0] + b * s, b), 0, angle, epsabs=0,
+                                epsrel=1e-13, limit=500)
+        assert spiral(p, angle) == pytest.approx(arc, rel=1e-12)
+
+
+def test_angle_of_the_spiral_inverts_the_arc_length_for_all_parameters() -> None:
+    a, b, n, s = (ca.SX.sym(name) for name in ("r_0", "r_1", "turns", "s"))
+    p = SimpleNamespace(spiral_radius=ca.vertcat(a, b), turns=n)
+    length = ca.Function("length", [a, b, n], [_spiral_arc(p, 2 * pi * n)])
+    residual = ca.Function("residual", [a, b, n, s], [_spiral_arc(p, _spiral_angle(p, s)) - s])
+
     rng = np.random.default_rng(5)
-    for _ in range(300):
-        radii = np.where(rng.random(2) < 0.15, 0, 10 ** rng.uniform(-2, 5, 2))
-        if rng.random() < 0.2:
-            radii[1] = radii[0] * (1 + 10 ** rng.uniform(-15, -3))
-        turns = 10 ** rng.uniform(-2, 3)
-        path = target("spiral", spiral_radius=radii, turns=turns, speed=20.0)
-        length = path.y["path_duration"] * 20
-        if length < 1e-3:
-            continue
-        y = at(path, path.y["path_duration"] * 10 ** rng.uniform(-3, 0))
-        assert np.isfinite(y["position"]).all()
-        s = 20 * path.t_ns / SECOND
-        # Through the radius the curve is known: |s'| is the secant of the arc between two radii.
-        h = max(path.t_ns // 10**7, 1)
-        closer = path.step(path.t_ns, h)
-        assert np.linalg.norm(closer["position"] - y["position"]) <= 20 * h / SECOND * (
-            1 + 1e-4) + 1e-9 * max(radii), f"{radii}, {turns}, {s}"
+    size = 50_000
+    radii = np.where(rng.random((2, size)) < 0.15, 0, 10 ** rng.uniform(-3, 5, (2, size)))
+    near = rng.random(size) < 0.2
+    radii[1, near] = radii[0, near] * (1 + 10 ** rng.uniform(-16, -3, near.sum()))
+    turns = 10 ** rng.uniform(-2, 3, size)
+    rows = [*radii, turns]
+    total = np.array(length(*(ca.DM(row).T for row in rows))).ravel()
+    share = np.where(rng.random(size) < 0.3, 10 ** rng.uniform(-12, 0, size), rng.random(size))
+    rows.append(share * total)
+    error = np.array(residual(*(ca.DM(row).T for row in rows))).ravel()
+    assert (np.abs(error) <= 1e-12 * total).all()  # a NaN would fail
 
 
 def test_random_path_stays_in_its_box() -> None:

@@ -1,4 +1,4 @@
-"""The stranger: an FMU that this project has not made, compiled once."""
+"""The stranger: an FMU that this project has not made, compiled once; and importable helpers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "fmu" / "stranger"))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "fmu" / "stranger")]
 
-from stranger import build_stranger
+from stranger import build_stranger  # noqa: E402
 
 
 @pytest.fixture(scope="session")

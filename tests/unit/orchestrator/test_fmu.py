@@ -1,4 +1,3 @@
-import ctypes
 import subprocess
 import sys
 import zipfile
@@ -139,9 +138,7 @@ def test_an_fmu_for_another_machine_says_what_it_has(tmp_path, stranger, fmi):
         target.writestr("binaries/riscv64-linux/stranger.so", "")
         target.writestr("binaries/pdp11/stranger.so", "")
     here = fmpy.platform if fmi == 2 else fmpy.platform_tuple
-    assert refusal(path).endswith(
-        f"must have a binary for {here}, got pdp11, riscv64-linux"
-    )
+    assert refusal(path).endswith(f"must have a binary for {here}, got pdp11, riscv64-linux")
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -225,11 +222,3 @@ def test_unpacked_files_are_gone_when_the_process_has_ended(fmu, tmp_path):
     environment = {"TMPDIR": str(tmp_path), "TMP": str(tmp_path), "PATH": ""}
     subprocess.run([sys.executable, "-c", program, fmu], check=True, env=environment)
     assert not list(tmp_path.glob("sblcosim-*"))
-
-
-def test_no_fmi_function_is_given_python_objects_it_would_have_to_convert(fmu):
-    """Addresses are plain numbers: that is where the speed of the inner loop comes from."""
-    instance = acquire(read(fmu), "speed")
-    call = instance.getter("Float64", (600,), fmus.np.zeros(1))
-    assert all(argument is None or isinstance(argument, int) for argument in call.args)
-    assert ctypes.c_void_p in call.func.argtypes

@@ -1,14 +1,16 @@
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
-from components import Arrays, Clock, Relay
+from python_components import Arrays, Clock, Relay
 from sblcosim import master
 from sblcosim.errors import ConfigurationError, FmuError
 from sblcosim.master import execute, initial_outputs
 from sblcosim.models.declaration import Variable, output
 from sblcosim.plan import resolve
 from sblcosim.system import ComponentSpec, Connection, System
+from stranger import build_stranger
 
 MS = 1_000_000
 T = 100 * MS
@@ -62,7 +64,7 @@ def test_an_input_that_is_not_connected_keeps_its_start_value():
 
 
 def test_a_component_with_a_longer_interval_holds_its_inputs_and_shows_outputs_at_the_end():
-    """The slow one is set at 0 and 4, and what it made of that is visible at 4 and 8, not before."""
+    """The slow one is set at 0 and 4; what it made of that is visible at 4 and 8, not before."""
     record = run(
         {"clock": ComponentSpec(Clock, 1), "slow": ComponentSpec(Relay, 4)},
         ("clock.count", "slow.count"),
@@ -95,13 +97,6 @@ def test_time_is_divided_never_accumulated(fmu: Path):
     point = (record.time_ns[:-1]) / 1e9
     assert np.array_equal(record.values["s.now"][1:], point + 0.1)
     assert np.array_equal(record.values["c.now"], record.time_ns / 1e9)
-
-
-STRANGER = (
-    ("arrays.flat", "s.u"),
-    ("clock.count", "s.n"),
-    ("clock.odd", "s.on"),
-)
 
 
 class Pair(Clock):
@@ -173,28 +168,28 @@ def test_a_parameter_that_is_not_set_again_has_its_start_value_again(fmu: Path):
 @pytest.mark.parametrize(("status", "label"), [(2, "Discard"), (3, "Error"), (4, "Fatal")])
 def test_a_failed_step_names_component_time_call_and_what_the_fmu_said(fmu, status, label):
     with pytest.raises(FmuError) as caught:
-        with_stranger(fmu, fail_at=0.3, fail_as=status)
+        with_stranger(fmu, fail_at=0.35, fail_as=status)
     version = "23"["3.fmu" in fmu.name]
     assert str(caught.value) == (
-        f"s: fmi{version}DoStep at 0.3 s must succeed, got {label}: cannot step over 0.3"
+        f"s: fmi{version}DoStep at 0.3 s must succeed, got {label}: cannot step over 0.35"
     )
 
 
 def test_a_warning_does_not_stop_a_run(fmu):
-    assert len(with_stranger(fmu, fail_at=0.3, fail_as=1)) == 7
+    assert len(with_stranger(fmu, fail_at=0.35, fail_as=1)) == 7
 
 
 def test_a_run_after_a_failed_one_is_as_if_nothing_had_happened(fmu: Path):
     reference = with_stranger(fmu)
     for status in (2, 3, 4):
         with pytest.raises(FmuError):
-            with_stranger(fmu, fail_at=0.3, fail_as=status)
+            with_stranger(fmu, fail_at=0.35, fail_as=status)
         assert_equal(with_stranger(fmu), reference)
 
 
 def test_an_fmu_that_asks_to_terminate_stops_the_run_with_an_error(stranger):
     with pytest.raises(FmuError, match=r"at 0\.3 s .*FMU ended the simulation or the step early"):
-        with_stranger(stranger(3), fail_at=0.3, fail_as=0)
+        with_stranger(stranger(3), fail_at=0.35, fail_as=0)
 
 
 def test_a_parameter_that_the_fmu_itself_refuses_shows_its_message(fmu: Path):
@@ -230,7 +225,7 @@ def test_progress_grows_to_one_and_is_reported_rarely(monkeypatch):
 class Careless(Clock):
     """Returns what `answer` says, after its first output."""
 
-    answer: dict[str, object] = {}
+    answer: ClassVar[dict[str, object]] = {}
 
     def do_step(self, time_ns, step_ns, inputs):
         return {"count": 1, "now": 0.0, "odd": True} | self.answer
@@ -254,17 +249,13 @@ def test_a_python_component_must_keep_to_its_declaration(answer, message):
 
 def test_a_python_component_gets_arrays_in_their_shapes():
     record = run(
-        {"a": ComponentSpec(Arrays, T, {"scale": range_of_six()}), "b": Arrays},
+        {"a": ComponentSpec(Arrays, T, {"scale": tuple(range(6))}), "b": Arrays},
         ("a.doubled", "b.matrix"),
         stop_ns=2 * T,
     )
     scale = np.arange(6.0).reshape(2, 3)
     assert np.array_equal(record.values["a.doubled"][0], scale)
     assert np.array_equal(record.values["b.doubled"][1], 2 * scale)
-
-
-def range_of_six():
-    return tuple(range(6))
 
 
 class Greedy(Relay):
@@ -320,13 +311,11 @@ def test_two_components_of_one_fmu_do_not_share_their_state(fmu: Path):
 
 
 def test_an_fmu_that_can_be_instantiated_once_only_is_refused_twice(tmp_path):
-    from stranger import build_stranger
-
-    path = build_stranger(
-        2, tmp_path,
-        lambda t: t.replace("<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="1"'),
-    )  # fmt: skip
-    with pytest.raises(ConfigurationError, match=r"^b: stranger2.fmu can be instantiated only once"):
+    once = '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'
+    path = build_stranger(2, tmp_path, lambda text: text.replace("<CoSimulation", once))
+    with pytest.raises(
+        ConfigurationError, match=r"^b: stranger2.fmu can be instantiated only once"
+    ):
         run({"a": path, "b": path})
     run({"a": path}, stop_ns=T)
     run({"b": path}, stop_ns=T)

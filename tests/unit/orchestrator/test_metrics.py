@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 from sblcosim import metrics
 from sblcosim.errors import FmuError
 from sblcosim.record import Record
+from scipy.stats import chi2
+from synthetic_record import make_record, silent
 
 SECOND = 1_000_000_000
 
@@ -52,7 +53,7 @@ def test_platform_error_is_held_between_instants():
     assert held[:, 0].tolist() == [1, 1, 2, 2, 3]
 
 
-def test_absolute_error_is_estimate_minus_truth_and_relative_leaves_out_the_platform(make_record):
+def test_absolute_error_is_estimate_minus_truth_and_relative_leaves_out_the_platform():
     record = make_record({"ekf": np.array([[1.0, -2, 3]])}, platform_error=(0.5, 0.5, 0.0))
     table = metrics.track(record, "ekf")
     assert table["epoch_s"].iloc[0] == 0.1
@@ -64,7 +65,7 @@ def test_absolute_error_is_estimate_minus_truth_and_relative_leaves_out_the_plat
     np.testing.assert_allclose(table["error_total_m"], np.sqrt(14))
 
 
-def test_error_table_gives_mean_rms_and_standard_deviation_by_hand(make_record):
+def test_error_table_gives_mean_rms_and_standard_deviation_by_hand():
     # x: 3, -1, 1, 1; y: 4, 0, 0, 0; lengths 5, 1, 1, 1
     errors = np.array([[3.0, 4, 0], [-1, 0, 0], [1, 0, 0], [1, 0, 0]])
     tracks = {"ekf": metrics.track(make_record({"ekf": errors}), "ekf")}
@@ -83,7 +84,7 @@ def test_error_table_gives_mean_rms_and_standard_deviation_by_hand(make_record):
     assert table.index.names == ["receiver", "frame", "axis"]
 
 
-def test_error_table_keeps_the_paper_s_sum_of_squares(make_record):
+def test_error_table_keeps_the_paper_s_sum_of_squares():
     errors = np.random.default_rng(2).normal(size=(80, 3))
     table = metrics.error_table({"ekf": metrics.track(make_record({"ekf": errors}), "ekf")})
     for frame in metrics.FRAMES:
@@ -92,13 +93,8 @@ def test_error_table_keeps_the_paper_s_sum_of_squares(make_record):
     np.testing.assert_allclose(table.rms_m**2, table.mean_m**2 + table.std_m**2)
 
 
-def test_receiver_without_an_estimate_has_no_numbers_and_is_lost(make_record):
-    record = make_record({"ekf": np.ones((3, 3))})
-    silent = {
-        name: np.zeros_like(values) if name.startswith("ekf.") else values
-        for name, values in record.values.items()
-    }
-    record = Record(record.time_ns, silent)
+def test_receiver_without_an_estimate_has_no_numbers_and_is_lost():
+    record = silent("ekf")
     tracks = {"ekf": metrics.track(record, "ekf")}
     table, summary = metrics.error_table(tracks), metrics.summary(record, tracks)
     assert table["n"].eq(0).all()
@@ -108,7 +104,7 @@ def test_receiver_without_an_estimate_has_no_numbers_and_is_lost(make_record):
     assert summary.loc["ekf", "lost"]
 
 
-def test_receiver_with_the_required_ports_only_is_measured(make_record):
+def test_receiver_with_the_required_ports_only_is_measured():
     record = make_record(optional_ports=False)
     tracks = {"ekf": metrics.track(record, "ekf")}
     row = metrics.summary(record, tracks).loc["ekf"]
@@ -118,11 +114,17 @@ def test_receiver_with_the_required_ports_only_is_measured(make_record):
     assert row.availability == pytest.approx(0.98)
 
 
-def test_estimate_from_outside_of_the_run_is_an_error_that_names_the_receiver(make_record):
+def test_estimate_from_outside_of_the_run_is_an_error_that_names_the_receiver():
     record = make_record()
     values = {**record.values, "ekf.epoch": record.values["ekf.epoch"] + 100}
     with pytest.raises(FmuError, match=r"^ekf\.epoch: must lie within the run, 0 to 10 s, got 100"):
         metrics.track(Record(record.time_ns, values), "ekf")
+
+
+def test_estimate_that_is_not_a_number_is_an_error_that_names_the_receiver():
+    record = make_record({"ekf": np.array([[np.nan, 0, 0]])})
+    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite .* at epoch 0\.1 s"):
+        metrics.track(record, "ekf")
 
 
 def test_nees_by_hand():
@@ -146,7 +148,7 @@ def test_nees_of_a_useless_covariance_is_not_a_number_and_spoils_no_other(P):
     assert result[1] == pytest.approx(2)
 
 
-def test_state_nees_takes_positions_and_velocities_in_the_paper_s_order(make_record):
+def test_state_nees_takes_positions_and_velocities_in_the_paper_s_order():
     record = make_record({"ekf": np.array([[1.0, 0, 0]])})
     covariance = np.tile(np.diag([1.0, 100, 2, 200, 3, 300]), (101, 1, 1))
     velocity = record.values["target.velocity"] + np.array([0, 20.0, 0])
@@ -179,7 +181,7 @@ def test_verdict(mean, word):
     assert metrics.verdict(mean, (1.0, 3.0)) == word
 
 
-def test_nis_band_counts_the_degrees_of_each_update(make_record):
+def test_nis_band_counts_the_degrees_of_each_update():
     record = make_record()
     degrees = np.where(np.arange(101) % 2, 1, 4)
     values = {**record.values, "ekf.nis_degrees": degrees, "ekf.nis": degrees.astype(float)}
@@ -191,7 +193,7 @@ def test_nis_band_counts_the_degrees_of_each_update(make_record):
     assert row.nis_verdict == "consistent"
 
 
-def test_updates_without_a_measurement_do_not_count_in_the_nis(make_record):
+def test_updates_without_a_measurement_do_not_count_in_the_nis():
     record = make_record()
     degrees = np.where(np.arange(101) < 50, 0, 5)
     values = {**record.values, "ekf.nis_degrees": degrees, "ekf.nis": np.where(degrees, 6.0, 0.0)}
@@ -201,7 +203,7 @@ def test_updates_without_a_measurement_do_not_count_in_the_nis(make_record):
 
 
 @pytest.mark.parametrize(("error", "flag"), [(0.1, False), (1.0, True)])
-def test_inconsistent_means_errors_beyond_what_the_filter_claims(make_record, error, flag):
+def test_inconsistent_means_errors_beyond_what_the_filter_claims(error, flag):
     record = make_record({"ekf": np.array([[error, 0, 0]])}, variance=0.25)
     row = metrics.summary(record, {"ekf": metrics.track(record, "ekf")}).loc["ekf"]
     assert row.nees_position == pytest.approx(error**2 / 0.25)
@@ -220,7 +222,7 @@ def test_update_share_counts_what_was_due_and_could_be_read():
     assert np.isnan(metrics.update_share(time_ns, np.zeros(11, int), 1000))
 
 
-def test_lost_compares_the_last_quarter_with_the_distance_to_the_platform(make_record):
+def test_lost_compares_the_last_quarter_with_the_distance_to_the_platform():
     # the distance is 11.2 to 12.2 m
     late = np.zeros((99, 3))
     late[76:, 0] = 20

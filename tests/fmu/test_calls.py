@@ -1,0 +1,50 @@
+"""Every FMI call, right, wrong, out of order and at random, under the sanitizers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from sblcosim.fmus import factory
+from sblcosim.fmus.compiler import FLAGS
+from sblcosim.models import COMPONENTS
+
+HERE = Path(__file__).parent
+SEED, CALLS = 20210123, 200_000
+LIBRARY_ONLY = {"-shared", "-s", "-O2", "-fvisibility=hidden"}
+SANITIZE = (
+    "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O1",
+)
+
+
+def sources_of(name: str, fmi: int, folder: Path) -> None:
+    """Unpack the sources that an FMU carries."""
+    import zipfile
+
+    with zipfile.ZipFile(factory.build(name, fmi)) as archive:  # type: ignore[arg-type]
+        for file in archive.namelist():
+            if file.startswith("sources/"):
+                (folder / Path(file).name).write_bytes(archive.read(file))
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
+@pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_every_call_is_answered_or_refused(name: str, fmi: int, tmp_path: Path) -> None:
+    sources_of(name, fmi, tmp_path)
+    program = tmp_path / "calls"
+    flags = [flag for flag in FLAGS if flag not in LIBRARY_ONLY]
+    subprocess.run(
+        ["gcc", *flags, *SANITIZE, f"-I{tmp_path}", f"-I{factory.fmi_headers()}",
+         str(HERE / f"calls{fmi}.c"), "-o", str(program)],
+        check=True,
+    )
+    done = subprocess.run(
+        [program, str(SEED), str(CALLS)], capture_output=True, text=True, check=False,
+        env={**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"},
+    )
+    print(done.stdout)
+    assert done.returncode == 0, f"seed {SEED}\n{done.stdout}{done.stderr}"

@@ -1,0 +1,198 @@
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from sblcosim import metrics, plots, style
+from synthetic_record import make_record, silent
+
+RECEIVERS = ("ekf", "sequential", "raw")
+
+
+@pytest.fixture
+def run():
+    rng = np.random.default_rng(4)
+    record = make_record({name: rng.normal(0, 0.2, (99, 3)) for name in RECEIVERS})
+    return record, {name: metrics.track(record, name) for name in RECEIVERS}
+
+
+def figures(record, tracks, theme="light"):
+    return {
+        "path": [plots.plot_path(record, tracks, theme=theme)],
+        "path_3d": [plots.plot_path_3d(record, tracks, theme=theme)],
+        "axes": plots.plot_axes(record, tracks, theme=theme),
+        "errors": plots.plot_errors(tracks, theme=theme),
+        "inclination": plots.plot_inclination(record, theme=theme),
+        "range_test": plots.plot_range_test(
+            np.array([0.0, 50, 100]), np.array([0.1, 50.1, 99.9]), np.full(3, 0.1), (0.1, 0.998),
+            theme=theme,
+        ),
+    }
+
+
+def legend_of(ax):
+    return [text.get_text() for text in ax.figure.legends[0].get_texts()]
+
+
+def test_map_has_east_to_the_right_and_north_up_at_equal_scale(run):
+    record, tracks = run
+    ax = plots.plot_path(record, tracks)
+    truth = next(line for line in ax.lines if line.get_label() == "true path")
+    position = record.values["target.position"]
+    np.testing.assert_array_equal(truth.get_xdata(), position[:, 1])
+    np.testing.assert_array_equal(truth.get_ydata(), position[:, 0])
+    assert ax.get_aspect() == 1
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("East y [m]", "North x [m]")
+    assert {text.get_text() for text in ax.texts} == {"start", "end"}
+
+
+def test_every_receiver_is_in_every_figure_of_estimates(run):
+    for name in ("path", "path_3d", "axes", "errors"):
+        assert set(RECEIVERS) <= set(legend_of(figures(*run)[name][0]))
+
+
+def test_raw_fix_is_dots_and_filters_are_lines_that_differ_in_colour_and_style(run):
+    lines = {line.get_label(): line for line in plots.plot_path(*run).lines}
+    assert lines["raw"].get_linestyle() == "None"
+    assert lines["raw"].get_marker() == "."
+    ekf, sequential = lines["ekf"], lines["sequential"]
+    assert ekf.get_color() != sequential.get_color()
+    assert ekf.get_linestyle() != sequential.get_linestyle()
+
+
+def test_depth_grows_downwards(run):
+    record, tracks = run
+    bottom, top = plots.plot_axes(record, tracks)[2].get_ylim()
+    assert bottom > top
+    low, high = plots.plot_path_3d(record, tracks).get_zlim()
+    assert low > high
+
+
+def test_axes_over_time_name_coordinate_and_unit(run):
+    axes = plots.plot_axes(*run)
+    assert [ax.get_ylabel() for ax in axes] == ["North x [m]", "East y [m]", "Depth z [m]"]
+    assert axes[-1].get_xlabel() == "Time [s]"
+
+
+def test_errors_come_with_two_sigma_of_each_filter(run):
+    _, tracks = run
+    axes = plots.plot_errors(tracks)
+    assert len(axes) == 4
+    for ax in axes[:3]:
+        bands = [band.get_paths()[0].vertices[:, 1] for band in ax.collections]
+        assert len(bands) == 2
+        for band in bands:
+            assert band.max() == pytest.approx(2 * 0.5)
+            assert band.min() == pytest.approx(-2 * 0.5)
+    assert not axes[3].collections
+    assert axes[3].get_ylim()[0] == 0
+
+
+def test_errors_relative_to_the_platform_are_drawn_as_such():
+    record = make_record(platform_error=(0.25, 0.0, 0.0))
+    tracks = {"ekf": metrics.track(record, "ekf")}
+    for frame, error in (("absolute", 1.0), ("relative", 0.75)):
+        ax = plots.plot_errors(tracks, frame=frame)[0]
+        line = next(line for line in ax.lines if line.get_label() == "ekf")
+        np.testing.assert_allclose(line.get_ydata(), error)
+        assert ("relative to the platform" in ax.get_title("left")) == (frame == "relative")
+
+
+def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
+    raw = np.full((99, 3), 0.1)
+    raw[50] = 1e4
+    record = make_record({"ekf": np.full((99, 3), 0.1), "raw": raw})
+    tracks = {name: metrics.track(record, name) for name in ("ekf", "raw")}
+    ax = plots.plot_errors(tracks)[0]
+    assert ax.get_ylim()[1] < 2
+    assert "outside of the figure" in ax.get_title("left")
+    assert plots.plot_path(record, tracks).get_ylim()[1] < 20
+
+
+def test_estimate_that_runs_away_leaves_the_map():
+    record = make_record({"ekf": np.linspace(0, 1e6, 99)[:, None] * [1, 1, 1]})
+    tracks = {"ekf": metrics.track(record, "ekf")}
+    assert np.ptp(plots.plot_path(record, tracks).get_xlim()) < 100
+
+
+def test_inclination_is_in_degrees_and_says_if_it_is_cut_off(run):
+    record, _ = run
+    axes = plots.plot_inclination(record, window_s=5.0)
+    assert [ax.get_ylabel() for ax in axes] == ["Roll [°]", "Pitch [°]", "Yaw [°]"]
+    roll = axes[0].lines[0]
+    np.testing.assert_allclose(
+        roll.get_ydata(), np.rad2deg(record.values["platform.attitude"][:51, 0])
+    )
+    assert "first 5 s" in axes[0].get_title("left")
+    assert "first" not in plots.plot_inclination(record)[0].get_title("left")
+
+
+def test_range_test_shows_what_is_left_over():
+    distance = np.array([0.0, 50, 100])
+    above, below = plots.plot_range_test(distance, distance + 0.2, np.full(3, 0.1), (0.2, 1.0))
+    assert above.get_ylabel() == "Measured range [m]"
+    assert below.get_xlabel() == "True distance [m]"
+    line = next(line for line in below.lines if line.get_label() == "fitted line")
+    np.testing.assert_allclose(line.get_ydata(), 0.2)
+
+
+def test_figures_draw_into_given_axes_and_return_them(run):
+    record, tracks = run
+    figure = Figure()
+    ax = figure.add_subplot()
+    assert plots.plot_path(record, tracks, ax) is ax
+    panels = list(Figure().subplots(4))
+    assert list(plots.plot_errors(tracks, panels)) == panels
+    assert panels[0].get_legend() is not None
+    with pytest.raises(ValueError, match="must be 3 axes, got 4"):
+        plots.plot_axes(record, tracks, panels)
+
+
+def test_global_settings_of_matplotlib_stay_as_they_were(run, tmp_path):
+    before = dict(mpl.rcParams)
+    style.save(figures(*run, theme="dark")["path"][0], tmp_path, "x")
+    assert dict(mpl.rcParams) == before
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_colours_stand_out_from_their_paper(theme):
+    def luminance(colour):
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+                  for c in to_rgb(colour)]
+        return np.dot(linear, [0.2126, 0.7152, 0.0722])
+
+    def contrast(a, b):
+        low, high = sorted((luminance(a), luminance(b)))
+        return (high + 0.05) / (low + 0.05)
+
+    look = style.THEMES[theme]
+    assert contrast(look.ink, look.paper) > 15
+    assert min(contrast(colour, look.paper) for colour in look.receivers[:3]) > 3
+    assert len(set(look.receivers)) == len(look.receivers)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_figures_have_the_paper_of_their_theme(run, theme):
+    for axes in figures(*run, theme=theme).values():
+        assert axes[0].figure.get_facecolor()[:3] == to_rgb(style.THEMES[theme].paper)
+
+
+def test_saved_figures_are_the_same_bytes_each_time(run, tmp_path):
+    for turn in ("a", "b"):
+        (tmp_path / turn).mkdir()
+        for name, axes in figures(*run).items():
+            style.save(axes[0], tmp_path / turn, name)
+    files = sorted((tmp_path / "a").iterdir())
+    assert len(files) == 12
+    for file in files:
+        content = file.read_bytes()
+        assert content == (tmp_path / "b" / file.name).read_bytes(), file.name
+        assert content.startswith(b"\x89PNG" if file.suffix == ".png" else b"<?xml")
+
+
+def test_receiver_without_an_estimate_does_not_stop_the_figures():
+    record = silent("ekf")
+    for axes in figures(record, {"ekf": metrics.track(record, "ekf")}).values():
+        axes[0].figure.draw_without_rendering()

@@ -1,0 +1,407 @@
+"""Scenario files: what they say, what is filled in, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sblcosim.errors import ConfigurationError
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.platform.beaufort import sea_state
+from sblcosim.models.platform.imu import grade
+from sblcosim.scenario import load, shipped, shipped_text
+from sblcosim.tables import in_si
+
+FIXED = ("target", "platform", "acoustics")
+
+
+def problems(source: Any, overrides: Any = ()) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        load(source, overrides)
+    return str(caught.value).splitlines()
+
+
+# --- What a scenario holds -----------------------------------------------------------------------
+
+
+def test_every_parameter_of_every_component_has_a_key_with_its_unit() -> None:
+    scenario = load({})
+    for name in FIXED:
+        for variable in COMPONENTS[name].of("parameter"):
+            assert hasattr(getattr(scenario, name), variable.key)
+    for component in RECEIVERS.values():
+        for variable in component.of("parameter"):
+            assert hasattr(scenario.receiver, variable.key)
+
+
+@pytest.mark.parametrize("name", [*FIXED, *RECEIVERS])
+def test_what_is_not_given_is_the_start_value_of_the_declaration(name: str) -> None:
+    component = COMPONENTS[name]
+    scenario = load({"receiver": {"type": name}} if name in RECEIVERS else {})
+    table = scenario.receiver if name in RECEIVERS else getattr(scenario, name)
+    for variable in component.of("parameter"):
+        value = in_si(variable, getattr(table, variable.key))
+        elements = value if variable.shape else (value,)
+        assert elements == pytest.approx(variable.starts, rel=1e-11), variable.name
+
+
+def test_angles_are_degrees_in_the_file_and_radians_in_the_fmu() -> None:
+    table = load({"platform": {"roll_amplitude_deg": 90, "imu_misalignment_deg": [45, 0, -30]}})
+    platform = COMPONENTS["platform"]
+    roll = platform["roll_amplitude"]
+    assert in_si(roll, table.platform.roll_amplitude_deg) == math.pi / 2 == roll.max
+    misalignment = in_si(platform["imu_misalignment"], table.platform.imu_misalignment_deg)
+    assert misalignment == pytest.approx((math.pi / 4, 0.0, -math.pi / 6), rel=1e-15)
+
+
+def test_choices_are_names_in_the_file_and_numbers_in_the_fmu() -> None:
+    scenario = load({"target": {"trajectory": "spiral"}})
+    assert in_si(COMPONENTS["target"]["trajectory"], scenario.target.trajectory) == 5
+
+
+def test_one_sampling_time_and_one_seed_go_to_all_components_unless_they_have_their_own() -> None:
+    scenario = load({"seed": 7, "time": {"sampling_time_s": 0.2}, "platform": {"seed": 3}})
+    assert [getattr(scenario, name).sampling_time_s for name in FIXED] == [0.2] * 3
+    assert [getattr(scenario, name).seed for name in FIXED] == [7, 3, 7]
+    slow = load({"time": {"sampling_time_s": 0.2}, "target": {"sampling_time_s": 1.0}})
+    assert (slow.target.sampling_time_s, slow.target.interval_s) == (1.0, 0.2)
+
+
+def test_the_update_interval_is_the_ekf_ratio_times_the_sampling_time() -> None:
+    scenario = load({"time": {"sampling_time_s": 0.1, "ekf_ratio": 3}})
+    assert scenario.receiver.update_interval_s == scenario.receiver.interval_s == 0.3
+
+
+def test_receivers_assume_the_noise_of_the_run_and_never_less_than_the_declared_minimum() -> None:
+    scenario = load({"acoustics": {"range_std_m": 0.7}, "target": {"depth_std_m": 0.0}})
+    assert scenario.receiver.range_std_m == 0.7
+    assert scenario.receiver.depth_std_m == COMPONENTS["ekf"]["depth_std"].min
+    own = load({"acoustics": {"range_std_m": 0.7}, "receiver": {"range_std_m": 0.2}})
+    assert own.receiver.range_std_m == 0.2
+
+
+def test_presets_set_what_is_not_given() -> None:
+    scenario = load(
+        {"platform": {"beaufort": 4, "imu_grade": "tactical", "pitch_amplitude_deg": 1.0}}
+    )
+    platform = scenario.platform
+    assert math.radians(platform.roll_amplitude_deg) == pytest.approx(
+        sea_state(4)["roll_amplitude"], rel=1e-11
+    )
+    assert platform.heave_amplitude_m == pytest.approx(sea_state(4)["heave_amplitude"], rel=1e-11)
+    assert platform.pitch_amplitude_deg == 1.0
+    assert math.radians(platform.imu_tilt_bias_deg) == pytest.approx(
+        grade("tactical")["imu_tilt_bias"], rel=1e-11
+    )
+
+
+def test_waypoints_are_rows_and_are_counted() -> None:
+    target = load(
+        {"target": {"trajectory": "waypoints", "waypoint_m": [[0, 1, 2], [3, 4, 5], [6, 7, 8]]}}
+    ).target
+    assert target.waypoint_count == 3
+    waypoint = in_si(COMPONENTS["target"]["waypoint"], target.waypoint_m)
+    assert waypoint[:9] == tuple(range(9))
+    assert len(waypoint) == COMPONENTS["target"]["waypoint"].size
+
+
+def test_a_prior_that_is_the_true_start_is_used_as_a_prior() -> None:
+    assert load({"receiver": {"prior": "true"}}).receiver.initialisation == "prior"
+
+
+# --- Overrides -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"platform.arm_length_m": 0.4, "receiver.type": "sequential"},
+        {"platform": {"arm_length_m": 0.4}, "receiver": {"type": "sequential"}},
+        ["platform.arm_length_m=0.4", 'receiver.type="sequential"'],
+        ["platform.arm_length_m = 0.4", "receiver.type=sequential"],
+    ],
+)
+def test_overrides_are_pairs_or_tables(overrides: Any) -> None:
+    scenario = load({"platform": {"arm_length_m": 3.0}}, overrides)
+    assert (scenario.platform.arm_length_m, scenario.receiver.type) == (0.4, "sequential")
+
+
+def test_what_follows_from_an_overridden_key_follows() -> None:
+    scenario = load("paper-scenario-1").override({"time.sampling_time_s": 1.0, "seed": 5})
+    assert scenario.receiver.update_interval_s == scenario.acoustics.sampling_time_s == 1.0
+    assert scenario.platform.seed == 5
+    assert scenario.target.radius_m == 15.0
+
+
+def test_an_override_does_not_change_what_it_was_made_from() -> None:
+    tables = {"platform": {"arm_length_m": 3.0}}
+    scenario = load(tables)
+    scenario.override({"platform.arm_length_m": 0.4})
+    load(tables, {"platform.arm_length_m": 0.4})
+    assert scenario.platform.arm_length_m == tables["platform"]["arm_length_m"] == 3.0
+    assert load({}).seed == load({}, {"seed": 9}).override({"seed": 1}).seed == 1
+
+
+def test_none_in_python_means_not_given() -> None:
+    tables = {"target": {"waypoint_m": None}, "platform": {"arm_length_m": 0.4}, "title": None}
+    assert load(tables).model_fields_set == {"target", "platform"}
+    assert load(tables, {"platform.arm_length_m": None}).platform.arm_length_m == 3.0
+
+
+def test_tables_of_the_caller_are_not_changed() -> None:
+    tables = {"receiver": {"fmu": "/a.fmu", "parameters": {"gain": 1}}}
+    scenario = load(tables, {"receiver.parameters.gain": 2})
+    assert scenario.receiver.parameters == {"gain": 2}
+    assert tables["receiver"]["parameters"] == {"gain": 1}
+
+
+# --- Shipped scenarios ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_shipped_scenario_is_complete_in_its_dump(name: str) -> None:
+    scenario = load(name)
+    dumped = scenario.dump_toml()
+    again = load(tomllib.loads(dumped))
+    assert again.dump_toml() == dumped
+    assert again.model_dump() == scenario.model_dump()
+    assert scenario.name == name
+    assert scenario.title
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_papers_scenarios_state_all_numbers_of_the_literal_preset(number: int) -> None:
+    given = tomllib.loads(shipped_text(f"paper-scenario-{number}"))
+    scenario = load(f"paper-scenario-{number}")
+    target, platform = scenario.target, scenario.platform
+    assert given["time"] == {"sampling_time_s": 0.1, "ekf_ratio": 1, "duration_s": "path"}
+    assert (target.speed_m_s, target.depth_start_m, target.depth_end_m) == (0.5, 5.0, 5.0)
+    assert (platform.arm_length_m, platform.beacon_depth_m) == (3.0, 0.5)
+    for axis, frequency in (("roll", 0.30), ("pitch", 0.25), ("yaw", 0.05)):
+        assert getattr(platform, f"{axis}_amplitude_deg") == 5.0
+        assert getattr(platform, f"{axis}_frequency_Hz") == frequency
+    assert platform.random_phases
+    assert platform.heave_amplitude_m == platform.surge_amplitude_m == 0.0
+    assert (platform.gps_horizontal_std_m, platform.gps_vertical_std_m) == (0.1, 0.0)
+    assert platform.gps_horizontal_markov_std_m == platform.gps_horizontal_bias_std_m == 0.0
+    assert (platform.imu_tilt_std_deg, platform.imu_heading_std_deg) == (1.0, 1.0)
+    assert (scenario.acoustics.range_std_m, scenario.acoustics.loss_probability) == (0.1, 0.0)
+    assert scenario.acoustics.sound_speed_m_s == scenario.acoustics.assumed_sound_speed_m_s
+    assert not scenario.acoustics.motion_during_travel
+    assert scenario.acoustics.outlier_probability == 0.0
+    assert given["receiver"] == {
+        "type": "ekf",
+        "measurement_noise": "literal",
+        "beacon_position_source": "newest_packet",
+        "process_noise": "white_noise_acceleration",
+        "acceleration_psd_m2_s3": 0.01,
+        "prior": "true",
+        "prior_position_std_m": 1.0,
+        "prior_velocity_std_m_s": 1.0,
+    }
+    assert (scenario.receiver.range_std_m, scenario.receiver.depth_std_m) == (0.1, 0.01)
+
+
+def test_the_papers_paths() -> None:
+    semicircle, spiral, random = (load(f"paper-scenario-{n}").target for n in (1, 2, 3))
+    assert (semicircle.trajectory, semicircle.radius_m) == ("semicircle", 15.0)
+    assert (spiral.trajectory, spiral.spiral_radius_m, spiral.turns) == ("spiral", (2.5, 25.0), 2.0)
+    assert random.trajectory == "random_path"
+    assert (random.leg_length_m, random.box_m, random.path_length_m) == (8.0, (25.0, 25.0), 150.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        ("harbour-square", {"trajectory": "square", "side_m": 15.0}),
+        ("harbour-spiral", {"trajectory": "spiral", "spiral_radius_m": (1.0, 10.0)}),
+        (
+            "harbour-random",
+            {"trajectory": "random_path", "box_m": (10.0, 10.0), "path_length_m": 120.0},
+        ),
+    ],
+)
+def test_the_harbour_sessions(name: str, path: dict[str, Any]) -> None:
+    scenario = load(name)
+    platform, receiver = scenario.platform, scenario.receiver
+    assert {key: getattr(scenario.target, key) for key in path} == path
+    assert (scenario.target.depth_start_m, scenario.target.depth_end_m) == (2.0, 2.0)
+    assert (scenario.target.depth_std_m, scenario.target.speed_m_s) == (0.05, 0.5)
+    assert platform.beaufort == 2
+    assert (platform.roll_amplitude_deg, platform.pitch_amplitude_deg) == (3.0, 3.0)
+    assert (platform.gps_horizontal_std_m, platform.gps_horizontal_markov_std_m) == (0.0, 1.05)
+    assert (platform.gps_correlation_time_s, platform.imu_heading_std_deg) == (100.0, 1.0)
+    assert (scenario.acoustics.loss_probability, scenario.acoustics.range_std_m) == (0.5, 0.1)
+    assert scenario.acoustics.sound_speed_m_s == 1500.0
+    assert (receiver.measurement_noise, receiver.acceleration_psd_m2_s3) == ("variance", 0.01)
+    assert receiver.prior is None
+
+
+def test_the_realistic_dive() -> None:
+    scenario = load("realistic-dive")
+    platform, acoustics = scenario.platform, scenario.acoustics
+    assert (platform.gps_horizontal_markov_std_m, platform.gps_correlation_time_s) == (1.2, 120.0)
+    assert platform.gps_horizontal_std_m == 0.1
+    assert (platform.imu_heading_bias_deg, platform.imu_tilt_bias_deg) == (3.0, 0.5)
+    assert acoustics.clock_offset_s * acoustics.assumed_sound_speed_m_s == pytest.approx(1.35)
+    assert acoustics.clock_drift_s_s == 0.5e-6
+    assert (acoustics.sound_speed_m_s, acoustics.assumed_sound_speed_m_s) == (1530.0, 1500.0)
+    assert (acoustics.outlier_probability, acoustics.outlier_mean_m) == (0.05, 1.0)
+    assert acoustics.outlier_distribution == "exponential"
+    assert acoustics.loss_probability == 0.25
+    watch_circle = math.hypot(platform.surge_amplitude_m, platform.sway_amplitude_m)
+    assert watch_circle == pytest.approx(3.0, abs=0.05)
+
+
+# --- What is refused -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (
+            {"platform": {"arm_lenght_m": 3.0}},
+            "scenario: [platform] has no key 'arm_lenght_m'; did you mean 'arm_length_m'?",
+        ),
+        (
+            {"platform": {"arm": 3.0}},
+            "scenario: [platform] has no key 'arm'; did you mean 'arm_length_m'?",
+        ),
+        (
+            {"platform": {"range_std_m": 1.0}},
+            "scenario: [platform] has no key 'range_std_m'; "
+            "did you mean 'range_std_m' in [acoustics]?",
+        ),
+        ({"speed_m_s": 1.0}, "scenario: key 'speed_m_s' must stand in the table [target]"),
+        (
+            {"platfrom": {}},
+            "scenario: there is no key or table 'platfrom'; did you mean 'platform'?",
+        ),
+        ({"time": 3}, "scenario: [time]: must be a table, got 3"),
+        ({"seed": 1.5}, "scenario: seed: must be a whole number, got 1.5"),
+        ({"seed": True}, "scenario: seed: must be a whole number, got true"),
+        (
+            {"target": {"speed_m_s": "fast"}},
+            'scenario: [target] speed_m_s: must be a number, got "fast"',
+        ),
+        (
+            {"target": {"speed_m_s": math.nan}},
+            "scenario: [target] speed_m_s: must be a finite number, got nan",
+        ),
+        (
+            {"acoustics": {"range_std_m": -0.1}},
+            "scenario: [acoustics] range_std_m: must be at least 0.0, got -0.1",
+        ),
+        (
+            {"platform": {"roll_amplitude_deg": 91}},
+            "scenario: [platform] roll_amplitude_deg: must be at most 90.0, got 91",
+        ),
+        (
+            {"target": {"trajectory": "spirale"}},
+            "scenario: [target] trajectory: must be 'straight_line', 'semicircle', 'circle', "
+            "'square', 'spiral', 'random_path', 'waypoints' or 'white_noise_acceleration', "
+            "got \"spirale\"; did you mean 'spiral'?",
+        ),
+        (
+            {"target": {"center_m": [1.0, 2.0, 3.0]}},
+            "scenario: [target] center_m: must be an array of 2 numbers, got [1.0, 2.0, 3.0]",
+        ),
+        (
+            {"platform": {"mounting_error_m": [[0, 0, 0], [0, 0, "x"], [0, 0, 0], [0, 0, 0]]}},
+            'scenario: [platform] mounting_error_m[2,3]: must be a number, got "x"',
+        ),
+        (
+            {"target": {"waypoint_m": [[1, 2], [3]]}},
+            "scenario: [target] waypoint_m: must be an array of at most 64 rows of 3 numbers, "
+            "got [[1, 2], [3]]",
+        ),
+        (
+            {"target": {"trajectory": "waypoints"}},
+            "scenario: [target] waypoint_m: must have at least 2 rows, and as many as "
+            "waypoint_count (2), got 0",
+        ),
+        (
+            {"time": {"duration_s": "forever"}},
+            "scenario: [time] duration_s: must be a number or 'path', got \"forever\"",
+        ),
+        (
+            {"time": {"sampling_time_s": 0.1234567891}},
+            "scenario: [time] sampling_time_s: must be a whole number of nanoseconds, "
+            "got 0.1234567891",
+        ),
+        (
+            {"receiver": {"update_interval_s": 0.25}},
+            "scenario: [receiver] update_interval_s: must be a whole multiple of the sampling time "
+            "(0.1), got 0.25",
+        ),
+        (
+            {"acoustics": {"interval_s": 0.03}},
+            "scenario: [acoustics] interval_s: must divide sampling_time_s (0.1), got 0.03",
+        ),
+        (
+            {"receiver": {"type": "ekf", "fmu": "/a.fmu"}},
+            "scenario: [receiver]: must have type or fmu, got both (ekf, /a.fmu)",
+        ),
+        (
+            {"receiver": {"prior": "true", "prior_position_m": [0, 0, 0]}},
+            "scenario: [receiver] prior_position_m: must be left out when prior is 'true'",
+        ),
+        (
+            {"target": {"parameters": {"gain": 1}}},
+            "scenario: [target] parameters: must come with fmu, the FMU that has them",
+        ),
+        (
+            {"name": "../elsewhere"},
+            "scenario: name: must begin with a letter or digit and have no slash, "
+            'got "../elsewhere"',
+        ),
+    ],
+)
+def test_a_wrong_scenario_is_refused_in_one_line(tables: dict[str, Any], message: str) -> None:
+    assert problems(tables) == [message]
+
+
+def test_all_problems_are_told_one_per_line() -> None:
+    found = problems({"target": {"speed_m_s": -1}, "platform": {"arm_m": 1}, "seed": "x"})
+    assert len(found) == 3
+
+
+def test_a_wrong_override_is_named_as_such() -> None:
+    assert problems({}, ["platform.arm_length_m=-1"]) == [
+        "override platform.arm_length_m: must be at least 0.001, got -1"
+    ]
+    assert problems({}, ["platform.arm_length_m=1 m"]) == [
+        "override platform.arm_length_m: must be a value in TOML, got '1 m'"
+    ]
+    assert problems({}, ["arm"]) == ["override: must be table.key=value, got 'arm'"]
+    assert problems({"seed": 3}, {"seed.x": 1}) == ["override seed.x: seed must be a table"]
+
+
+def test_an_unknown_name_gets_the_list_and_the_nearest() -> None:
+    (line,) = problems("paper-scenaro-1")
+    assert line.endswith("got 'paper-scenaro-1'; did you mean 'paper-scenario-1'?")
+    assert all(name in line for name in shipped())
+
+
+def test_a_file_is_named_in_its_problems(tmp_path: Path) -> None:
+    file = tmp_path / "dive.toml"
+    file.write_text("[platform]\narm_lenght_m = 3.0\n")
+    assert problems(file) == [
+        f"{file}: [platform] has no key 'arm_lenght_m'; did you mean 'arm_length_m'?"
+    ]
+    file.write_text("[platform]\narm_length_m = \n")
+    assert problems(file) == [f"{file}, line 2, column 16: Invalid value"]
+    file.write_bytes(b"\xff\xfe\x00")
+    assert "must be a text file" in problems(file)[0]
+
+
+def test_a_file_gives_its_name_and_finds_fmus_beside_it(tmp_path: Path) -> None:
+    file = tmp_path / "dive.toml"
+    file.write_text('[receiver]\nfmu = "mine.fmu"\n')
+    scenario = load(file)
+    assert scenario.name == "dive"
+    assert scenario.receiver.fmu == str(tmp_path / "mine.fmu")
+    assert scenario.receiver.type is None

@@ -1,0 +1,172 @@
+"""From a scenario to a system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.fmus.factory import build
+from sblcosim.models.declaration import input_, parameter
+from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
+from sblcosim.scenario import load
+from sblcosim.system import System
+
+PAPER = load("paper-scenario-1")
+
+
+class Deaf:
+    """A receiver that has the required outputs and hears nothing but the depth."""
+
+    variables = (
+        parameter("range_std", "", "m", start=1.0),
+        input_("depth", "", "m", variability="discrete"),
+        *(v for v in ESTIMATE if v.name in ("epoch", "position", "update_count")),
+    )
+
+    def initialise(self, start_ns: int, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        self.count = 0
+        return self.outputs(start_ns, 0.0)
+
+    def do_step(self, time_ns: int, step_ns: int, inputs: Mapping[str, Any]) -> dict[str, Any]:
+        self.count += 1
+        return self.outputs(time_ns, float(inputs["depth"]))
+
+    def outputs(self, epoch_ns: int, depth: float) -> dict[str, Any]:
+        return {"epoch": epoch_ns / 1e9, "position": (0.0, 0.0, depth), "update_count": self.count}
+
+
+def connected(system: System, component: str) -> set[str]:
+    prefix = f"{component}."
+    return {
+        c.target.removeprefix(prefix) for c in system.connections if c.target.startswith(prefix)
+    }
+
+
+def test_a_system_has_the_four_components_and_the_raw_fix() -> None:
+    system = PAPER.system()
+    assert list(system.components) == ["target", "platform", "acoustics", "ekf", "raw"]
+    assert {c.interval_ns for c in system.components.values()} == {100_000_000}
+    assert (
+        connected(system, "ekf")
+        == connected(system, "raw")
+        == {v.name for v in (*RECEPTION, *DEPTH)}
+    )
+    assert connected(system, "acoustics") == {
+        "target_position", "target_velocity", "beacon_position", "reported_beacon_position",
+    }  # fmt: skip
+
+
+def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
+    components = PAPER.system().components
+    assert components["target"].parameters["trajectory"] == 2
+    assert components["platform"].parameters["roll_amplitude"] == pytest.approx(pi / 36)
+    assert components["acoustics"].parameters["motion_during_travel"] is False
+    assert components["ekf"].parameters["measurement_noise"] == 2
+
+
+def test_the_run_ends_with_the_path_or_after_the_given_time() -> None:
+    assert PAPER.system().stop_ns == pytest.approx(15 * pi / 0.5 * 1e9, abs=1)
+    assert load(PAPER, {"time.duration_s": 12.5}).system().stop_ns == 12_500_000_000
+
+
+def test_a_path_without_an_end_needs_a_duration() -> None:
+    endless = load(PAPER, {"target.trajectory": "white_noise_acceleration"})
+    with pytest.raises(ConfigurationError, match="duration_s: must be a number for a target"):
+        endless.system()
+
+
+def test_the_true_prior_is_where_the_target_starts_at_rest() -> None:
+    random = load("paper-scenario-3", {"target.depth_start_m": 4.0})
+    parameters = random.system(["ekf", "sequential"]).components["sequential"].parameters
+    x, y, z = parameters["prior_position"]  # type: ignore[misc]
+    assert (abs(x) < 25.0, abs(y) < 25.0, z) == (True, True, 4.0)
+    assert x != 0.0
+    assert parameters["prior_velocity"] == (0.0, 0.0, 0.0)
+    assert parameters["initialisation"] == 2
+
+
+def test_receivers_run_side_by_side_under_their_labels() -> None:
+    ekf = build("ekf")
+    system = PAPER.system(["sequential", "ekf", ekf, Deaf])
+    assert list(system.components)[3:] == ["sequential", "ekf", "ekf_2", "Deaf", "raw"]
+    assert list(PAPER.system({"a": "ekf", "b": Deaf}).components)[3:] == ["a", "b", "raw"]
+
+
+def test_the_raw_fix_that_is_asked_for_is_not_there_twice() -> None:
+    assert list(PAPER.system("multilateration").components)[3:] == ["multilateration"]
+
+
+@pytest.mark.parametrize("label", ["target", "a.b", ""])
+def test_a_label_must_be_a_free_name(label: str) -> None:
+    with pytest.raises(ConfigurationError, match="label must be a name"):
+        PAPER.system({label: "ekf"})
+
+
+def test_fmi_versions_are_chosen_for_all_or_for_one() -> None:
+    mixed = load(PAPER, {"fmi": 3, "acoustics.fmi": 2}).system()
+    assert mixed.components["target"].fmu == build("target", 3)
+    assert mixed.components["acoustics"].fmu == build("acoustics", 2)
+    assert PAPER.system(fmi=3).components["platform"].fmu == build("platform", 3)
+
+
+def test_a_foreign_receiver_gets_the_parameters_and_the_connections_it_has() -> None:
+    system = PAPER.system(Deaf)
+    assert system.components["Deaf"].parameters == {"range_std": 0.1}
+    assert connected(system, "Deaf") == {"depth"}
+
+
+def test_the_scenarios_own_fmu_gets_its_keys_and_further_parameters() -> None:
+    tables = {
+        "receiver": {"fmu": str(build("sequential")), "gate": 3.0, "parameters": {"gate_limit": 7}}
+    }
+    system = load(tables).system()
+    parameters = system.components["sequential"].parameters
+    assert (parameters["gate"], parameters["gate_limit"]) == (3.0, 7)
+    assert parameters["update_interval"] == 0.1
+    assert "process_noise" not in parameters
+
+
+def test_a_key_that_the_scenarios_own_fmu_does_not_have_is_refused() -> None:
+    scenario = load({"receiver": {"fmu": str(build("ekf")), "gate": 3.0}})
+    with pytest.raises(ConfigurationError, match=r"\[receiver\] gate: must be a parameter of"):
+        scenario.system()
+
+
+def test_a_key_that_no_receiver_of_the_run_has_is_refused() -> None:
+    scenario = load(PAPER, {"receiver.gate": 3.0})
+    with pytest.raises(ConfigurationError, match=r"gate: .* \(ekf, multilateration\)"):
+        scenario.system()
+    assert scenario.system("sequential").components["sequential"].parameters["gate"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("receiver", "message"),
+    [
+        ("efk", "must be ekf, .* did you mean 'ekf'?"),
+        ("nothing.fmu", "must be an existing file, got 'nothing.fmu'"),
+        (build("target"), "must honour the plug contract of a receiver, got depth: must be an"),
+    ],
+)
+def test_what_cannot_be_a_receiver_is_refused(receiver: str | Path, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        PAPER.system(receiver)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_stranger_is_refused_as_a_receiver(stranger: Callable[[int], Path]) -> None:
+    with pytest.raises(ConfigurationError, match="must honour the plug contract"):
+        PAPER.system(stranger(2))
+
+
+def test_a_missing_fmu_of_the_scenario_is_named() -> None:
+    with pytest.raises(FmuError, match=r"no\.fmu"):
+        load(PAPER, {"target.fmu": "no.fmu"}).system()
+
+
+def test_only_the_fixed_components_can_be_replaced_by_name() -> None:
+    with pytest.raises(ConfigurationError, match="did you mean 'target'"):
+        PAPER.system(components={"targt": Deaf})
