@@ -266,7 +266,7 @@ def test_scale_factor_acts_on_the_deviation_from_the_mean_attitude() -> None:
 
 
 def test_misalignment_couples_the_axes_to_first_order() -> None:
-    epsilon, inclination = 1e-4 * np.array([1, -2, 3]), np.array([0.1, -0.2, 0.3])
+    epsilon, inclination = 1e-4 * np.array([3, 1, 2]), np.array([0.1, -0.2, 0.3])
     p = tilted(imu_misalignment=epsilon)
     np.testing.assert_allclose(attitude_error(p), -np.cross(epsilon, inclination), atol=1e-15)
     # Components of a vector along axes turned by ε:
@@ -392,3 +392,18 @@ def test_readme_shows_the_sea_states_of_the_code() -> None:
             f"| {beaufort} | {level.wave_height or 0} | {period} | {slope:.2g} | {angle:.2g} | "
             f"{level.heave_amplitude:{'.2f' if beaufort else '.0f'}} |"
         ) in readme
+
+
+def test_parts_of_the_errors_are_independent() -> None:
+    parts = [f"{sensor}_std" for sensor in (
+        "gps_horizontal", "gps_horizontal_bias", "gps_horizontal_markov",
+        "imu_tilt", "imu_tilt_turn_on", "imu_tilt_markov")]
+    for seconds in (0, 2):
+        sums = []
+        for seed in range(300):
+            p = platform(seed=seed, gps_correlation_time=1.0, imu_correlation_time=1.0,
+                         sampling_time=1.0, **dict.fromkeys(parts, 1.0))
+            p.run(seconds * SECOND, SECOND)
+            sums.append([*gps_error(p)[:2], *attitude_error(p)[:2]])
+        # Three independent parts of variance 1; 1200 samples.
+        assert np.var(sums) == pytest.approx(3, rel=4 * sqrt(2 / 1200))
