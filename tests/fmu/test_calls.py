@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 SEED, CALLS = 20210123, 200_000
 LIBRARY_ONLY = {"-shared", "-s", "-O2", "-fvisibility=hidden"}
 SANITIZE = (
-    "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O1",
+    "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O0",
 )
 
 

@@ -1,0 +1,310 @@
+"""The factory: valid, reproducible, self-contained FMUs, each built at most once."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.validation import validate_fmu
+from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.errors import BuildError
+from sblcosim.models import COMPONENTS
+
+from .host import NOISY, TICKS, Host, assert_same_bits, chain, grid, host
+
+BOTH = pytest.mark.parametrize("fmi", [2, 3])
+EVERY = pytest.mark.parametrize("name", COMPONENTS)
+LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads ELF files")
+SMALL = "range_model"
+"""The component that is built quickest."""
+
+
+@pytest.fixture
+def fresh_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path / "cache"))
+    compiler.find.cache_clear()
+    yield tmp_path / "cache"
+    compiler.find.cache_clear()
+
+
+def binary_of(path: Path, folder: Path) -> Path:
+    """Unpack the shared library."""
+    with zipfile.ZipFile(path) as archive:
+        (name,) = (n for n in archive.namelist() if n.startswith("binaries/"))
+        return Path(archive.extract(name, folder))
+
+
+def declared_functions(fmi: int) -> set[str]:
+    """Names of the functions of the standard, from its header; for FMI 2 without Model Exchange."""
+    text = (factory.fmi_headers() / f"fmi{fmi}Functions.h").read_text()
+    names = set(re.findall(rf"^\s*FMI{fmi}_Export\s+fmi{fmi}\w+\s+(fmi{fmi}\w+);", text, re.M))
+    model_exchange = {
+        "fmi2EnterEventMode", "fmi2NewDiscreteStates", "fmi2EnterContinuousTimeMode",
+        "fmi2CompletedIntegratorStep", "fmi2SetTime", "fmi2SetContinuousStates",
+        "fmi2GetDerivatives", "fmi2GetEventIndicators", "fmi2GetContinuousStates",
+        "fmi2GetNominalsOfContinuousStates",
+    }
+    assert fmi == 3 or model_exchange < names
+    return names - model_exchange
+
+
+def tool(*command: str | Path) -> str:
+    if shutil.which(str(command[0])) is None:
+        pytest.skip(f"needs {command[0]}")
+    return subprocess.run(
+        [str(part) for part in command], capture_output=True, text=True, check=True,
+        env={**os.environ, "LC_ALL": "C"},
+    ).stdout
+
+
+# What is in an FMU -------------------------------------------------------------------------------
+
+
+@BOTH
+@EVERY
+def test_fmpy_finds_no_fault(name: str, fmi: int) -> None:
+    assert validate_fmu(str(factory.build(name, fmi))) == []  # type: ignore[arg-type]
+
+
+@BOTH
+@EVERY
+def test_archive_is_complete(name: str, fmi: int) -> None:
+    with zipfile.ZipFile(factory.build(name, fmi)) as archive:  # type: ignore[arg-type]
+        assert archive.testzip() is None
+        names = archive.namelist()
+        description = archive.read("modelDescription.xml").decode()
+        build = archive.read("sources/buildDescription.xml").decode()
+        index = archive.read("documentation/index.html").decode()
+        licence = archive.read("documentation/licenses/license.txt").decode()
+    component = COMPONENTS[name]
+    assert names[0] == "modelDescription.xml"
+    assert ("terminalsAndIcons/terminalsAndIcons.xml" in names) == bool(component.terminals)
+    assert {f"sources/fmi{fmi}.c", "sources/model.h", "sources/tables.h"} < set(names)
+    assert f'modelIdentifier="{component.name}"' in description
+    assert f"fmi{fmi}.c" in build
+    assert "MIT" in licence
+    assert component.variables[0].name in index
+
+
+@LINUX
+@BOTH
+@EVERY
+def test_exactly_the_functions_of_the_standard_are_exported(
+    name: str, fmi: int, tmp_path: Path
+) -> None:
+    library = binary_of(factory.build(name, fmi), tmp_path)  # type: ignore[arg-type]
+    listed = tool("nm", "-D", "--defined-only", library)
+    exported = {line.split()[-1].split("@")[0] for line in listed.splitlines()}
+    assert exported == declared_functions(fmi)
+
+
+@LINUX
+@BOTH
+@EVERY
+def test_library_needs_nothing_but_libc(name: str, fmi: int, tmp_path: Path) -> None:
+    library = binary_of(factory.build(name, fmi), tmp_path)  # type: ignore[arg-type]
+    needed = re.findall(r"\(NEEDED\).*\[(.+)\]", tool("readelf", "-d", library))
+    assert all(re.match(r"libc\.|ld-linux", entry) for entry in needed), needed
+    wanted = {
+        line.split()[-1].split("@")[0]
+        for line in tool("nm", "-D", "--undefined-only", library).splitlines()
+    }
+    weak = {"__cxa_finalize", "__gmon_start__", "_ITM_deregisterTMCloneTable",
+            "_ITM_registerTMCloneTable"}
+    assert wanted - weak <= {
+        "calloc", "free", "malloc", "memcmp", "memcpy", "memset", "snprintf", "strcmp", "strlen",
+        "vsnprintf", "__stack_chk_fail",
+    }
+
+
+# Equal bytes, at most once -----------------------------------------------------------------------
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["acoustics", SMALL])
+def test_two_builds_are_byte_identical(
+    name: str, fmi: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import tempfile
+
+    expected = factory.build(name, fmi).read_bytes()
+    elsewhere = tmp_path / "a folder with another name"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
+    factory.write(tmp_path / f"{name}.fmu", name, fmi, compiler.find())
+    assert (tmp_path / f"{name}.fmu").read_bytes() == expected
+
+
+def test_model_that_has_not_changed_is_not_compiled_again(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = factory.build(SMALL, 2)
+    assert first.is_relative_to(fresh_cache)
+
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("nothing should be compiled")
+
+    monkeypatch.setattr(factory, "compile_shared", fail)
+    assert factory.build(SMALL, 2) == first
+    with pytest.raises(AssertionError, match="nothing should be compiled"):
+        factory.build(SMALL, 3)
+
+
+def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    cc = compiler.find()
+
+    def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = cc) -> str:
+        return factory._fingerprint(name, fmi, cc)
+
+    seen = {known_as()}
+
+    def differs(fingerprint: str) -> None:
+        assert fingerprint not in seen
+        seen.add(fingerprint)
+
+    assert known_as() in seen
+    differs(known_as("ekf"))
+    differs(known_as(fmi=3))
+    differs(known_as(cc=compiler.Compiler((*cc.command, "-O3"), cc.identity)))
+    differs(known_as(cc=compiler.Compiler(cc.command, cc.identity + " newer")))
+    with monkeypatch.context() as patch:
+        patch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-g"))
+        differs(known_as())
+    changed = "engine.h"
+    files = factory._files
+
+    class Changed:
+        def __init__(self, file: Any) -> None:
+            self.name, self._file = file.name, file
+
+        def read_bytes(self) -> bytes:
+            return bytes(self._file.read_bytes()) + (b" " if self.name == changed else b"")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(factory, "_files", lambda folder: map(Changed, files(folder)))
+        differs(known_as())
+        changed = "equations.py"
+        differs(known_as())
+        changed = "nothing"
+        assert known_as() in seen
+
+
+def test_build_at_the_same_time_gives_one_good_file(fresh_cache: Path) -> None:
+    code = f"from sblcosim.fmus.factory import build; print(build({SMALL!r}, 2))"
+    builders = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    paths = {builder.communicate()[0].strip() for builder in builders}
+    assert [builder.returncode for builder in builders] == [0, 0]
+    (path,) = map(Path, paths)
+    assert [file.name for file in path.parent.iterdir()] == [f"{SMALL}.fmu"]
+    assert validate_fmu(str(path)) == []
+
+
+# Compiled elsewhere ------------------------------------------------------------------------------
+
+
+def run_of(path: Path, name: str, fmi: int) -> Any:
+    instance = Host(name, fmi, path)
+    return instance.start(NOISY[name]).run(grid(TICKS), chain()[name])
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="needs CMake")
+@pytest.mark.parametrize(("name", "fmi"), [("ekf", 2), ("acoustics", 3)])
+def test_sources_in_the_fmu_give_the_same_results(name: str, fmi: int, tmp_path: Path) -> None:
+    from fmpy.build import build_platform_binary
+    from fmpy.util import create_zip_archive
+
+    built = factory.build(name, fmi)  # type: ignore[arg-type]
+    folder = tmp_path / "unpacked"
+    extract(str(built), str(folder))
+    shutil.rmtree(folder / "binaries")
+    work = tmp_path / "build"
+    work.mkdir()
+    build_platform_binary(folder, work, all_warnings=True)
+    again = tmp_path / "again" / f"{name}.fmu"
+    again.parent.mkdir()
+    create_zip_archive(str(again), str(folder))
+    instance = host(name, fmi).start(NOISY[name])
+    assert_same_bits(run_of(again, name, fmi), instance.run(grid(TICKS), chain()[name]))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_build_description_names_everything_to_compile(fmi: int, tmp_path: Path) -> None:
+    folder = tmp_path / "unpacked"
+    extract(str(factory.build(SMALL, fmi)), str(folder))  # type: ignore[arg-type]
+    (configuration,) = read_model_description(str(folder)).buildConfigurations
+    (files,) = configuration.sourceFileSets
+    cc = compiler.find()
+    library = tmp_path / "again.so"
+    cc.compile(
+        [folder / "sources" / file for file in files.sourceFiles], library,
+        [factory.fmi_headers()],
+    )
+    assert library.stat().st_size > 0
+
+
+@pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_zig_builds_fmus_with_equal_results(
+    fmi: Any, fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    expected = host("ekf", fmi).start(NOISY["ekf"]).run(grid(TICKS), chain()["ekf"])
+    monkeypatch.setenv(compiler.VARIABLE, "zig")
+    compiler.find.cache_clear()
+    path = factory.build("ekf", fmi)
+    assert validate_fmu(str(path)) == []
+    assert_same_bits(run_of(path, "ekf", fmi), expected)
+    if sys.platform.startswith("linux"):
+        listed = tool("nm", "-D", "--defined-only", binary_of(path, tmp_path))
+        exported = {line.split()[-1].split("@")[0] for line in listed.splitlines()}
+        assert exported == declared_functions(fmi)
+
+
+# Errors ------------------------------------------------------------------------------------------
+
+
+def test_unknown_component_gets_the_nearest_name() -> None:
+    with pytest.raises(BuildError, match=r"got 'acoustic'; did you mean 'acoustics'\?"):
+        factory.build("acoustic")
+
+
+def test_fmi_version_must_exist() -> None:
+    with pytest.raises(BuildError, match="must be 2 or 3, got 1"):
+        factory.build("target", 1)  # type: ignore[arg-type]
+
+
+def test_without_a_compiler_the_error_says_what_to_install(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(fresh_cache))
+    monkeypatch.setattr(compiler, "zig", lambda: None)
+    monkeypatch.delenv(compiler.VARIABLE, raising=False)
+    with pytest.raises(BuildError, match=r"install gcc or clang, or pip install 'sblcosim\[zig\]'"):
+        factory.build(SMALL)
+
+
+def test_compiler_that_is_asked_for_must_be_there(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(compiler.VARIABLE, "no-such-compiler")
+    with pytest.raises(BuildError, match=r"SBLCOSIM_CC: .* 'no-such-compiler'"):
+        factory.build(SMALL)
+
+
+def test_message_of_a_failing_compiler_is_shown(fresh_cache: Path) -> None:
+    cc = compiler.find()
+    with pytest.raises(BuildError, match=r"(?s)failed:.*undeclared_thing"):
+        factory.compile_shared({"x.c": b"int f(void) { return undeclared_thing; }"}, ["x.c"], cc)

@@ -1,0 +1,186 @@
+"""The time contract: what comes out does not depend on how the time was cut into steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sblcosim.models import COMPONENTS, RECEIVERS
+
+from .host import (
+    DISCARD,
+    ERROR,
+    NOISY,
+    TICKS,
+    Array,
+    T,
+    Values,
+    assert_same_bits,
+    bits,
+    chain,
+    grid,
+    host,
+    refused,
+)
+
+BOTH = pytest.mark.parametrize("fmi", [2, 3])
+FED = ("acoustics", *RECEIVERS)
+"""Components with ticks and inputs."""
+
+PATHS: dict[str, Values] = {
+    **{f"target {i}": {"trajectory": i, "departure_time": 0.33, "seed": 5, "speed": 1.3,
+                       "path_length": 8.0, "radius": 2.0, "side": 2.0, "leg_length": 0.7,
+                       "waypoint_count": 3, "waypoint": np.arange(192) % 7, "depth_end": 8.0}
+       for i in range(1, 9)},
+    "platform": NOISY["platform"],
+}
+
+
+@pytest.mark.parametrize("case", PATHS)
+def test_any_steps_give_the_same_outputs_where_they_meet(case: str) -> None:
+    """Components without inputs take steps of any size, over ticks and between them."""
+    name = case.split()[0]
+    instance = host(name)
+    expected = instance.start(PATHS[case]).run(grid(200, T / 2))
+    assert np.ptp(expected, axis=0).max() > 0
+    one_step = instance.start(PATHS[case]).run([0.0, 100 * T])
+    assert_same_bits(one_step[-1], expected[-1])
+
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        between = rng.uniform(0.0, 100 * T, 150).round(7)
+        times = np.unique(np.concatenate([[0.0], between, np.array(grid(20, 5 * T))]))
+        record = instance.start(PATHS[case]).run(times.tolist())
+        common = np.isin(times[1:], grid(20, 5 * T)[1:])
+        assert common.sum() == 20
+        assert_same_bits(record[common], expected[9::10])
+
+
+@BOTH
+@pytest.mark.parametrize("parts", [2, 5])
+@pytest.mark.parametrize("name", ["target", "platform", *FED])
+def test_parts_of_the_interval_give_the_same_outputs(name: str, parts: int, fmi: int) -> None:
+    instance, inputs = host(name, fmi), chain()[name]
+    expected = instance.start(NOISY[name]).run(grid(TICKS), inputs)
+    fine = None if inputs is None else np.repeat(inputs, parts, axis=0)
+    record = instance.start(NOISY[name]).run(grid(TICKS * parts, T / parts), fine)
+    assert_same_bits(record[parts - 1 :: parts], expected)
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_receiver_stepped_at_t_equals_one_stepped_at_its_update_interval(name: str) -> None:
+    ratio, inputs = 4, chain()[name]
+    assert inputs is not None
+    parameters = {**NOISY[name], "update_interval": ratio * T}
+    instance = host(name)
+    every = instance.start(parameters).run(grid(TICKS), inputs)
+    rare = instance.start(parameters).run(grid(TICKS // ratio, ratio * T), inputs[::ratio])
+    assert instance.column(rare, "update_count")[-1] > 15
+    assert_same_bits(every[ratio - 1 :: ratio], rare)
+
+
+@BOTH
+@pytest.mark.parametrize("name", FED)
+def test_tick_strictly_inside_a_step_is_refused(name: str, fmi: int) -> None:
+    instance = host(name, fmi).start(NOISY[name])
+    instance.run(grid(3), chain()[name])
+    before = instance.save()
+    instance.messages.clear()
+    assert refused(instance.step, 3 * T, 2 * T) == DISCARD
+    assert "tick inside, at 0.4" in instance.messages[-1]
+    assert instance.save() == before
+    instance.step(3 * T, T)
+    assert instance.save() != before
+
+
+@pytest.mark.parametrize("name", ["target", "platform", "acoustics"])
+def test_time_that_is_accumulated_misses_no_tick(name: str) -> None:
+    """20,000 steps of 0.02 s, t += h as masters do it: the error of t grows to nanoseconds."""
+    h, steps = 0.02, 20_000
+    instance = host(name).start(NOISY[name])
+    inputs = chain()[name]
+    if inputs is not None:
+        instance.set_inputs(inputs[40])
+    t = 0.0
+    for _ in range(steps):
+        instance.step(t, h)
+        t += h
+    assert t != steps * h
+    accumulated = instance.outputs()
+    exact = host(name, number=1).start(NOISY[name])
+    if inputs is not None:
+        exact.set_inputs(inputs[40])
+    for time in grid(steps // 5):
+        exact.step(time, T)
+    exact_end = exact.outputs()
+    # One more step of T was made there, so that a missed tick would show in both.
+    instance.step(t, T)
+    assert_same_bits(instance.outputs(), exact_end)
+    assert np.any(bits(accumulated) != bits(exact_end))
+
+
+@BOTH
+@pytest.mark.parametrize("name", [n for n, c in COMPONENTS.items() if c.interval])
+def test_interval_of_broken_nanoseconds_is_refused(name: str, fmi: int) -> None:
+    instance = host(name, fmi)
+    interval = instance.component.interval
+    instance.messages.clear()
+    assert refused(instance.start, {interval: 1.0 / 3.0}) == ERROR
+    assert f"{instance.name}: {interval} must be a whole number of nanoseconds" in (
+        instance.messages[-1]
+    )
+    assert "0.333333333" in instance.messages[-1]
+    instance.start({interval: 0.3})
+
+
+def shifted(name: str, inputs: Array | None, start: float) -> Array | None:
+    """The inputs of a run that begins later: epochs move, the rest stays."""
+    if inputs is None:
+        return None
+    declared = COMPONENTS[name].of("input")
+    epochs = np.concatenate([np.full(v.size, v.name.endswith("epoch")) for v in declared])
+    return np.where(epochs, inputs + start, inputs)
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["target", "platform", *FED])
+def test_later_start_gives_the_same_sequence(name: str, fmi: int) -> None:
+    """Ticks and noise are counted from the start.
+
+    64 s have exact binary fractions left for the sums; still a time rounds differently there, so
+    what is computed from it agrees only nearly. The platform's waves are a function of the time
+    itself; 64 s are whole periods of theirs.
+    """
+    start, instance = 64.0, host(name, fmi)
+    expected = instance.start(NOISY[name]).run(grid(TICKS), chain()[name])
+    record = instance.start(NOISY[name], start).run(
+        grid(TICKS, start=start), shifted(name, chain()[name], start)
+    )
+    for v in instance.component.of("output"):
+        late, early = instance.column(record, v.name), instance.column(expected, v.name)
+        if v.name.endswith("epoch"):
+            late = late - start
+        np.testing.assert_allclose(late, early, rtol=1e-9, atol=1e-9, err_msg=v.name)
+        if v.type != "Float64":
+            np.testing.assert_array_equal(late, early)
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_fmi_2_and_fmi_3_agree_to_the_bit(name: str) -> None:
+    records = [host(name, fmi).start(NOISY[name]).run(grid(TICKS), chain()[name]) for fmi in (2, 3)]
+    assert np.ptp(records[0], axis=0).max() > 0
+    assert_same_bits(*records)
+
+
+def test_nothing_happens_at_the_start() -> None:
+    """The first tick is one interval after the start, and its result is there a step later."""
+    target = host("target").start(NOISY["target"])
+    assert target.get("depth") == 0
+    record = target.run(grid(3))
+    np.testing.assert_array_equal(target.column(record, "depth_epoch"), [0.0, 0.1, 0.2])
+    assert target.column(record, "depth")[0] == 0
+    acoustics = host("acoustics").start({"seed": 1})
+    record = acoustics.run(grid(3), chain()["acoustics"])
+    np.testing.assert_array_equal(
+        acoustics.column(record, "reception_count"), [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0]]
+    )
+    np.testing.assert_array_equal(acoustics.column(record, "range_epoch")[-1], [0.1, 0.2, 0, 0])
