@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -21,10 +21,10 @@ VARIABLE = "SBLCOSIM_CC"
 # No contraction to fused multiply-adds and no errno: the same bits on every machine. Nothing but
 # the functions of the standard is exported, and nothing of ours can be replaced from outside.
 FLAGS = (
-    "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared",
-    "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror",
-    "-Wno-psabi", "-s",
+    "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden",
+    "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
 )
+LINK_FLAGS = ("-shared", "-s")
 _ZIG_FLAGS = ("-mcpu=baseline",)  # zig compiles for the processor it runs on unless told otherwise
 _LINUX_FLAGS = ("-Wl,-Bsymbolic", "-Wl,--build-id=none")
 
@@ -45,23 +45,35 @@ class Compiler:
     identity: str
 
     def compile(
-        self, sources: Iterable[Path], output: Path, include: Sequence[Path],
-        flags: Sequence[str] = (), cwd: Path | None = None,
+        self, source: str, output: str, include: Sequence[Path], flags: Sequence[str], folder: Path
     ) -> None:
-        """Compile and link a shared library.
+        """Compile a file to an object; both are names in ``folder``.
 
         Raises
         ------
         BuildError
             The compiler cannot be started or reports an error; the message holds its output.
         """
+        # Relative names: the path of the folder must not get into the object.
+        places = [f"-I{place}" for place in (".", *include)]
+        self._run([*FLAGS, *flags, *places, "-c", source, "-o", output], folder)
+
+    def link(self, objects: Sequence[str], output: str, folder: Path) -> None:
+        """Link objects to a shared library; all are names in ``folder``.
+
+        Raises
+        ------
+        BuildError
+            As `compile`.
+        """
         platform = _LINUX_FLAGS if sys.platform.startswith("linux") else ()
-        command = [
-            *self.command, *FLAGS, *platform, *flags,
-            *(f"-I{folder}" for folder in include), *map(str, sources), "-o", str(output),
-        ]
+        self._run([*LINK_FLAGS, *platform, *objects, "-o", output], folder)
+
+    def _run(self, arguments: Sequence[str], folder: Path) -> None:
         try:
-            done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [*self.command, *arguments], cwd=folder, capture_output=True, text=True, check=False
+            )
         except OSError as error:
             raise BuildError(
                 f"the compiler {self.command[0]!r} cannot be started: {error}"

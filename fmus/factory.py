@@ -5,9 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import platform
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache as remember
 from importlib import metadata, resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -27,6 +31,7 @@ CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, in place of the user's cache."""
 
 _SHELLS = {2: "fmi2.c", 3: "fmi3.c"}
+_LANES = ("lanes.h", "lanes.c", "dispatch.c")
 _HEADERS = ("engine.h", "elementary.h", "instance.h", "noise.h", "philox.h", "real.h")
 
 
@@ -74,15 +79,50 @@ def write(path: Path, name: str, fmi: Fmi, compiler: compilers.Compiler) -> None
     sources = _sources(model, fmi)
     token = _token(model, sources, fmi)
     sources["tables.h"] = _tables(model, token)
-    binary = compile_shared(sources, [_SHELLS[fmi]], compiler)
+    binary = compile_shared(
+        sources, [Unit(_SHELLS[fmi])], compiler, _lane_objects(name, compiler)
+    )
     folder = platform_folder(*this_machine(), fmi)
     write_fmu(path, contents(model, fmi, token, sources, {folder: binary}))
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file that appears under its name only when it is complete."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    unfinished.write_bytes(content)
+    unfinished.replace(path)
 
 
 def cache() -> Path:
     """The folder that holds built FMUs."""
     chosen = os.environ.get(CACHE_VARIABLE)
     return Path(chosen) if chosen else user_cache_path("sblcosim") / "fmus"
+
+
+def driver(name: str, source: bytes) -> Path:
+    """A shared library compiled from one source once per number of lanes, and cached.
+
+    Parameters
+    ----------
+    name
+        File name of the source; it may include the headers of the engine.
+
+    Raises
+    ------
+    BuildError
+        There is no compiler, or it fails.
+    """
+    compiler = compilers.find()
+    sources = {**_c_files([*_HEADERS, *_LANES]), name: source}
+    units = [Unit(name, unit.flags) for unit in lane_units()]
+    digest = _digest([compiler.command, compiler.identity, [u.flags for u in units]])
+    for file in sorted(sources):
+        digest.update(sources[file])
+    path = cache() / digest.hexdigest()[:32] / Path(name).with_suffix(".so").name
+    if not path.is_file():
+        write_file(path, compile_shared(sources, units, compiler))
+    return path
 
 
 def engine_sources(model: Model) -> dict[str, bytes]:
@@ -92,30 +132,78 @@ def engine_sources(model: Model) -> dict[str, bytes]:
     return {**_c_files(_HEADERS), "model.h": model_source(model).encode()}
 
 
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A source file to compile, perhaps one of several times with other flags."""
+
+    source: str
+    flags: tuple[str, ...] = ()
+
+
+def lane_units() -> tuple[Unit, ...]:
+    """What makes the engine for many simulations: one build per number of lanes worth having."""
+    sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
+    if platform.machine().lower() in ("x86_64", "amd64"):
+        sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
+    return tuple(Unit("lanes.c", (f"-DLANES={n}", *flags)) for n, flags in sets.items())
+
+
 def compile_shared(
-    sources: Mapping[str, bytes], units: list[str], compiler: compilers.Compiler,
-    flags: tuple[str, ...] = (),
+    sources: Mapping[str, bytes],
+    units: Sequence[Unit],
+    compiler: compilers.Compiler,
+    objects: Sequence[bytes] = (),
 ) -> bytes:
     """Compile C sources into a shared library.
 
     Parameters
     ----------
     sources
-        All files by name.
-    units
-        Names of those to compile; the others are included.
+        All files by name, those that are only included, too.
+    objects
+        Further objects to link.
+
+    Raises
+    ------
+    BuildError
+        The compiler fails.
     """
+    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+        folder = Path(name)
+        parts = [*compile_objects(sources, units, compiler), *objects]
+        names = [f"{i}.o" for i in range(len(parts))]
+        for file, content in zip(names, parts, strict=True):
+            (folder / file).write_bytes(content)
+        compiler.link(names, "library", folder)
+        return (folder / "library").read_bytes()
+
+
+def compile_objects(
+    sources: Mapping[str, bytes], units: Sequence[Unit], compiler: compilers.Compiler
+) -> list[bytes]:
+    """Compile C sources into objects, one per unit, on all cores."""
+    include = [fmi_headers()]
     with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
         folder = Path(name)
         for file, text in sources.items():
             (folder / file).write_bytes(text)
-        library = folder / "component.so"
-        # Relative names: the path of the folder must not get into the library.
-        compiler.compile(
-            [Path(unit) for unit in units], Path(library.name), [Path(), fmi_headers()], flags,
-            cwd=folder,
-        )
-        return library.read_bytes()
+
+        def compiled(number: int, unit: Unit) -> bytes:
+            output = f"{number}.o"
+            compiler.compile(unit.source, output, include, unit.flags, folder)
+            return (folder / output).read_bytes()
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(compiled, range(len(units)), units))
+
+
+@remember
+def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
+    """The engines for many simulations; the same for both versions of FMI."""
+    from ..models.equations import load
+
+    sources = {**engine_sources(load(name)), **_c_files(_LANES)}
+    return compile_objects(sources, [Unit("dispatch.c"), *lane_units()], compiler)
 
 
 def fmi_headers() -> Path:
@@ -146,26 +234,25 @@ def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
     )
 
 
-def _c_files(names: list[str] | tuple[str, ...]) -> dict[str, bytes]:
+def _c_files(names: Sequence[str]) -> dict[str, bytes]:
     folder = resources.files(__package__) / "c"
     return {name: (folder / name).read_bytes() for name in names}
 
 
 def _fingerprint(name: str, fmi: Fmi, compiler: compilers.Compiler) -> str:
     """A name for everything an FMU is made from; reading it needs no CasADi."""
-    digest = hashlib.sha256(
-        json.dumps(
-            [
-                name, fmi, compiler.command, compiler.identity, compilers.FLAGS,
-                [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")],
-            ]
-        ).encode()
-    )
+    versions = [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
+    digest = _digest([name, fmi, compiler.command, compiler.identity, versions])
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):
         for file in _files(place):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:32]
+
+
+def _digest(facts: object) -> hashlib._Hash:
+    flags = [compilers.FLAGS, compilers.LINK_FLAGS]
+    return hashlib.sha256(json.dumps([facts, flags]).encode())
 
 
 def _files(folder: Traversable) -> Iterator[Traversable]:

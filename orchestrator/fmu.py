@@ -15,6 +15,7 @@ import os
 import re
 import shutil
 import tempfile
+import threading
 import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -376,6 +377,38 @@ class Instance:
             + (f": {said}" if said else f" (FMU {self.fmu.path}, no message)")
         )
 
+    def ended_early(self) -> int:
+        """The status to report if a step went well but was not, or not to be, the whole step."""
+        self._log.append("the FMU ended the simulation or the step early")
+        return _DISCARD
+
+    def crash(self, function: str, signal: str, time_ns: int) -> FmuError:
+        """The exception for an FMU that has crashed; none of its instances is used again."""
+        self.usable = False
+        _drop(self.fmu)
+        return self._lost(f"crashed (signal {signal}) in {function} at {text_of(time_ns)}")
+
+    def hang(self, function: str, seconds: float, time_ns: int) -> FmuError:
+        """The exception for an FMU that does not return from a call."""
+        self.usable = False
+        when = text_of(time_ns)
+        return self._lost(f"has not returned from {function} at {when} for {seconds:g} s")
+
+    def _lost(self, what: str) -> FmuError:
+        said = self.said().removeprefix(f"{self.name}: ")
+        return FmuError(f"{self.name}: FMU {self.fmu.path} {what}" + (f": {said}" if said else ""))
+
+    @property
+    def handle(self) -> int:
+        """Address of the instance, for C."""
+        return int(self._component)
+
+    def address(self, function: str) -> int:
+        """Address of a function of the standard, for C; named in full, e.g. ``fmi2GetReal``."""
+        address = ctypes.cast(self._function[function[4:]], ctypes.c_void_p).value
+        assert address is not None
+        return address
+
     def _check(self, function: str, status: int) -> None:
         if status > WARNING:
             raise self.failure(function, status)
@@ -472,14 +505,14 @@ class Instance:
         def step3(time: float, kept: Any = (event, reached)) -> int:
             status: int = function(c, time, step, True, *places)
             if status <= WARNING and (terminate.value or early.value):
-                self._log.append("the FMU ended the simulation or the step early")
-                return _DISCARD
+                return self.ended_early()
             return status
 
         return step3
 
 
 _IDLE: dict[tuple[str, str], list[Instance]] = {}
+_LOCK = threading.Lock()  # FMPy changes the folder of the process while it loads a library
 
 
 def acquire(fmu: Fmu, name: str) -> Instance:
@@ -490,21 +523,29 @@ def acquire(fmu: Fmu, name: str) -> Instance:
     FmuError
         The FMU cannot be loaded or instantiated.
     """
-    idle = _IDLE.get(_place(fmu, name))
-    while idle:
-        instance = idle.pop()
-        try:
-            instance.reset()
-        except FmuError:  # some FMUs cannot be reset: the next instance is new
-            continue
-        return instance
-    return Instance(fmu, name)
+    idle = _IDLE.setdefault(_place(fmu, name), [])
+    with _LOCK:
+        while idle:
+            instance = idle.pop()
+            try:
+                instance.reset()
+            except FmuError:  # some FMUs cannot be reset: the next instance is new
+                continue
+            return instance
+        return Instance(fmu, name)
 
 
 def release(instance: Instance) -> None:
     """Give an instance back, in whatever state it is."""
     if instance.usable:
         _IDLE.setdefault(_place(instance.fmu, instance.name), []).append(instance)
+
+
+def _drop(fmu: Fmu) -> None:
+    """Lend no instance again that waits for its next use."""
+    for (sha256, _), idle in list(_IDLE.items()):
+        if sha256 == fmu.sha256:
+            idle.clear()
 
 
 def _place(fmu: Fmu, name: str) -> tuple[str, str]:
@@ -527,6 +568,12 @@ def _unpacked(fmu: Fmu) -> Path:
             raise FmuError(f"{fmu.path}: must be possible to unpack, got: {error}") from error
         _FOLDERS[fmu.sha256] = folder
     return folder
+
+
+def binary_of(fmu: Fmu) -> Path:
+    """The FMU's shared library for this machine, unpacked."""
+    folder = _unpacked(fmu)
+    return folder / _binary(fmu, _names(folder))
 
 
 def _remove(folder: Path, owner: int) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from . import fmu
 from .errors import ConfigurationError, nearest
 from .fmu import DTYPES, WARNING, Fmu, Vector
-from .plan import Plan, PlannedComponent, Read, resolve
+from .plan import Column, Plan, PlannedComponent, Read, resolve
 from .record import Record
 from .system import SECOND, ComponentSpec, System, text_of
 
@@ -30,7 +30,11 @@ Vectors = Mapping[str, Vector]
 """Newest outputs of all components, by type; see `sblcosim.plan`."""
 
 
-def execute(plan: Plan, progress: Callable[[float], None] | None = None) -> Record:
+def execute(
+    plan: Plan,
+    progress: Callable[[float], None] | None = None,
+    record: Sequence[str] | None = None,
+) -> Record:
     """Run a plan from its start to its stop.
 
     Parameters
@@ -38,14 +42,18 @@ def execute(plan: Plan, progress: Callable[[float], None] | None = None) -> Reco
     progress
         Called with the share of the run that is done, at most ten times per second, and with 1 at
         the end.
+    record
+        What the record is to hold, ``"component.variable"``; None: all outputs.
 
     Raises
     ------
     FmuError
         An FMU has returned a status that is worse than a warning.
     ConfigurationError
-        A Python component has returned something that does not fit its declaration.
+        A Python component has returned something that does not fit its declaration, or there is
+        no such output to record.
     """
+    columns = chosen(plan, record)
     instants = plan.instants
     vectors = _vectors(plan)
     history = {kind: np.empty((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()}
@@ -80,9 +88,28 @@ def execute(plan: Plan, progress: Callable[[float], None] | None = None) -> Reco
     return Record(
         time_ns=instants,
         values={
-            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in plan.columns
+            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
         },
     )
+
+
+def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
+    """The columns to record, in the plan's order; None: all.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such output.
+    """
+    if record is None:
+        return plan.columns
+    known = [c.name for c in plan.columns]
+    for name in record:
+        if name not in known:
+            raise ConfigurationError(
+                f"{name}: must be an output of a component of the system{nearest(name, known)}"
+            )
+    return tuple(c for c in plan.columns if c.name in record)
 
 
 def initial_outputs(
@@ -144,29 +171,30 @@ class _Runner(Protocol):
 
 
 def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: ExitStack) -> _Runner:
-    """A component, initialised. An FMU's instance is given back when the stack is left."""
     if not isinstance(component.source, Fmu):
         return _PythonRunner(component, vectors, plan.start_ns)
+    return _FmuRunner(component, initialised(component, plan.start_ns, stack), vectors)
+
+
+def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) -> fmu.Instance:
+    """An instance of a component's FMU, ready for steps; given back when the stack is left."""
+    assert isinstance(component.source, Fmu)
     instance = fmu.acquire(component.source, component.name)
     stack.callback(fmu.release, instance)
-    return _FmuRunner(component, instance, vectors, plan.start_ns)
+    instance.initialise(
+        start_ns,
+        ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
+    )
+    return instance
 
 
 class _FmuRunner:
     """Calls an FMU through functions whose arguments were bound beforehand."""
 
     def __init__(
-        self,
-        component: PlannedComponent,
-        instance: fmu.Instance,
-        vectors: Vectors,
-        start_ns: int,
+        self, component: PlannedComponent, instance: fmu.Instance, vectors: Vectors
     ) -> None:
         self._instance = instance
-        instance.initialise(
-            start_ns,
-            ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
-        )
         self._gets = [
             (instance.getter(r.type, r.references, vectors[r.type][r.start : r.stop]), r.type)
             for r in component.reads

@@ -30,12 +30,14 @@ static inline bits64 r_integer(real v)
 static inline const real *engine_p(const struct block *b) { return b->v; }
 static inline const real *engine_u(const struct block *b) { return b->v + N_P; }
 
-/* 0 when a loop found no end. */
+/* 0 when a loop found no end. Side by side, the lane concerned becomes NaN and the others go on. */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
+    real going = r_set1(0.0);
     for (int round = 0; round < MAX_ROUNDS; round++) {
-        real going = r_set1(0.0), w[N_W + 1];
+        real w[N_W + 1];
         model_guard(loop, variant, b->x, engine_u(b), engine_p(b), t, &going);
+        going = r_if_else_zero(r_eq(going, going), going); /* a NaN has nothing to do */
         if (!r_any(going))
             return 1;
         model_noise(OCCASION_LOOPS + loop, b->key, b->rounds[loop], w);
@@ -51,7 +53,13 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
 #endif
         b->rounds[loop] += r_integer(r_if_else_zero(going, r_set1(1.0)));
     }
+#if LANES == 1
     return 0;
+#else
+    for (int i = 0; i < N_X; i++)
+        b->x[i] = r_select(going, r_set1(__builtin_nan("")), b->x[i]);
+    return 1;
+#endif
 }
 
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
@@ -60,6 +68,26 @@ static inline int engine_loops(struct block *b, int variant, int first, int end,
         if (!engine_loop(b, variant, loop, t))
             return 0;
     return 1;
+}
+
+#define MAX_SECONDS 4e9 /* differences of two such times fit into 64 bits of nanoseconds */
+
+/* Seconds to whole nanoseconds; 0 if they are no sensible time. */
+static inline int to_ns(double seconds, int64_t *ns)
+{
+    if (!(seconds > -MAX_SECONDS && seconds < MAX_SECONDS))
+        return 0;
+    *ns = (int64_t)(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5));
+    return 1;
+}
+
+/* The time between ticks, which must be whole nanoseconds; 0 if it is not. */
+static inline int engine_interval(double seconds, int64_t *ns)
+{
+    if (!to_ns(seconds, ns) || *ns <= 0)
+        return 0;
+    const double rest = seconds * 1e9 - (double)*ns;
+    return rest >= -1e-3 && rest <= 1e-3;
 }
 
 static inline real engine_seconds(int64_t ns) { return r_set1((double)ns / 1e9); }

@@ -47,7 +47,6 @@ enum status { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3 };
 #define SNAPSHOT_MAGIC 0x53424c46u /* "SBLF" */
 #define SNAPSHOT_VERSION 1u
 #define TICK_TOLERANCE_NS 1000
-#define MAX_SECONDS 4e9 /* differences of two such times fit into 64 bits of nanoseconds */
 
 /* Everything that changes, and nothing but numbers: a snapshot is a copy. */
 struct data {
@@ -165,15 +164,6 @@ static void instance_free(struct instance *in)
     }
 }
 
-/* Seconds to whole nanoseconds; 0 if they are no sensible time. */
-static int to_ns(double seconds, int64_t *ns)
-{
-    if (!(seconds > -MAX_SECONDS && seconds < MAX_SECONDS))
-        return 0;
-    *ns = (int64_t)(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5));
-    return 1;
-}
-
 static enum status instance_set_start(struct instance *in, double start)
 {
     if (!to_ns(start, &in->data.start_ns))
@@ -190,11 +180,9 @@ static enum status instance_initialise(struct instance *in)
     struct data *d = &in->data;
     d->interval_ns = 0;
 #if P_INTERVAL >= 0
-    const double interval = d->block.v[P_INTERVAL], ns = interval * 1e9;
-    if (!to_ns(interval, &d->interval_ns) || ns - (double)d->interval_ns > 1e-3
-        || ns - (double)d->interval_ns < -1e-3)
+    if (!engine_interval(d->block.v[P_INTERVAL], &d->interval_ns))
         return report(in, ERROR, "%s must be a whole number of nanoseconds, got %.17g s",
-                      variables[owner[P_INTERVAL]].name, interval);
+                      variables[owner[P_INTERVAL]].name, d->block.v[P_INTERVAL]);
 #endif
     d->variant = 0;
 #if P_VARIANT >= 0

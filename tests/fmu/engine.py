@@ -48,7 +48,9 @@ class Engine:
         self.model = model(name)
         sources = {**factory.engine_sources(self.model), "driver.c": DRIVER.read_bytes()}
         binary = factory.compile_shared(
-            sources, ["driver.c"], cc or compiler.find(), (f"-DLANES={lanes}", *cpu_flags(lanes))
+            sources,
+            [factory.Unit("driver.c", (f"-DLANES={lanes}", *cpu_flags(lanes)))],
+            cc or compiler.find(),
         )
         label = "default" if cc is None else cc.identity.replace("/", "_").replace(" ", "_")
         path = folder / f"{name}-{lanes}-{label}.so"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +29,7 @@ TICKS = 100
 
 DISCARD, ERROR = 2, 3
 
-_C_TYPES = {"Float64": ctypes.c_double, "Int32": ctypes.c_int32}
+_C_TYPES: Mapping[str, Any] = {"Float64": ctypes.c_double, "Int32": ctypes.c_int32}
 _NAMES = {
     2: {"Float64": "fmi2{}Real", "Int32": "fmi2{}Integer", "Boolean": "fmi2{}Boolean"},
     3: {"Float64": "fmi3{}Float64", "Int32": "fmi3{}Int32", "Boolean": "fmi3{}Boolean"},
@@ -55,7 +55,7 @@ class _Access:
                 continue
             references = [r for v in chosen for r in host.references(v)]
             where = np.concatenate([np.arange(stop)[self.place[v.name]] for v in chosen])
-            boolean = ctypes.c_bool if host.fmi == 3 else ctypes.c_int32
+            boolean: Any = ctypes.c_bool if host.fmi == 3 else ctypes.c_int32
             buffer = (_C_TYPES.get(kind, boolean) * len(where))()
             call = getattr(host.slave, _NAMES[host.fmi][kind].format(verb))
             arguments = (
@@ -79,7 +79,8 @@ class Host:
     """
 
     def __init__(self, name: str, fmi: int, path: Path | None = None, label: str = "") -> None:
-        self.component, self.fmi, self.messages = COMPONENTS[name], fmi, []
+        self.component, self.fmi = COMPONENTS[name], fmi
+        self.messages: list[str] = []
         self.name = f"{name}{label}"
         path = path or factory.build(name, fmi)  # type: ignore[arg-type]
         description, folder = _unpack(path)
@@ -191,7 +192,7 @@ class Host:
         """The state, serialised."""
         state = self.slave.getFMUState()
         try:
-            return self.slave.serializeFMUState(state)
+            return bytes(self.slave.serializeFMUState(state))
         finally:
             self.slave.freeFMUState(state)
 
@@ -288,7 +289,3 @@ def refused(call: Any, *arguments: Any) -> int:
     except FMICallException as error:
         return int(error.status)
     raise AssertionError(f"{call} was not refused")
-
-
-def batches(record: Array, size: int) -> Iterator[Array]:
-    yield from np.split(record, len(record) // size)

@@ -15,7 +15,6 @@ from .host import (
     T,
     Values,
     assert_same_bits,
-    bits,
     chain,
     grid,
     host,
@@ -92,37 +91,44 @@ def test_tick_strictly_inside_a_step_is_refused(name: str, fmi: int) -> None:
     assert instance.save() != before
 
 
-@pytest.mark.parametrize("name", ["target", "platform", "acoustics"])
-def test_time_that_is_accumulated_misses_no_tick(name: str) -> None:
-    """20,000 steps of 0.02 s, t += h as masters do it: the error of t grows to nanoseconds."""
-    h, steps = 0.02, 20_000
-    instance = host(name).start(NOISY[name])
-    inputs = chain()[name]
-    if inputs is not None:
-        instance.set_inputs(inputs[40])
-    t = 0.0
+def accumulated(steps: int, size: float) -> list[float]:
+    """Communication points as many masters compute them, t += h."""
+    times = [0.0]
     for _ in range(steps):
-        instance.step(t, h)
-        t += h
-    assert t != steps * h
-    accumulated = instance.outputs()
-    exact = host(name, number=1).start(NOISY[name])
-    if inputs is not None:
-        exact.set_inputs(inputs[40])
-    for time in grid(steps // 5):
-        exact.step(time, T)
-    exact_end = exact.outputs()
-    # One more step of T was made there, so that a missed tick would show in both.
-    instance.step(t, T)
-    assert_same_bits(instance.outputs(), exact_end)
-    assert np.any(bits(accumulated) != bits(exact_end))
+        times.append(times[-1] + size)
+    return times
+
+
+def test_accumulated_time_brings_no_tick_early() -> None:
+    """100,000 steps of 0.1 s are 19 ns too much; a tick at the end of a step stays outside."""
+    times = accumulated(100_000, T)
+    assert 1e-9 < times[-1] - 1e4 < 1e-6
+    target = host("target").start()
+    for i, t in enumerate(times[:-1]):
+        target.step(t, T)
+        if i % 10 == 0:
+            assert target.get("depth_epoch") == i / 10
+
+
+def test_accumulated_time_has_no_tick_inside_a_step() -> None:
+    """100,000 steps of 0.02 s fall short by more than a nanosecond.
+
+    After 869 s the first tick would slip inside a step, which a component with inputs refuses.
+    """
+    ticks = 20_000
+    times = accumulated(5 * ticks, T / 5)
+    assert -1e-6 < times[-1] - 2000.0 < -1e-9
+    acoustics = host("acoustics").start({"loss_probability": 0.0})
+    for t in times[:-1]:
+        acoustics.step(t, T / 5)
+    assert acoustics.get("reception_count").sum() == ticks - 1
 
 
 @BOTH
 @pytest.mark.parametrize("name", [n for n, c in COMPONENTS.items() if c.interval])
 def test_interval_of_broken_nanoseconds_is_refused(name: str, fmi: int) -> None:
     instance = host(name, fmi)
-    interval = instance.component.interval
+    interval = str(instance.component.interval)
     instance.messages.clear()
     assert refused(instance.start, {interval: 1.0 / 3.0}) == ERROR
     assert f"{instance.name}: {interval} must be a whole number of nanoseconds" in (
@@ -146,11 +152,12 @@ def shifted(name: str, inputs: Array | None, start: float) -> Array | None:
 def test_later_start_gives_the_same_sequence(name: str, fmi: int) -> None:
     """Ticks and noise are counted from the start.
 
-    64 s have exact binary fractions left for the sums; still a time rounds differently there, so
-    what is computed from it agrees only nearly. The platform's waves are a function of the time
-    itself; 64 s are whole periods of theirs.
+    A time rounds differently after 64 s, so what is computed from it agrees only nearly; fixes
+    agree to the step that ends their iteration, 1e-7 m. The platform's waves are a function of the
+    time itself; 64 s are whole periods of theirs.
     """
     start, instance = 64.0, host(name, fmi)
+    tolerance = 1e-6 if name in RECEIVERS else 1e-9
     expected = instance.start(NOISY[name]).run(grid(TICKS), chain()[name])
     record = instance.start(NOISY[name], start).run(
         grid(TICKS, start=start), shifted(name, chain()[name], start)
@@ -159,7 +166,7 @@ def test_later_start_gives_the_same_sequence(name: str, fmi: int) -> None:
         late, early = instance.column(record, v.name), instance.column(expected, v.name)
         if v.name.endswith("epoch"):
             late = late - start
-        np.testing.assert_allclose(late, early, rtol=1e-9, atol=1e-9, err_msg=v.name)
+        np.testing.assert_allclose(late, early, rtol=tolerance, atol=tolerance, err_msg=v.name)
         if v.type != "Float64":
             np.testing.assert_array_equal(late, early)
 

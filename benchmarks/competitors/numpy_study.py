@@ -1,0 +1,352 @@
+"""The study's simulations in NumPy, all runs of a batch at once.
+
+Scenario 1 of the paper in the preset ``paper-literal`` (see the shipped ``paper-scenario-1.toml``),
+with the factors of the paper's Table 3 different in each run and one sampling time per call.
+Nothing here uses sblcosim.
+
+Arrays have the runs as their last axis, so that each operation works on contiguous memory. What
+does not depend on the filter (noise, attitude, beacons, ranges) is computed for several sampling
+instants at once. NED frame, SI units, angles in rad.
+
+Run by hand: ``python benchmarks/competitors/numpy_study.py --runs 4096 --sampling-time 0.1``
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import time
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+FACTORS = {
+    "loss_probability": (0.0, 0.25),
+    "baseline": (3.0, 0.4),
+    "gps_std": (0.1, 3.5),
+    "imu_std": (np.radians(1.0), np.radians(10.0)),
+    "depth_std": (0.01, 0.1),
+    "range_std": (0.1, 1.0),
+}
+"""The paper's Table 3 without the sampling time: the level with the smaller error, the other."""
+
+RADIUS, DEPTH, SPEED = 15.0, 5.0, 0.5
+BEACON_DEPTH = 0.5
+WAVE_AMPLITUDE = np.radians([5.0, 5.0, 5.0])
+WAVE_FREQUENCY = np.array([0.30, 0.25, 0.05])
+Q = 0.01
+
+BATCH = 1024
+"""Runs that are simulated at once, unless told otherwise: the filter's arrays fit into the cache
+of a core, and a NumPy call costs little beside its work."""
+BLOCK = 4
+"""Sampling instants whose noise and ranges are computed at once; a multiple of the beacons."""
+
+
+def target(t: Floats) -> Floats:
+    """True positions on the semicircle, (..., 3)."""
+    angle = SPEED * t / RADIUS
+    return np.stack(
+        [RADIUS * np.cos(angle), RADIUS * np.sin(angle), np.full_like(angle, DEPTH)], axis=-1
+    )
+
+
+def epochs(sampling_time: float) -> int:
+    """Estimates in a run: at T, 2T, ...
+
+    As in sblcosim, the last two of the samples of a run come too late: one for the filter, which
+    sees at an instant what was sampled before, and one because its result shows an interval later.
+    """
+    return int(np.pi * RADIUS / SPEED / sampling_time) - 2
+
+
+def simulate(
+    sampling_time: float,
+    rng: np.random.Generator,
+    loss_probability: ArrayLike = 0.0,
+    baseline: ArrayLike = 3.0,
+    gps_std: ArrayLike = 0.1,
+    imu_std: ArrayLike = FACTORS["imu_std"][0],
+    depth_std: ArrayLike = 0.01,
+    range_std: ArrayLike = 0.1,
+) -> Floats:
+    """Simulate one run per element of the factors, which are broadcast against each other.
+
+    Returns
+    -------
+    RMS over the run of the errors in x, y, z and of the total error in m, (4, N).
+    """
+    loss, baseline, gps_std, imu_std, depth_std, range_std = (
+        np.ascontiguousarray(a, dtype=float)
+        for a in np.broadcast_arrays(
+            *np.atleast_1d(loss_probability, baseline, gps_std, imu_std, depth_std, range_std)
+        )
+    )
+    N = loss.size
+    steps = epochs(sampling_time)
+    t = sampling_time * np.arange(1, steps + 1)
+    truth = target(t)[:, :, None]
+    waves = _Surroundings(t, truth, rng, loss, baseline, gps_std, imu_std, depth_std, range_std)
+    ekf = _Filter(sampling_time, target(np.zeros(1))[0], range_std, depth_std)
+
+    lossy = bool(loss.any())
+    z = np.zeros((4, N))
+    beacons = np.zeros((3, 3, N))
+    error, squares = np.empty((3, N)), np.zeros((3, N))
+    for first in range(0, steps, BLOCK):
+        n = min(BLOCK, steps - first)
+        reported, ranges, depths, received = waves.sample(first, n)
+        for k in range(n):
+            turn = k % 4
+            if lossy:
+                np.copyto(z[turn], ranges[k], where=received[k])
+                np.copyto(beacons, reported[k], where=received[k])
+                if not ekf.all_heard:
+                    ekf.hear(turn, received[k])
+            else:
+                z[turn] = ranges[k]
+                beacons = reported[k]
+                if not ekf.all_heard:
+                    ekf.hear(turn, True)
+            ekf.predict()
+            ekf.update(z, depths[k], beacons)
+            np.subtract(ekf.position, truth[first + k], out=error)
+            np.multiply(error, error, out=error)
+            squares += error
+    squares /= steps
+    return np.sqrt(np.concatenate([squares, squares.sum(axis=0, keepdims=True)]))
+
+
+class _Surroundings:
+    """Platform, ranges and depth sensor."""
+
+    def __init__(
+        self,
+        t: Floats,
+        truth: Floats,
+        rng: np.random.Generator,
+        loss: Floats,
+        baseline: Floats,
+        gps_std: Floats,
+        imu_std: Floats,
+        depth_std: Floats,
+        range_std: Floats,
+    ) -> None:
+        N = loss.size
+        self.truth, self.rng, self.loss = truth, rng, loss
+        # A sin(2 pi f t + phase) = sin(2 pi f t) (A cos phase) + cos(2 pi f t) (A sin phase):
+        # sines of the time are the same in all runs.
+        phase = rng.uniform(0.0, 2 * np.pi, (3, N))
+        argument = 2 * np.pi * t[:, None] * WAVE_FREQUENCY
+        self.wave = np.sin(argument)[:, :, None], np.cos(argument)[:, :, None]
+        self.amplitude = (
+            WAVE_AMPLITUDE[:, None] * np.cos(phase),
+            WAVE_AMPLITUDE[:, None] * np.sin(phase),
+        )
+        self.std = np.stack([imu_std, imu_std, imu_std, gps_std, gps_std, range_std, depth_std])
+        self.lever = np.stack([np.full(N, BEACON_DEPTH), baseline, baseline])[:, None]
+        self.noise = np.empty((BLOCK, 7, N))
+        self.attitude = np.empty((BLOCK, 2, 3, N))
+        self.sin, self.cos = np.empty_like(self.attitude), np.empty_like(self.attitude)
+        self.cross = np.empty((BLOCK, 2, 3, 3, N))
+        self.temporary = np.empty((BLOCK, 2, N))
+        self.offset = np.empty((BLOCK, 3, N))
+        self.ranges = np.empty((BLOCK, N))
+        self.uniform = np.empty((BLOCK, N))
+        self.received = np.empty((BLOCK, N), dtype=bool)
+
+    def sample(self, first: int, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+        """What the sensors give at `n` instants; `first` is a multiple of four.
+
+        Returns
+        -------
+        reported
+            The cross as reported: its centre and the two arms from there, (n, 3, 3, N).
+        ranges, depths
+            (n, N).
+        received
+            Whether the packet arrives, (n, N); not filled if no packet is lost in any run.
+        """
+        now = slice(first, first + n)
+        noise = self.noise[:n]
+        self.rng.standard_normal(out=noise)
+        noise *= self.std
+        attitude = self.attitude[:n]
+        true, reported = attitude[:, 0], attitude[:, 1]
+        np.multiply(self.wave[0][now], self.amplitude[0], out=true)
+        np.multiply(self.wave[1][now], self.amplitude[1], out=reported)
+        true += reported
+        np.add(true, noise[:, :3], out=reported)
+
+        cross = self._cross(attitude)
+        cross[:, 1, 0, :2] += noise[:, 3:5]
+
+        offset = np.subtract(self.truth[now], cross[:, 0, 0], out=self.offset[:n])
+        for turn in range(4):
+            arm = cross[turn::4, 0, 1 + turn % 2]
+            if turn < 2:
+                offset[turn::4] -= arm
+            else:
+                offset[turn::4] += arm
+        np.multiply(offset, offset, out=offset)
+        ranges = np.add.reduce(offset, axis=1, out=self.ranges[:n])
+        np.sqrt(ranges, out=ranges)
+        ranges += noise[:, 5]
+        depths = noise[:, 6]
+        depths += self.truth[now, 2]
+
+        received = self.received[:n]
+        if self.loss.any():
+            uniform = self.uniform[:n]
+            self.rng.random(out=uniform)
+            np.greater_equal(uniform, self.loss, out=received)
+        return cross[:, 1], ranges, depths, received
+
+    def _cross(self, attitude: Floats) -> Floats:
+        """Centre of the beacons and the two arms, true and as reported: R = Rz Ry Rx times b."""
+        n = len(attitude)
+        sin = np.sin(attitude, out=self.sin[:n])
+        cos = np.cos(attitude, out=self.cos[:n])
+        (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(a, 2, 0) for a in (sin, cos))
+        cross, temporary = self.cross[:n], self.temporary[:n]
+        down, forward, starboard = (np.moveaxis(cross[:, :, i], 2, 0) for i in range(3))
+        np.multiply(cy, cp, out=forward[0])
+        np.multiply(sy, cp, out=forward[1])
+        np.negative(sp, out=forward[2])
+        np.multiply(cp, sr, out=starboard[2])
+        np.multiply(cp, cr, out=down[2])
+        np.multiply(cy, sp, out=temporary)
+        np.multiply(temporary, sr, out=starboard[0])
+        np.multiply(temporary, cr, out=down[0])
+        np.multiply(sy, sp, out=temporary)
+        np.multiply(temporary, sr, out=starboard[1])
+        np.multiply(temporary, cr, out=down[1])
+        starboard[0] -= np.multiply(sy, cr, out=temporary)
+        down[0] += np.multiply(sy, sr, out=temporary)
+        starboard[1] += np.multiply(cy, cr, out=temporary)
+        down[1] -= np.multiply(cy, sr, out=temporary)
+        cross *= self.lever
+        return cross
+
+
+class _Filter:
+    """The EKF of the paper's section 3 on the latest four ranges and the depth.
+
+    The state is kept as position and velocity times T, which makes Phi a matrix of ones and needs
+    no product for the prediction. Its covariance is kept in three blocks of 3 x 3.
+
+    All measurements depend on the position p alone, so the correction needs only 3 x 3 matrices:
+    with A = H' R^-1 H, r = H' R^-1 (z - h(x)) and the rows P_p of P,
+
+        P_p+ = (I + P_pp A)^-1 P_p,    P_vv+ = P_vv - P_vp A P_pv+,    x+ = x + P_p+' r
+
+    which is the paper's corrector, rearranged (matrix inversion lemma).
+    """
+
+    def __init__(
+        self, sampling_time: float, start: Floats, range_std: Floats, depth_std: Floats
+    ) -> None:
+        N = range_std.size
+        self.x = np.zeros((2, 3, N))
+        self.x[0] = start[:, None]
+        self.position, self.velocity = self.x
+        self.P = np.zeros((3, 3, 3, N))
+        self.P_pp, self.P_pv, self.P_vv = self.P
+        self.P_p = self.P[:2]
+        self.diagonal = np.einsum("biin->bin", self.P)
+        self.diagonal[0], self.diagonal[2] = 1.0, sampling_time**2
+        self.Q = (Q * sampling_time**3 * np.array([1 / 3, 1 / 2, 1.0]))[:, None, None]
+        # R is literally the standard deviations; a beacon not heard yet has no weight.
+        self.range_weight, self.depth_weight = 1 / range_std, 1 / depth_std
+        self.weight = np.zeros((4, N))
+        self.all_heard = False
+
+        self.offset = np.empty((2, 2, 3, N))
+        self.centre = np.empty((3, N))
+        self.h = self.offset.reshape(4, 3, N)
+        self.weighted = np.empty((4, 3, N))
+        self.distance, self.inverse = np.empty((4, N)), np.empty((4, N))
+        self.A, self.r = np.empty((3, 3, N)), np.empty((3, N))
+        self.products = np.empty((4, 3, 3, N))
+        self.extended = np.empty((5, 5, N))
+        self.S = self.extended[:3, :3]
+        self.S_diagonal = np.einsum("iin->in", self.S)
+        self.cofactor, self.nine = np.empty((3, 3, N)), np.empty((3, 3, N))
+        self.determinant = np.empty(N)
+        self.two, self.new = np.empty((2, 3, 3, N)), np.empty((2, 3, 3, N))
+
+    def hear(self, turn: int, received: NDArray[np.bool_] | bool) -> None:
+        """Take a beacon in use where its packet arrives."""
+        np.copyto(self.weight[turn], self.range_weight, where=received)
+        self.all_heard = bool(self.weight.all())
+
+    def predict(self) -> None:
+        """Time update over one sampling time."""
+        self.position += self.velocity
+        self.P_pp += self.P_pv
+        self.P_pv += self.P_vv
+        self.P_pp += self.P_pv.transpose(1, 0, 2)
+        self.diagonal += self.Q
+
+    def update(self, z: Floats, depth: Floats, beacons: Floats) -> None:
+        """Correct with ranges, (4, N), depth, (N,), and the cross as reported, (3, 3, N)."""
+        h, distance, A, r = self.h, self.distance, self.A, self.r
+        np.subtract(self.position, beacons[0], out=self.centre)
+        np.subtract(self.centre, beacons[1:], out=self.offset[0])
+        np.add(self.centre, beacons[1:], out=self.offset[1])
+        np.multiply(h, h, out=self.weighted)
+        np.add.reduce(self.weighted, axis=1, out=distance)
+        np.sqrt(distance, out=distance)
+        np.divide(1.0, distance, out=self.inverse)
+        h *= self.inverse[:, None]
+
+        np.multiply(h, self.weight[:, None], out=self.weighted)
+        for i in range(3):
+            products = self.products[:, 0, i:]
+            np.multiply(self.weighted[:, i, None], h[:, i:], out=products)
+            np.add.reduce(products, axis=0, out=A[i, i:])
+        A[1:, 0] = A[0, 1:]
+        A[2, 1] = A[1, 2]
+        A[2, 2] += self.depth_weight
+        np.subtract(z, distance, out=distance)
+        self.weighted *= distance[:, None]
+        np.add.reduce(self.weighted, axis=0, out=r)
+        np.subtract(depth, self.position[2], out=self.determinant)
+        self.determinant *= self.depth_weight
+        r[2] += self.determinant
+
+        # S = I + P_pp A, and its cofactors: with the rows and columns repeated in a cycle they
+        # are all the same product of shifted matrices.
+        extended, cofactor = self.extended, self.cofactor
+        _product(self.P_pp, A, self.S, self.nine)
+        self.S_diagonal += 1.0
+        extended[3:, :3] = extended[:2, :3]
+        extended[:, 3:] = extended[:, :2]
+        np.multiply(extended[1:4, 1:4], extended[2:, 2:], out=cofactor)
+        np.multiply(extended[1:4, 2:], extended[2:, 1:4], out=self.nine)
+        cofactor -= self.nine
+        np.multiply(extended[0, :3], cofactor[0], out=self.nine[0])
+        np.add.reduce(self.nine[0], axis=0, out=self.determinant)
+        np.divide(1.0, self.determinant, out=self.determinant)
+        cofactor *= self.determinant
+
+        _product(cofactor.transpose(1, 0, 2), self.P_p, self.new, self.two)
+        _product(A, self.new[1], cofactor, self.nine)
+        _product(self.P_pv.transpose(1, 0, 2), cofactor, self.S, self.nine)
+        self.P_vv -= self.S
+        self.P_p[...] = self.new
+        for k in range(3):
+            np.multiply(self.P_p[:, k], r[k], out=self.two[:, k])
+            self.x += self.two[:, k]
+
+
+def _product(a: Floats, b: Floats, out: Floats, temporary: Floats) -> None:
+    """Matrix products, (..., 3, 3, N)."""
+    np.multiply(a[:, 0, None], b[..., None, 0, :, :], out=out)
+    for k in (1, 2):
+        np.multiply(a[:, k, None], b[..., None, k, :, :], out=temporary)
+        out += temporary
