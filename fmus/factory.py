@@ -132,6 +132,38 @@ def engine_sources(model: Model) -> dict[str, bytes]:
     return {**_c_files(_HEADERS), "model.h": model_source(model).encode()}
 
 
+def library(name: str, sources: Mapping[str, bytes]) -> Path:
+    """Return a shared library for this process; it is compiled if it has changed.
+
+    Parameters
+    ----------
+    sources
+        C files by name; those that end in ``.c`` are compiled, the rest are included.
+
+    Raises
+    ------
+    BuildError
+        There is no compiler, or it fails.
+    """
+    compiler = compilers.find()
+    digest = hashlib.sha256(
+        json.dumps(
+            [compiler.command, compiler.identity, compilers.FLAGS, compilers.LINK_FLAGS]
+        ).encode()
+    )
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
+    path = cache() / digest.hexdigest()[:32] / f"{name}.so"
+    if not path.is_file():
+        units = [Unit(file) for file in sources if file.endswith(".c")]
+        binary = compile_shared(sources, units, compiler)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+        unfinished.write_bytes(binary)
+        unfinished.replace(path)  # appears under its name only when it is complete
+    return path
+
+
 @dataclass(frozen=True, slots=True)
 class Unit:
     """A source file to compile, perhaps one of several times with other flags."""

@@ -56,7 +56,7 @@ _OPERATIONS: Mapping[int, str] = {
 
 _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
-_NOISE = "const bits64 key[2], bits64 count, real *w"
+_NOISE = "const real *p, const bits64 key[2], bits64 count, real *w"
 
 
 def statements(
@@ -110,11 +110,26 @@ def statements(
     for value in reversed(texts):
         if value in needed:
             needed.update(operands[value])
+    lines = {v: f"const real {v} = {text};" for v, text in texts.items() if v in needed}
+    _pair_sines(lines, texts)
     # Everything is read before anything is written: argument and result may be the same array.
-    return [
-        *(f"const real {value} = {text};" for value, text in texts.items() if value in needed),
-        *(f"{target} = {value};" for target, value in stores.items()),
-    ]
+    return [*lines.values(), *(f"{target} = {value};" for target, value in stores.items())]
+
+
+def _pair_sines(lines: dict[str, str], texts: Mapping[str, str]) -> None:
+    """Compute sine and cosine of one argument together, where both are needed."""
+    first: dict[str, str] = {}
+    for value in list(lines):
+        text = texts[value]
+        if not text.startswith(("r_sin(", "r_cos(")):
+            continue
+        other = first.setdefault(text[5:], value)
+        if other == value or texts[other] == text:
+            continue
+        sine, cosine = (other, value) if texts[other].startswith("r_sin") else (value, other)
+        argument = text[6:-1]
+        lines[other] = f"real {sine}, {cosine}; r_sincos({argument}, &{sine}, &{cosine});"
+        del lines[value]
 
 
 def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
@@ -133,26 +148,53 @@ def _cases(signature: str, selector: str, cases: Mapping[int, Sequence[str]]) ->
     return _procedure(signature, [*lines, "default: break;", "}"])
 
 
-def _occasion(draws: Sequence[Draw], name: str, number: int) -> list[str]:
+def _occasion(
+    draws: Sequence[Draw], name: str, number: int, places: Mapping[str, int]
+) -> list[str]:
     """Statements that fill ``w`` on one occasion.
 
     A block of Philox gives two numbers. Draws of one kind share blocks, in the order in which
-    they are declared; the third word of the counter says which block, the fourth the occasion.
+    they are declared; the third word of the counter says which block, the fourth the occasion. A
+    number with a scale is 0 where that is 0, whatever the other lanes need.
+
+    Parameters
+    ----------
+    places
+        Index of each scalar parameter in ``p``.
     """
     lines: list[str] = []
-    places: dict[Literal["normal", "uniform"], list[int]] = {"normal": [], "uniform": []}
+    kinds: dict[Literal["normal", "uniform"], list[tuple[int, str | None]]]
+    kinds = {"normal": [], "uniform": []}
     position = 0
     for draw in draws:
         if draw.occasion == name:
-            places[draw.kind] += range(position, position + draw.size)
+            scales = draw.scale or (None,) * draw.size
+            kinds[draw.kind] += zip(range(position, position + draw.size), scales, strict=True)
             position += draw.size
-    for kind, indices in places.items():
-        for block, first in enumerate(range(0, len(indices), 2)):
-            pair = indices[first : first + 2]
-            second = f"&w[{pair[1]}]" if len(pair) == 2 else "&spare"
+    for kind, numbers in kinds.items():
+        for block, first in enumerate(range(0, len(numbers), 2)):
+            pair = numbers[first : first + 2]
+            targets = [f"w[{place}]" for place, _ in pair]
             stream = 2 * block + (kind == "uniform")
-            to = f"&w[{pair[0]}], {second}"
-            lines.append(f"noise_{kind}2(key, count, {stream}u, {number}u, {to});")
+            to = f"&{targets[0]}, &{targets[1] if len(pair) == 2 else 'spare'}"
+            draw_pair = f"noise_{kind}2(key, count, {stream}u, {number}u, {to});"
+            scaled = [scale for _, scale in pair if scale is not None]
+            if len(scaled) < len(pair):
+                lines.append(draw_pair)
+                continue
+            needed = [f"r_ne(p[{places[scale]}], r_set1(0.0))" for scale in scaled]
+            lines += [
+                f"if (r_any({needed[0] if len(needed) == 1 else f'r_or({needed[0]}, {needed[1]})'}"
+                ")) {",
+                f"    {draw_pair}",
+                *(
+                    f"    {target} = r_if_else_zero({need}, {target});"
+                    for target, need in zip(targets, needed, strict=True)
+                ),
+                "} else {",
+                f"    {' = '.join(targets)} = r_set1(0.0);",
+                "}",
+            ]
     return ["real spare;", "(void)spare;", *lines] if lines else []
 
 
@@ -188,16 +230,17 @@ def model_source(model: Model) -> str:
     }
     parts = [f"/* Equations of {component.name}, generated from its CasADi functions. */"]
     parts += ["\n".join(f"#define {name} {value}" for name, value in sizes.items()), ""]
-    unused = ["key", "count", "w"]
+    unused = ["p", "key", "count", "w"]
+    places = {name: i for i, name in enumerate(parameters)}
     for number, occasion in enumerate(occasions):
-        lines = _occasion(model.draws, occasion, number)
+        lines = _occasion(model.draws, occasion, number, places)
         parts.append(_procedure(f"noise_{number}({_NOISE})", lines, unused))
     parts.append(
         _procedure(
             f"model_noise(int occasion, {_NOISE})",
             [
                 "switch (occasion) {",
-                *(f"case {n}: noise_{n}(key, count, w); break;" for n in range(len(occasions))),
+                *(f"case {n}: noise_{n}(p, key, count, w); break;" for n in range(len(occasions))),
                 "default: break;",
                 "}",
             ],

@@ -47,12 +47,20 @@ class Draw:
         compared with ``probability * 2**53`` or scaled by ``2**-53``.
     occasion
         ``initial``, ``tick``, or the name of a loop.
+    scale
+        Scalar parameters, one per number, without which the number has no effect: where the
+        parameter is 0, nothing is drawn and the number is 0. Empty: always drawn.
     """
 
     name: str
     kind: Literal["normal", "uniform"]
     occasion: str
     size: int = 1
+    scale: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.scale and len(self.scale) != self.size:
+            raise ValueError(f"{self.name}: must have {self.size} scales, got {len(self.scale)}")
 
 
 @dataclass(frozen=True, slots=True)

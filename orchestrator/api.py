@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .fmu import Fmu
-from .master import execute
+from .masters import STEP_TIMEOUT, execute
 from .plan import resolve
 from .result import Result
 from .scenario import Overrides, Receivers, Scenario, Source, load
@@ -22,6 +22,8 @@ def run(
     *,
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
+    master: str | None = None,
+    step_timeout: float = STEP_TIMEOUT,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Simulate a scenario.
@@ -43,6 +45,9 @@ def run(
     components
         Replacements of ``target``, ``platform``, ``acoustics``: FMU files, or what makes a Python
         component.
+    master, step_timeout
+        What runs the simulation, and when it gives up an FMU that hangs; see
+        `sblcosim.masters.execute`.
     progress
         Called now and then with the share of the run that is done.
 
@@ -61,7 +66,7 @@ def run(
     settled = load(scenario, overrides)
     system = connect(settled, receiver, fmi, components)
     plan = resolve(system)
-    record = execute(plan, progress)
+    record = execute(plan, progress, master=master, step_timeout=step_timeout)
     labels = [name for name in system.components if name not in (*FIXED, RAW)]
     if RAW in system.components:
         labels.append(RAW)

@@ -111,6 +111,16 @@ def run(
     ] = False,
     fmi: _FmiOption = None,
     seed: _SeedOption = None,
+    master: Annotated[
+        str | None,
+        typer.Option(
+            "--master", metavar="native|python", help="What runs it [default: native if it can]."
+        ),
+    ] = None,
+    step_timeout: Annotated[
+        float,
+        typer.Option("--step-timeout", help="Seconds until an FMU that hangs is given up."),
+    ] = 60.0,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
 ) -> None:
     """Simulate a scenario and write its results.
@@ -121,7 +131,13 @@ def run(
         from . import api
 
         result = api.run(
-            scenario, receiver or (), _overrides(set_, seed), fmi=fmi, progress=progress
+            scenario,
+            receiver or (),
+            _overrides(set_, seed),
+            fmi=fmi,
+            master=master,
+            step_timeout=step_timeout,
+            progress=progress,
         )
         folder = result.save(out or Path("runs", result.scenario_name), figures=not no_figures)
     _report(result, folder, as_json)

@@ -22,7 +22,7 @@ import numpy as np
 from sblcosim.fmus import compiler as compilers
 from sblcosim.fmus import factory
 
-from .errors import BuildError, ConfigurationError, FmuError
+from .errors import BuildError, ConfigurationError
 from .fmu import DTYPES, Fmu, Instance, Vector
 from .master import PROGRESS_INTERVAL, chosen, initialised
 from .plan import Column, Plan, PlannedComponent
@@ -37,7 +37,7 @@ _GRACE = 1.0
 
 _SIGNAL_STACK = 65536
 
-_FINISHED, _FAILED, _CANCELLED, _CRASHED = range(4)
+_FAILED, _CRASHED = 1, 3
 _ACCESS2, _GET_BOOLEAN2, _SET_BOOLEAN2, _ACCESS3, _STEP2, _STEP3 = range(6)
 
 _I, _N, _P = ctypes.c_int64, ctypes.c_size_t, ctypes.c_void_p
@@ -164,27 +164,257 @@ class _Program:
         self, plan: Plan, instances: Sequence[Instance], columns: Sequence[Column]
     ) -> None:
         self.instances = instances
-        self.labels: list[_Label] = []
         self.instants = plan.instants
-        self._keep: list[Any] = []
+        self.labels: list[_Label] = []
         self._calls: list[_Call] = []
         self._copies: list[_Copy] = []
-        wanted = {c.name for c in columns} | {
+        self._keep: list[Any] = [instances]
+        used = {c.name for c in columns} | {
             connection.source
             for component in plan.components
             for write in component.writes
             for connection in write.connections
         }
-        newest = _views([c for c in plan.columns if c.name in wanted], ())
-        history = _views(columns, (len(self.instants),))
+        self._newest = {
+            name: rows[0]
+            for name, rows in _places([c for c in plan.columns if c.name in used], 1).items()
+        }
+        history = _places(columns, len(self.instants))
         components = [
-            self._component(component, instance, plan.start_ns, newest)
+            self._component(component, instance, plan.start_ns)
             for component, instance in zip(plan.components, instances, strict=True)
         ]
-        records = _merged(
-            _Copy(*_span(newest[c.name]), _span(history[c.name][0])[0], history[c.name].strides[0])
-            for c in ()
+        records = _joined(
+            _Copy(_address(newest), _address(rows), newest.nbytes, rows.strides[0])
+            for newest, rows in ((self._newest[name], rows) for name, rows in history.items())
+        )
+        self.run = _Run(
+            components=self._array(_Component, components),
+            n_components=len(components),
+            calls=self._array(_Call, self._calls),
+            copies=self._array(_Copy, self._copies),
+            records=self._array(_Copy, records),
+            n_records=len(records),
+            instants=_address(self.instants),
+            n_instants=len(self.instants),
+            stack=self._kept(np.empty(_SIGNAL_STACK, np.uint8)),
+            stack_size=_SIGNAL_STACK,
         )
         self.record = Record(
             self.instants, {c.name: history[c.name].reshape(-1, *c.shape) for c in columns}
         )
+
+    def _component(
+        self, component: PlannedComponent, instance: Instance, start_ns: int
+    ) -> _Component:
+        first_get = len(self._calls)
+        for read in component.reads:
+            ports = [p for p in read.ports if f"{component.name}.{p.name}" in self._newest]
+            if ports:  # they stand one after another
+                first = self._newest[f"{component.name}.{ports[0].name}"]
+                size = sum(p.size for p in ports)
+                references = [r for p in ports for r in p.references]
+                self._access(instance, "Get", read.type, references, _address(first), size)
+        first_set, first_copy = len(self._calls), len(self._copies)
+        for write in component.writes:
+            values = self._gathered([self._newest[c.source] for c in write.connections])
+            size = len(write.sources)
+            self._access(instance, "Set", write.type, write.references, values, size)
+        do_step = len(self._calls)
+        form = _STEP2 if instance.fmu.fmi == 2 else _STEP3
+        self._call(instance, f"fmi{instance.fmu.fmi}DoStep", form=form)
+        return _Component(
+            due=start_ns,
+            interval=component.interval_ns,
+            step=component.interval_ns / SECOND,
+            first_get=first_get,
+            first_set=first_set,
+            do_step=do_step,
+            first_copy=first_copy,
+            end_copy=len(self._copies),
+        )
+
+    def _gathered(self, sources: Sequence[Vector]) -> int:
+        """Where the values of all sources will be, one after another."""
+        inputs = np.zeros(sum(s.size for s in sources), sources[0].dtype)
+        start = self._kept(inputs)
+        ends = np.cumsum([s.nbytes for s in sources]).tolist()
+        copies = _joined(
+            _Copy(_address(source), start + end - source.nbytes, source.nbytes, 0)
+            for source, end in zip(sources, ends, strict=True)
+        )
+        if len(copies) == 1:  # they are one after another already
+            return int(copies[0].source)
+        self._copies += copies
+        return start
+
+    def _access(
+        self,
+        instance: Instance,
+        verb: str,
+        kind: str,
+        references: Sequence[int],
+        values: int,
+        size: int,
+    ) -> None:
+        form, booleans = _ACCESS3, None
+        if instance.fmu.fmi == 2:
+            form = _ACCESS2
+            if kind == "Boolean":
+                form = _GET_BOOLEAN2 if verb == "Get" else _SET_BOOLEAN2
+                booleans = self._kept(np.zeros(size, np.intc))
+        self._call(
+            instance,
+            instance.function(verb, kind),
+            form=form,
+            references=self._kept(np.array(references, np.uint32)),
+            n_references=len(references),
+            values=values,
+            n_values=size,
+            booleans=booleans,
+        )
+
+    def _call(self, instance: Instance, function: str, **rest: int | None) -> None:
+        self.labels.append(_Label(instance, function))
+        self._calls.append(
+            _Call(function=instance.address(function), instance=instance.handle, **rest)
+        )
+
+    def _kept(self, array: Vector) -> int:
+        self._keep.append(array)
+        return _address(array)
+
+    def _array(self, kind: type[ctypes.Structure], items: Sequence[ctypes.Structure]) -> int:
+        array = (kind * len(items))(*items)
+        self._keep.append(array)
+        return ctypes.addressof(array)
+
+    @property
+    def now_ns(self) -> int:
+        """The instant under way."""
+        return int(self.instants[self.run.row])
+
+    @property
+    def label(self) -> _Label:
+        """The call under way."""
+        return self.labels[self.run.at]
+
+    def abandon(self) -> None:
+        """Use the instances for nothing else."""
+        for instance in self.instances:
+            instance.usable = False
+
+    def check(self) -> None:
+        """Raise what has ended the run before its time."""
+        instance, function = self.label.instance, self.label.function
+        if self.run.outcome == _CRASHED:
+            raise instance.crash(function, signal.Signals(self.run.status).name, self.now_ns)
+        if self.run.outcome == _FAILED:
+            if self.run.ended_early:
+                instance.ended_early()
+            raise instance.failure(function, self.run.status, self.now_ns)
+
+
+def _places(columns: Sequence[Column], rows: int) -> dict[str, Vector]:
+    """Memory for so many rows; those of one type are one after another in each row."""
+    places: dict[str, Vector] = {}
+    for kind, dtype in DTYPES.items():
+        group = [c for c in columns if c.type == kind]
+        block = np.zeros((rows, sum(c.stop - c.start for c in group)), dtype)
+        start = 0
+        for c in group:
+            size = c.stop - c.start
+            places[c.name] = block[:, start : start + size]
+            start += size
+    return places
+
+
+def _address(array: Vector) -> int:
+    return int(array.ctypes.data)
+
+
+def _joined(copies: Iterable[_Copy]) -> list[_Copy]:
+    """The same with fewer copies, where one goes on from where the one before it ends."""
+    joined: list[_Copy] = []
+    for copy in copies:
+        last = joined[-1] if joined else None
+        if (
+            last is not None
+            and last.source + last.size == copy.source
+            and last.target + last.size == copy.target
+        ):
+            last.size += copy.size
+        else:
+            joined.append(copy)
+    return joined
+
+
+def _drive(
+    program: _Program,
+    driver: ctypes.CDLL,
+    progress: Callable[[float], None] | None,
+    step_timeout: float,
+) -> None:
+    """Start the loop in a thread and wait for it, open to Ctrl-C."""
+    done = threading.Event()
+
+    def work() -> None:
+        with _guarded(driver):
+            driver.native_run(ctypes.byref(program.run))
+        done.set()
+
+    try:
+        # A thread that hangs must not keep the process from ending.
+        threading.Thread(target=work, name="native master", daemon=True).start()
+        _watch(program, done, progress, step_timeout)
+    except BaseException:
+        program.run.cancel = 1
+        try:
+            done.wait(_GRACE)
+        finally:
+            if not done.is_set():
+                program.abandon()
+        raise
+    program.check()
+
+
+def _watch(
+    program: _Program,
+    done: threading.Event,
+    progress: Callable[[float], None] | None,
+    step_timeout: float,
+) -> None:
+    """Wait for the end; report progress, and a call that does not return."""
+    period = min(PROGRESS_INTERVAL, step_timeout)
+    row, still = 0, 0.0
+    while not done.wait(period):
+        if program.run.row != row:
+            row, still = program.run.row, 0.0
+            if progress is not None:
+                progress(row / (len(program.instants) - 1))
+            continue
+        still += period  # no clock: while the process is suspended the FMU has no time either
+        if still >= step_timeout:
+            label = program.label
+            raise label.instance.hang(label.function, step_timeout, program.now_ns)
+
+
+_guards = 0
+_guards_lock = threading.Lock()
+
+
+@contextmanager
+def _guarded(driver: ctypes.CDLL) -> Iterator[None]:
+    """Signal handlers in place as long as any thread is in a run."""
+    global _guards
+    with _guards_lock:
+        _guards += 1
+        if _guards == 1:
+            driver.native_guard(1)
+    try:
+        yield
+    finally:
+        with _guards_lock:
+            _guards -= 1
+            if _guards == 0:
+                driver.native_guard(0)

@@ -40,7 +40,7 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
         going = r_if_else_zero(r_eq(going, going), going); /* a NaN has nothing to do */
         if (!r_any(going))
             return 1;
-        model_noise(OCCASION_LOOPS + loop, b->key, b->rounds[loop], w);
+        model_noise(OCCASION_LOOPS + loop, engine_p(b), b->key, b->rounds[loop], w);
 #if LANES == 1
         model_body(loop, variant, b->x, engine_u(b), engine_p(b), w, t);
 #else
@@ -111,7 +111,7 @@ static inline int engine_initial(struct block *b, int variant, int64_t start_ns)
 #endif
     for (int i = 0; i < N_LOOPS; i++)
         b->rounds[i] = zero;
-    model_noise(OCCASION_INITIAL, b->key, zero, w);
+    model_noise(OCCASION_INITIAL, engine_p(b), b->key, zero, w);
     model_initial(variant, engine_p(b), w, t, b->x);
     if (!engine_loops(b, variant, 0, N_ADVANCE, t))
         return 0;
@@ -133,7 +133,7 @@ static inline int engine_step(struct block *b, int variant, int64_t start_ns, in
             real w[N_W + 1];
             if (!engine_loops(b, variant, 0, N_ADVANCE, t))
                 return 0;
-            model_noise(OCCASION_TICK, b->key, r_integer(r_set1((double)k)), w);
+            model_noise(OCCASION_TICK, engine_p(b), b->key, r_integer(r_set1((double)k)), w);
             model_tick(variant, b->x, engine_u(b), engine_p(b), w, t, r_set1((double)k));
             if (!engine_loops(b, variant, N_ADVANCE, N_LOOPS, t))
                 return 0;

@@ -12,10 +12,10 @@ from ..ports import BEACONS
 from .variables import OUTLIERS
 
 _DRAWS = (
-    Draw("loss", "uniform", "tick"),
-    Draw("noise", "normal", "tick"),
-    Draw("outlier", "uniform", "tick"),
-    Draw("excess", "uniform", "tick", 2),
+    Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
+    Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
+    Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
+    Draw("noise", "normal", "tick", 1, ("range_std",)),
 )
 _UNIFORMS = 2.0**53
 """How many values a uniform draw has."""

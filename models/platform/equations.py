@@ -18,12 +18,21 @@ from .variables import ANGLES, DISPLACEMENTS
 
 AXES = (*ANGLES, *DISPLACEMENTS)
 
+
+
+def _scales(sensor: str, axes: tuple[str, str, str], *parts: str) -> tuple[str, ...]:
+    """The standard deviation of each number that a sensor draws."""
+    return tuple(f"{sensor}_{axis}_{part}" for part in parts for axis in axes)
+
+
+_GPS = ("gps", ("horizontal", "horizontal", "vertical"))
+_IMU = ("imu", ("tilt", "tilt", "heading"))
 DRAWS = (
     Draw("phase", "uniform", "initial", len(AXES)),
     Draw("first_gps", "normal", "initial", 9),
     Draw("first_imu", "normal", "initial", 9),
-    Draw("gps", "normal", "tick", 6),
-    Draw("imu", "normal", "tick", 6),
+    Draw("gps", "normal", "tick", 6, _scales(*_GPS, "std", "markov_std")),
+    Draw("imu", "normal", "tick", 6, _scales(*_IMU, "std", "markov_std")),
 )
 
 

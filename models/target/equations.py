@@ -31,7 +31,7 @@ DRAWS = (
     Draw("first_motion", "normal", "initial", 6),
     Draw("attempt", "uniform", "leg", 2),
     Draw("kick", "normal", "node", 6),
-    Draw("depth", "normal", "tick"),
+    Draw("depth", "normal", "tick", 1, ("depth_std",)),
 )
 
 

@@ -47,11 +47,6 @@ API int drive(int variant, const double *p, const double *u, int64_t interval_ns
 }
 
 #if LANES == 1
-API void call_noise(int occasion, uint64_t seed, uint64_t component, uint64_t count, double *w)
-{
-    const bits64 key[2] = {seed, component};
-    model_noise(occasion, key, count, w);
-}
 API void call_initial(int variant, const double *p, const double *w, double t, double *x)
 {
     model_initial(variant, p, w, t, x);

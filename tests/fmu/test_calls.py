@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -22,8 +23,6 @@ SANITIZE = (
 
 def sources_of(name: str, fmi: int, folder: Path) -> None:
     """Unpack the sources that an FMU carries."""
-    import zipfile
-
     with zipfile.ZipFile(factory.build(name, fmi)) as archive:  # type: ignore[arg-type]
         for file in archive.namelist():
             if file.startswith("sources/"):

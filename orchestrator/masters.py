@@ -1,0 +1,51 @@
+"""The masters, of which one runs a plan. All give the same record, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from . import master as python
+from . import native
+from .errors import ConfigurationError, nearest
+from .native import STEP_TIMEOUT
+from .plan import Plan
+from .record import Record
+
+MASTERS = ("python", "native")
+"""Their names."""
+
+
+def execute(
+    plan: Plan,
+    progress: Callable[[float], None] | None = None,
+    record: Sequence[str] | None = None,
+    *,
+    master: str | None = None,
+    step_timeout: float = STEP_TIMEOUT,
+) -> Record:
+    """Run a plan from its start to its stop.
+
+    Parameters
+    ----------
+    progress, record
+        As in `sblcosim.master.execute`.
+    master
+        ``"native"``, a loop in C, or ``"python"``, many times slower. None: native if all
+        components are FMUs and there is a C compiler.
+    step_timeout
+        As in `sblcosim.native.execute`; the Python master waits for ever.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As the master's own function; and if there is no such master.
+    """
+    if master is None:
+        master = "native" if native.foreign(plan) is None and native.available() else "python"
+    if master == "native":
+        return native.execute(plan, progress, record, step_timeout)
+    if master == "python":
+        return python.execute(plan, progress, record)
+    raise ConfigurationError(
+        f"master: must be {' or '.join(MASTERS)}, got {master!r}{nearest(master, MASTERS)}"
+    )
