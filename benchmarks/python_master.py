@@ -12,7 +12,7 @@ from __future__ import annotations
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,9 +56,9 @@ def master(fmi: int, steps: int) -> float:
 
 
 class Bare:
-    """The same, the way one writes it with FMPy."""
+    """The same, the way one writes it with FMPy; reads all outputs or the wanted ones."""
 
-    def __init__(self, fmi: int, folder: Path) -> None:
+    def __init__(self, fmi: int, folder: Path, wanted: Collection[str] | None = None) -> None:
         self.fmi = fmi
         self.descriptions = {
             name: fmpy.read_model_description(build(name, fmi), validate=False) for name in NAMES
@@ -66,13 +66,16 @@ class Bare:
         self.fmus = {name: self._instance(name, folder / f"{name}{fmi}") for name in NAMES}
         self.gets, self.sets = [], []
         for name in NAMES:
-            outputs = COMPONENTS[name].of("output")
+            outputs = [
+                v for v in COMPONENTS[name].of("output")
+                if wanted is None or f"{name}.{v.name}" in wanted
+            ]
             for kind in ("Float64", "Int32", "Boolean"):
-                wanted = [v for v in outputs if v.type == kind]
-                if wanted:
-                    labels = [e for v in wanted for e in self._labels(name, v)]
+                group = [v for v in outputs if v.type == kind]
+                if group:
+                    labels = [e for v in group for e in self._labels(name, v)]
                     get = self._method(self.fmus[name], "get", kind)
-                    self.gets.append((get, self._references(name, wanted), labels))
+                    self.gets.append((get, self._references(name, group), labels))
         for name in NAMES:
             feeds = [(a, b) for a, b in CONNECTIONS if b.startswith(f"{name}.")]
             for kind in ("Float64", "Int32"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import platform
-import uuid
 import zipfile
 from collections.abc import Mapping
 from importlib import metadata
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from .description import PACKAGE, Fmi, build_description, model_description, terminals
 from .documentation import index_html
 from .errors import BuildError
+from .files import write_file
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
@@ -115,15 +116,11 @@ def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
     files
         Contents by name in the archive.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-            for name in sorted(files, key=lambda name: (name != DESCRIPTION, name)):
-                archive.writestr(_entry(name), files[name], compresslevel=9)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(files, key=lambda name: (name != DESCRIPTION, name)):
+            archive.writestr(_entry(name), files[name], compresslevel=9)
+    write_file(path, packed.getvalue())
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

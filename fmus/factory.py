@@ -22,6 +22,7 @@ from platformdirs import user_cache_path
 from ..models import COMPONENTS, module_of
 from . import compiler as compilers
 from .errors import BuildError, nearest
+from .files import write_file
 
 if TYPE_CHECKING:
     from ..models.equations import Model
@@ -84,14 +85,6 @@ def write(path: Path, name: str, fmi: Fmi, compiler: compilers.Compiler) -> None
     )
     folder = platform_folder(*this_machine(), fmi)
     write_fmu(path, contents(model, fmi, token, sources, {folder: binary}))
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file that appears under its name only when it is complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    unfinished.write_bytes(content)
-    unfinished.replace(path)
 
 
 def cache() -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .fmu import Fmu
-from .masters import STEP_TIMEOUT, execute
+from .masters import execute
 from .plan import resolve
 from .result import Result
 from .scenario import Overrides, Receivers, Scenario, Source, load
@@ -23,7 +23,7 @@ def run(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
     master: str | None = None,
-    step_timeout: float = STEP_TIMEOUT,
+    step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Simulate a scenario.

@@ -118,9 +118,11 @@ def run(
         ),
     ] = None,
     step_timeout: Annotated[
-        float,
-        typer.Option("--step-timeout", help="Seconds until an FMU that hangs is given up."),
-    ] = 60.0,
+        float | None,
+        typer.Option(
+            "--step-timeout", help="Seconds until an FMU that hangs is given up [default: 60]."
+        ),
+    ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
 ) -> None:
     """Simulate a scenario and write its results.

@@ -50,7 +50,8 @@ class _Lanes(ctypes.Structure):
     )
 
 
-def _integers(name: str, fields: Sequence[str]) -> type[ctypes.Structure]:
+def _integers(name: str, fields: Sequence[str]) -> Any:
+    """A C structure of 32-bit integers."""
     return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_int32) for f in fields]})
 
 
@@ -259,8 +260,8 @@ class _Campaign:
             judged.append((number, *(places.get(port, -1) for port in _RECEIVER_PORTS)))
         self.spans = []
         for name in record:
-            component, _, variable = name.partition(".")
-            number, place = self._find(component, variable, "output", name)
+            owner, _, variable = name.partition(".")
+            number, place = self._find(owner, variable, "output", name)
             self.spans.append((number, place, self.plan.components[number].ports[variable].size))
         self.recorded = list(record)
         truth = self._truth()
@@ -293,7 +294,7 @@ class _Campaign:
         target, platform = self.names.index("target"), self.names.index("platform")
         places = self.places[platform]
         beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
-        truth: ctypes.Structure = _Truth(
+        truth: ctypes.Structure | None = _Truth(
             target, self.places[target]["position"], platform, places["position"],
             places["beacon_position"], places["reported_beacon_position"], beacons,
         )
@@ -353,9 +354,9 @@ class _Campaign:
 
     def _values(self, first: int, last: int) -> list[Floats]:
         """Parameters and inputs at the start of some groups, (groups, elements, lanes) each."""
-        runs = np.arange(first * self.lanes, last * self.lanes)
         # The last group is filled up with copies of the last run.
-        runs = np.minimum(runs, self.runs - 1).reshape(-1, self.lanes)
+        wanted = np.arange(first * self.lanes, last * self.lanes)
+        runs = np.minimum(wanted, self.runs - 1).reshape(-1, self.lanes)
         values = [
             np.repeat(np.repeat(start[None, :, None], len(runs), 0), self.lanes, 2)
             for start in self.starts
@@ -402,7 +403,7 @@ class _Memory:
     """Blocks for one thread."""
 
     def __init__(self, campaign: _Campaign) -> None:
-        self._kept = []
+        self._kept: list[NDArray[np.uint8]] = []
         blocks, held = [], []
         for engine, holds in zip(campaign.engines, campaign.needs_holding, strict=True):
             k = engine.contents

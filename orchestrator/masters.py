@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from . import master as python
 from . import native
 from .errors import ConfigurationError, nearest
-from .native import STEP_TIMEOUT
 from .plan import Plan
 from .record import Record
 
@@ -21,7 +20,7 @@ def execute(
     record: Sequence[str] | None = None,
     *,
     master: str | None = None,
-    step_timeout: float = STEP_TIMEOUT,
+    step_timeout: float | None = None,
 ) -> Record:
     """Run a plan from its start to its stop.
 

@@ -87,7 +87,7 @@ def execute(
     plan: Plan,
     progress: Callable[[float], None] | None = None,
     record: Sequence[str] | None = None,
-    step_timeout: float = STEP_TIMEOUT,
+    step_timeout: float | None = None,
 ) -> Record:
     """Run a plan from its start to its stop.
 
@@ -97,7 +97,8 @@ def execute(
         As in `sblcosim.master.execute`. Outputs that are neither recorded nor connected are not
         read.
     step_timeout
-        A call that has not returned after so many seconds is given up. Its thread and the run's
+        A call that has not returned after so many seconds is given up; None: after a minute. Its
+        thread and the run's
         instances are left as they are, until the process ends.
 
     Raises
@@ -117,6 +118,7 @@ def execute(
             f"{other.name}: must be an FMU for the native master, got the Python component "
             f"{other.origin}"
         )
+    step_timeout = STEP_TIMEOUT if step_timeout is None else step_timeout
     if not step_timeout > 0:
         raise ConfigurationError(f"step timeout: must be positive, got {step_timeout!r}")
     columns = chosen(plan, record)

@@ -93,27 +93,19 @@ def simulate(
     waves = _Surroundings(t, truth, rng, loss, baseline, gps_std, imu_std, depth_std, range_std)
     ekf = _Filter(sampling_time, target(np.zeros(1))[0], range_std, depth_std)
 
-    lossy = bool(loss.any())
     z = np.zeros((4, N))
-    beacons = np.zeros((3, 3, N))
     error, squares = np.empty((3, N)), np.zeros((3, N))
     for first in range(0, steps, BLOCK):
         n = min(BLOCK, steps - first)
         reported, ranges, depths, received = waves.sample(first, n)
         for k in range(n):
             turn = k % 4
-            if lossy:
-                np.copyto(z[turn], ranges[k], where=received[k])
-                np.copyto(beacons, reported[k], where=received[k])
-                if not ekf.all_heard:
-                    ekf.hear(turn, received[k])
-            else:
-                z[turn] = ranges[k]
-                beacons = reported[k]
-                if not ekf.all_heard:
-                    ekf.hear(turn, True)
+            where = received[k] if waves.lossy else True
+            np.copyto(z[turn], ranges[k], where=where)
+            if not ekf.all_heard:
+                ekf.hear(turn, where)
             ekf.predict()
-            ekf.update(z, depths[k], beacons)
+            ekf.update(z, depths[k], reported[k])
             np.subtract(ekf.position, truth[first + k], out=error)
             np.multiply(error, error, out=error)
             squares += error
@@ -138,26 +130,28 @@ class _Surroundings:
     ) -> None:
         N = loss.size
         self.truth, self.rng, self.loss = truth, rng, loss
+        self.lossy = bool(loss.any())
         # A sin(2 pi f t + phase) = sin(2 pi f t) (A cos phase) + cos(2 pi f t) (A sin phase):
         # sines of the time are the same in all runs.
+        # Angles are halved, because the tangent of the half gives sine and cosine.
         phase = rng.uniform(0.0, 2 * np.pi, (3, N))
         argument = 2 * np.pi * t[:, None] * WAVE_FREQUENCY
         self.wave = np.sin(argument)[:, :, None], np.cos(argument)[:, :, None]
-        self.amplitude = (
-            WAVE_AMPLITUDE[:, None] * np.cos(phase),
-            WAVE_AMPLITUDE[:, None] * np.sin(phase),
-        )
-        self.std = np.stack([imu_std, imu_std, imu_std, gps_std, gps_std, range_std, depth_std])
+        half = WAVE_AMPLITUDE[:, None] / 2
+        self.amplitude = half * np.cos(phase), half * np.sin(phase)
+        self.pose_std = np.stack([*[imu_std / 2] * 3, gps_std, gps_std])
+        self.sensor_std = np.stack([range_std, depth_std])
         self.lever = np.stack([np.full(N, BEACON_DEPTH), baseline, baseline])[:, None]
         self.noise = np.empty((BLOCK, 7, N))
-        self.attitude = np.empty((BLOCK, 2, 3, N))
-        self.sin, self.cos = np.empty_like(self.attitude), np.empty_like(self.attitude)
+        self.pose, self.last_packet = np.empty((BLOCK, 8, N)), np.zeros((5, N))
+        self.sin, self.cos = np.empty((BLOCK, 2, 3, N)), np.empty((BLOCK, 2, 3, N))
         self.cross = np.empty((BLOCK, 2, 3, 3, N))
         self.temporary = np.empty((BLOCK, 2, N))
         self.offset = np.empty((BLOCK, 3, N))
         self.ranges = np.empty((BLOCK, N))
         self.uniform = np.empty((BLOCK, N))
         self.received = np.empty((BLOCK, N), dtype=bool)
+        self.lost = np.empty((BLOCK, N), dtype=bool)
 
     def sample(self, first: int, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
         """What the sensors give at `n` instants; `first` is a multiple of four.
@@ -165,25 +159,35 @@ class _Surroundings:
         Returns
         -------
         reported
-            The cross as reported: its centre and the two arms from there, (n, 3, 3, N).
+            The cross according to the newest packet: its centre and the two arms from there,
+            (n, 3, 3, N).
         ranges, depths
             (n, N).
         received
             Whether the packet arrives, (n, N); not filled if no packet is lost in any run.
         """
         now = slice(first, first + n)
-        noise = self.noise[:n]
+        noise, received, lost = self.noise[:n], self.received[:n], self.lost[:n]
         self.rng.standard_normal(out=noise)
-        noise *= self.std
-        attitude = self.attitude[:n]
-        true, reported = attitude[:, 0], attitude[:, 1]
+        pose = self.pose[:n]
+        true, reported, gps = pose[:, :3], pose[:, 3:6], pose[:, 6:]
+        np.multiply(noise[:, :5], self.pose_std, out=pose[:, 3:])
         np.multiply(self.wave[0][now], self.amplitude[0], out=true)
-        np.multiply(self.wave[1][now], self.amplitude[1], out=reported)
-        true += reported
-        np.add(true, noise[:, :3], out=reported)
+        true += np.multiply(self.wave[1][now], self.amplitude[1], out=noise[:, :3])
+        reported += true
+        if self.lossy:
+            uniform = self.uniform[:n]
+            self.rng.random(out=uniform)
+            np.less(uniform, self.loss, out=lost)
+            np.logical_not(lost, out=received)
+            newest = self.last_packet
+            for k in range(n):
+                np.copyto(pose[k, 3:], newest, where=lost[k])
+                newest = pose[k, 3:]
+            self.last_packet[...] = newest
 
-        cross = self._cross(attitude)
-        cross[:, 1, 0, :2] += noise[:, 3:5]
+        cross = self._cross(pose[:, :6].reshape(n, 2, 3, -1))
+        cross[:, 1, 0, :2] += gps
 
         offset = np.subtract(self.truth[now], cross[:, 0, 0], out=self.offset[:n])
         for turn in range(4):
@@ -195,22 +199,26 @@ class _Surroundings:
         np.multiply(offset, offset, out=offset)
         ranges = np.add.reduce(offset, axis=1, out=self.ranges[:n])
         np.sqrt(ranges, out=ranges)
-        ranges += noise[:, 5]
-        depths = noise[:, 6]
+        sensors = noise[:, 5:]
+        sensors *= self.sensor_std
+        ranges += sensors[:, 0]
+        depths = sensors[:, 1]
         depths += self.truth[now, 2]
-
-        received = self.received[:n]
-        if self.loss.any():
-            uniform = self.uniform[:n]
-            self.rng.random(out=uniform)
-            np.greater_equal(uniform, self.loss, out=received)
         return cross[:, 1], ranges, depths, received
 
-    def _cross(self, attitude: Floats) -> Floats:
-        """Centre of the beacons and the two arms, true and as reported: R = Rz Ry Rx times b."""
-        n = len(attitude)
-        sin = np.sin(attitude, out=self.sin[:n])
-        cos = np.cos(attitude, out=self.cos[:n])
+    def _cross(self, half: Floats) -> Floats:
+        """Centre of the beacons and the two arms, true and as reported: R = Rz Ry Rx times b.
+
+        With u = tan(angle / 2), sin = 2 u / (1 + u^2) and cos = 2 / (1 + u^2) - 1.
+        """
+        n = len(half)
+        sin, cos = self.sin[:n], self.cos[:n]
+        np.tan(half, out=sin)
+        np.multiply(sin, sin, out=cos)
+        cos += 1.0
+        np.divide(2.0, cos, out=cos)
+        sin *= cos
+        cos -= 1.0
         (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(a, 2, 0) for a in (sin, cos))
         cross, temporary = self.cross[:n], self.temporary[:n]
         down, forward, starboard = (np.moveaxis(cross[:, :, i], 2, 0) for i in range(3))
@@ -254,11 +262,10 @@ class _Filter:
         self.x = np.zeros((2, 3, N))
         self.x[0] = start[:, None]
         self.position, self.velocity = self.x
-        self.P = np.zeros((3, 3, 3, N))
-        self.P_pp, self.P_pv, self.P_vv = self.P
-        self.P_p = self.P[:2]
-        self.diagonal = np.einsum("biin->bin", self.P)
-        self.diagonal[0], self.diagonal[2] = 1.0, sampling_time**2
+        # P_pp and P_pv have a second place, for their values after a correction.
+        self.P_p, self.next_P_p = np.zeros((2, 3, 3, N)), np.zeros((2, 3, 3, N))
+        self.P_vv = np.zeros((3, 3, N))
+        _diagonal(self.P_p)[0], _diagonal(self.P_vv)[:] = 1.0, sampling_time**2
         self.Q = (Q * sampling_time**3 * np.array([1 / 3, 1 / 2, 1.0]))[:, None, None]
         # R is literally the standard deviations; a beacon not heard yet has no weight.
         self.range_weight, self.depth_weight = 1 / range_std, 1 / depth_std
@@ -274,10 +281,9 @@ class _Filter:
         self.products = np.empty((4, 3, 3, N))
         self.extended = np.empty((5, 5, N))
         self.S = self.extended[:3, :3]
-        self.S_diagonal = np.einsum("iin->in", self.S)
         self.cofactor, self.nine = np.empty((3, 3, N)), np.empty((3, 3, N))
         self.determinant = np.empty(N)
-        self.two, self.new = np.empty((2, 3, 3, N)), np.empty((2, 3, 3, N))
+        self.eighteen = np.empty((2, 3, 3, N))
 
     def hear(self, turn: int, received: NDArray[np.bool_] | bool) -> None:
         """Take a beacon in use where its packet arrives."""
@@ -287,14 +293,17 @@ class _Filter:
     def predict(self) -> None:
         """Time update over one sampling time."""
         self.position += self.velocity
-        self.P_pp += self.P_pv
-        self.P_pv += self.P_vv
-        self.P_pp += self.P_pv.transpose(1, 0, 2)
-        self.diagonal += self.Q
+        P_pp, P_pv = self.P_p
+        P_pp += P_pv
+        P_pv += self.P_vv
+        P_pp += P_pv.transpose(1, 0, 2)
+        _diagonal(self.P_p)[...] += self.Q[:2]
+        _diagonal(self.P_vv)[...] += self.Q[2]
 
     def update(self, z: Floats, depth: Floats, beacons: Floats) -> None:
         """Correct with ranges, (4, N), depth, (N,), and the cross as reported, (3, 3, N)."""
         h, distance, A, r = self.h, self.distance, self.A, self.r
+        P_pp, P_pv = self.P_p
         np.subtract(self.position, beacons[0], out=self.centre)
         np.subtract(self.centre, beacons[1:], out=self.offset[0])
         np.add(self.centre, beacons[1:], out=self.offset[1])
@@ -322,8 +331,8 @@ class _Filter:
         # S = I + P_pp A, and its cofactors: with the rows and columns repeated in a cycle they
         # are all the same product of shifted matrices.
         extended, cofactor = self.extended, self.cofactor
-        _product(self.P_pp, A, self.S, self.nine)
-        self.S_diagonal += 1.0
+        _product(P_pp, A, self.S, self.nine)
+        _diagonal(self.S)[...] += 1.0
         extended[3:, :3] = extended[:2, :3]
         extended[:, 3:] = extended[:, :2]
         np.multiply(extended[1:4, 1:4], extended[2:, 2:], out=cofactor)
@@ -334,14 +343,19 @@ class _Filter:
         np.divide(1.0, self.determinant, out=self.determinant)
         cofactor *= self.determinant
 
-        _product(cofactor.transpose(1, 0, 2), self.P_p, self.new, self.two)
-        _product(A, self.new[1], cofactor, self.nine)
-        _product(self.P_pv.transpose(1, 0, 2), cofactor, self.S, self.nine)
+        _product(cofactor.transpose(1, 0, 2), self.P_p, self.next_P_p, self.eighteen)
+        _product(A, self.next_P_p[1], cofactor, self.nine)
+        _product(P_pv.transpose(1, 0, 2), cofactor, self.S, self.nine)
         self.P_vv -= self.S
-        self.P_p[...] = self.new
+        self.P_p, self.next_P_p = self.next_P_p, self.P_p
         for k in range(3):
-            np.multiply(self.P_p[:, k], r[k], out=self.two[:, k])
-            self.x += self.two[:, k]
+            change = self.eighteen[:, k]
+            self.x += np.multiply(self.P_p[:, k], r[k], out=change)
+
+
+def _diagonal(matrices: Floats) -> Floats:
+    """The diagonals of (..., n, n, N) as a view, (..., n, N)."""
+    return np.einsum("...iin->...in", matrices)
 
 
 def _product(a: Floats, b: Floats, out: Floats, temporary: Floats) -> None:

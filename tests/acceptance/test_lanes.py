@@ -1,0 +1,222 @@
+"""Many runs side by side give what each gives alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim import lanes
+from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.master import execute
+from sblcosim.plan import Plan, resolve
+from sblcosim.reduction import responses
+from sblcosim.scenario import shipped
+from sblcosim.system import ComponentSpec, Connection, System
+
+RECEIVERS = ("ekf", "sequential", "multilateration")
+NOISY = ("target", "platform", "acoustics")
+NUMBERS = [n for n in (1, 2, 4, 8)]
+
+
+def plan_of(name: str, fmi: int = 2, seed: int = 1, **overrides: Any) -> Plan:
+    """A scenario, shortened, with all receivers."""
+    scenario = sblcosim.load(name, {"seed": seed, **overrides})
+    steps = 40 * scenario.time.ekf_ratio
+    scenario = scenario.override({"time.duration_s": steps * scenario.time.sampling_time_s})
+    return resolve(scenario.system(RECEIVERS, fmi=fmi))
+
+
+def seeds(values: Any) -> dict[str, Any]:
+    return {f"{name}.seed": values for name in NOISY}
+
+
+def everything(plan: Plan) -> list[str]:
+    return [c.name for c in plan.columns]
+
+
+def possible(number: int, plan: Plan) -> bool:
+    try:
+        lanes.execute(plan, {}, lanes=number)
+    except FmuError:
+        return False
+    return True
+
+
+def same(outcome: lanes.Outcome, run: int, plan: Plan) -> None:
+    alone = execute(plan)
+    np.testing.assert_array_equal(outcome.time_ns, alone.time_ns)
+    for name, values in alone.values.items():
+        np.testing.assert_array_equal(outcome.values[name][run], values, err_msg=name)
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_every_scenario_is_the_same_to_the_bit(name: str) -> None:
+    plan = plan_of(name)
+    outcome = lanes.execute(
+        plan, seeds(np.arange(1, 12)), record=everything(plan), handovers=starts(name)
+    )
+    for run in (0, 4, 10):  # the second group is not full
+        same(outcome, run, plan_of(name, seed=run + 1))
+
+
+def starts(name: str) -> list[Connection]:
+    """The true start for the prior, where the scenario hands it over."""
+    if sblcosim.load(name).receiver.prior is None:
+        return []
+    return [Connection("target.position", f"{r}.prior_position") for r in ("ekf", "sequential")]
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_every_number_of_lanes_and_version_of_fmi(number: int, fmi: int) -> None:
+    plan = plan_of("realistic-dive", fmi)
+    if not possible(number, plan):
+        pytest.skip(f"this processor does not do {number} lanes")
+    outcome = lanes.execute(
+        plan, seeds(np.arange(1, 10)), record=everything(plan), lanes=number, threads=2
+    )
+    for run in (0, 8):
+        same(outcome, run, plan_of("realistic-dive", 2, seed=run + 1))
+    reference = lanes.execute(plan, seeds(np.arange(1, 10)), threads=1)
+    for receiver, sums in reference.sums.items():
+        np.testing.assert_array_equal(outcome.sums[receiver], sums)
+
+
+def mixed(scenario: str, **overrides: Any) -> System:
+    """Target and platform at T/5, acoustics at T, the receivers at the update interval."""
+    system = sblcosim.load(scenario, overrides).system(RECEIVERS)
+
+    def changed(name: str, spec: ComponentSpec) -> ComponentSpec:
+        fine = name in ("target", "platform")
+        return replace(spec, interval_ns=spec.interval_ns // 5) if fine else spec
+
+    return replace(system, components={k: changed(k, s) for k, s in system.components.items()})
+
+
+def test_mixed_intervals() -> None:
+    changes = {"time.ekf_ratio": 4, "time.duration_s": 16.0}
+    plan = resolve(mixed("harbour-square", **changes))
+    assert len({c.interval_ns for c in plan.components}) == 3
+    outcome = lanes.execute(plan, seeds([3, 4, 5]), record=everything(plan))
+    for run in range(3):
+        same(outcome, run, resolve(mixed("harbour-square", seed=run + 3, **changes)))
+
+
+def test_parameters_differ_from_run_to_run() -> None:
+    arms, loss = [0.4, 3.0, 1.0], [0.0, 0.5, 0.25]
+    plan = plan_of("harbour-spiral")
+    outcome = lanes.execute(
+        plan,
+        {"platform.arm_length": arms, "acoustics.loss_probability": loss},
+        record=everything(plan),
+    )
+    for run in range(3):
+        alone = plan_of(
+            "harbour-spiral",
+            **{"platform.arm_length_m": arms[run], "acoustics.loss_probability": loss[run]},
+        )
+        same(outcome, run, alone)
+
+
+def test_sums_are_those_of_the_record() -> None:
+    scenario = sblcosim.load("realistic-dive", {"time.duration_s": 120.0})
+    plan = resolve(scenario.system(RECEIVERS))
+    outcome = lanes.execute(plan, seeds([1, 2]))
+    for run in range(2):
+        result = sblcosim.run(scenario, RECEIVERS, {"seed": run + 1})
+        for receiver in RECEIVERS:
+            row = responses(outcome.sums[receiver], plan.stop_ns).iloc[run]
+            for frame in ("absolute", "relative"):
+                for axis in ("x", "y", "z", "total"):
+                    expected = result.errors.loc[(receiver, frame, axis)]
+                    for what in ("mean", "rms"):
+                        assert row[f"{frame}_{axis}_{what}_m"] == pytest.approx(
+                            expected[f"{what}_m"], rel=1e-9, abs=1e-12
+                        )
+            summary = result.summary.loc[receiver]
+            assert row["estimates"] == summary["estimates"]
+            for name in ("nees_position", "nis", "availability"):
+                assert row[name] == pytest.approx(summary[name], rel=1e-6, nan_ok=True)
+            assert row["lost"] == summary["lost"]
+            assert not row["broken"]
+
+
+def test_errors_count_from_the_settling_time() -> None:
+    plan = plan_of("paper-scenario-1")
+    late = lanes.execute(plan, {}, settling_ns=2_000_000_000, handovers=starts("paper-scenario-1"))
+    result = execute(plan).estimates("ekf")
+    assert late.sums["ekf"][0][0] == (result.epoch_ns >= 2_000_000_000).sum() > 0
+
+
+def test_a_run_that_turns_nan_ends_alone() -> None:
+    plan = plan_of("harbour-square")
+    clean = lanes.execute(plan, seeds(np.arange(1, 9)), record=["ekf.position"])
+    std = np.full(8, 0.1)
+    reference = lanes.execute(
+        plan, {**seeds(np.arange(1, 9)), "acoustics.range_std": std}, record=["ekf.position"]
+    )
+    std[3] = 1e300  # squares overflow
+    bad = lanes.execute(
+        plan, {**seeds(np.arange(1, 9)), "acoustics.range_std": std}, record=["ekf.position"]
+    )
+    others = np.arange(8) != 3
+    np.testing.assert_array_equal(
+        bad.values["ekf.position"][others], reference.values["ekf.position"][others]
+    )
+    np.testing.assert_array_equal(bad.sums["ekf"][others], reference.sums["ekf"][others])
+    broken = responses(bad.sums["ekf"], plan.stop_ns)["broken"]
+    assert broken.tolist() == (~others).tolist()
+    assert not responses(clean.sums["ekf"], plan.stop_ns)["broken"].any()
+
+
+@pytest.mark.parametrize(
+    ("variations", "words"),
+    [
+        ({"platfrom.arm_length": [1.0]}, ["'platfrom'", "did you mean 'platform'"]),
+        ({"platform.arm": [1.0]}, ["'arm'", "parameter of platform"]),
+        ({"platform.arm_length": [1.0, -2.0]}, ["platform.arm_length", "must be between"]),
+        ({"platform.arm_length": [1.0, np.nan]}, ["platform.arm_length", "finite"]),
+        ({"platform.mean_position": [[1.0, 2.0]]}, ["3 values per run", "got 2"]),
+        ({"platform.arm_length": [1.0, 2.0], "target.speed": [1.0, 1.0, 1.0]}, ["2 runs", "3"]),
+    ],
+)
+def test_what_does_not_fit_is_named(variations: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        lanes.execute(plan_of("harbour-square"), variations)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_what_must_be_equal_in_all_runs_is_named() -> None:
+    plan = plan_of("harbour-square")
+    with pytest.raises(FmuError, match=r"target\.trajectory: must be the same in all runs"):
+        lanes.execute(plan, {"target.trajectory": [2, 3]})
+    with pytest.raises(FmuError, match=r"acoustics\.sampling_time: must be the same"):
+        lanes.execute(plan, {"acoustics.sampling_time": [0.1, 0.2]})
+
+
+def test_a_foreign_component_is_named(tmp_path: Path) -> None:
+    class Fixed:
+        """A receiver in Python."""
+
+        variables = (
+            *(v for v in sblcosim.models.COMPONENTS["ekf"].of("output")
+              if v.name in ("epoch", "position", "update_count")),
+        )
+
+        def initialise(self, start_ns: int, parameters: Any) -> dict[str, Any]:
+            return {"epoch": 0.0, "position": np.zeros(3), "update_count": 0}
+
+        def do_step(self, time_ns: int, step_ns: int, inputs: Any) -> dict[str, Any]:
+            return {"epoch": 0.0, "position": np.zeros(3), "update_count": 0}
+
+    plan = resolve(
+        sblcosim.load("harbour-square", {"time.duration_s": 1.0}).system({"mine": Fixed})
+    )
+    assert lanes.foreign(plan) == "mine"
+    with pytest.raises(ConfigurationError, match="mine: must be a component of ours"):
+        lanes.execute(plan, {})
