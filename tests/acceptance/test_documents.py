@@ -1,0 +1,45 @@
+"""What the documents promise is there, and their code runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md"))]
+
+
+def test_every_model_folder_has_a_readme() -> None:
+    folders = [f.parent for f in sorted(ROOT.glob("models/*/variables.py"))]
+    assert len(folders) == 5
+    assert all((folder / "README.md").is_file() for folder in folders)
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_a_document_names_exist(path: Path) -> None:
+    text = path.read_text()
+    links = re.findall(r'(?:src|srcset)="([^"]+)"|\]\(([^)#:]+)\)', text)
+    named = re.findall(r"`((?:tests|benchmarks|models|fmus|orchestrator|docs)/[\w/.-]+\.\w+)`", text)
+    for name in [*(a or b for a, b in links), *named]:
+        assert (path.parent / name).exists() or (ROOT / name).exists(), name
+
+
+def python_blocks() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(python_blocks())))
+def test_code_in_the_readme_runs(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = python_blocks()[number]
+    if "fmus/fmi2" in code:
+        from sblcosim.fmus.factory import build
+
+        folder = tmp_path / "fmus" / "fmi2"
+        folder.mkdir(parents=True)
+        (folder / "target.fmu").write_bytes(build("target", 2).read_bytes())
+    exec(compile(code, f"README block {number}", "exec"), {"__name__": "__main__"})
