@@ -74,6 +74,6 @@ SEQUENTIAL = _receiver(
 )
 MULTILATERATION = _receiver(
     "Multilateration", 6,
-    "Gauss-Newton on the latest ranges and depth, no dynamics: the raw fix",
+    "Damped Gauss-Newton on the latest ranges and depth, no dynamics: the raw fix",
     (),
 )

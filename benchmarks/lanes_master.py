@@ -1,0 +1,139 @@
+"""The lanes master: ns per step and run, beside a NumPy and an Octave script that do the same.
+
+All simulate the paper's Scenario 1 in `paper-literal` at T = 0.1 s on one core; then the paper's
+whole study (three scenarios, 128 points, 50 replicates) runs on one and on two threads. Run by
+hand: ``python benchmarks/lanes_master.py [--quick] [--no-octave]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import platform
+import shutil
+import statistics
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, too
+
+import numpy as np
+import sblcosim
+from sblcosim import lanes
+from sblcosim.plan import Plan, resolve
+from sblcosim.reduction import responses
+from sblcosim.system import Connection
+
+HERE = Path(__file__).parent
+FACTORS = list(
+    itertools.product((0.4, 3.0), (0.1, 3.5), (1.0, 10.0), (0.01, 0.1), (0.1, 1.0), (0.0, 0.25))
+)
+"""Table 3 without the sampling time: baseline, GPS, IMU, depth sensor, range, packet loss."""
+PRIOR = [Connection("target.position", "ekf.prior_position")]
+
+
+def plan_of(scenario: int, sampling_time: float) -> Plan:
+    """A scenario of the paper, its EKF only."""
+    loaded = sblcosim.load(f"paper-scenario-{scenario}", {"time.sampling_time_s": sampling_time})
+    system = loaded.system("ekf")
+    return resolve(
+        replace(
+            system,
+            components={k: v for k, v in system.components.items() if k != "raw"},
+            connections=tuple(c for c in system.connections if not c.target.startswith("raw.")),
+        )
+    )
+
+
+def variations(points: list[tuple[float, ...]], replicates: int) -> dict[str, np.ndarray]:
+    """Parameters of all runs, each with its own seed."""
+    arm, gps, imu, depth, ranging, loss = np.repeat(np.array(points), replicates, axis=0).T
+    seeds = np.arange(1, len(arm) + 1)
+    return {
+        **{f"{name}.seed": seeds for name in ("target", "platform", "acoustics")},
+        "platform.arm_length": arm,
+        "platform.gps_horizontal_std": gps,
+        "platform.imu_tilt_std": np.radians(imu),
+        "platform.imu_heading_std": np.radians(imu),
+        "target.depth_std": depth,
+        "ekf.depth_std": depth,
+        "acoustics.range_std": ranging,
+        "ekf.range_std": ranging,
+        "acoustics.loss_probability": loss,
+    }
+
+
+def one_core(repeats: int) -> dict[str, float]:
+    """Median ns per step and run for each number of lanes, one thread."""
+    plan = plan_of(1, 0.1)
+    given = variations(FACTORS, 8)
+    steps = len(FACTORS) * 8 * (len(plan.instants) - 1)
+    figures: dict[str, list[float]] = {}
+    for _ in range(repeats):
+        for number in (1, 2, 4, 8):
+            started = time.perf_counter()
+            try:
+                lanes.execute(plan, given, handovers=PRIOR, lanes=number, threads=1)
+            except sblcosim.FmuError:
+                continue  # this processor does not do so many
+            seconds = time.perf_counter() - started
+            figures.setdefault(f"lanes, {number}", []).append(seconds / steps * 1e9)
+    return {name: statistics.median(values) for name, values in figures.items()}
+
+
+def study(replicates: int, threads: int) -> tuple[float, int, list[float]]:
+    """Seconds for the paper's three studies, steps in them, and mean RMS total error of each."""
+    seconds, steps, means = 0.0, 0, []
+    for scenario in (1, 2, 3):
+        errors = []
+        for sampling_time in (0.1, 1.0):
+            plan = plan_of(scenario, sampling_time)
+            given = variations(FACTORS, replicates)
+            started = time.perf_counter()
+            outcome = lanes.execute(plan, given, handovers=PRIOR, threads=threads)
+            seconds += time.perf_counter() - started
+            steps += len(FACTORS) * replicates * (len(plan.instants) - 1)
+            table = responses(outcome.sums["ekf"], plan.stop_ns - plan.start_ns)
+            errors.append(table["absolute_total_rms_m"].to_numpy())
+        means.append(float(np.concatenate(errors).mean()))
+    return seconds, steps, means
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--quick", action="store_true", help="fewer repeats and replicates")
+    arguments.add_argument("--no-octave", action="store_true")
+    given = arguments.parse_args()
+    sys.path.insert(0, str(HERE / "competitors"))
+    import timing
+
+    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
+          f"NumPy {np.__version__}")
+    print("\nOne core, Scenario 1, T = 0.1 s: ns per step and run")
+    figures = one_core(3 if given.quick else 7)
+    figures["NumPy, vectorised over runs"] = timing.numpy_ns_per_step(quick=given.quick)
+    if not given.no_octave and shutil.which("octave-cli"):
+        figures["GNU Octave"] = timing.octave_ns_per_step(quick=given.quick)
+    best = min(figures.values())
+    for name, value in figures.items():
+        print(f"  {name:<30}{value:>12.0f}{value / best:>10.1f} x")
+
+    replicates = 5 if given.quick else 50
+    print(f"\nThe paper's study: 3 scenarios x 128 points x {replicates} replicates")
+    for threads, number in ((1, replicates), (2, replicates), (2, 10 * replicates)):
+        if number > replicates and given.quick:
+            continue
+        seconds, steps, means = study(number, threads)
+        print(f"  {threads} thread(s), {number:>3} replicates: {seconds:6.2f} s for "
+              f"{steps / 1e6:.1f} million steps; mean RMS total error "
+              + ", ".join(f"{m:.3f}" for m in means) + " m")
+    import resource
+
+    print(f"  peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+
+
+if __name__ == "__main__":
+    main()
