@@ -25,7 +25,6 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
-from scipy.stats import linregress
 
 from . import artifacts, plots, style
 from .errors import ConfigurationError
@@ -135,7 +134,8 @@ class CalibrationResult:
                 f"Speed of sound: true {s['sound_speed']:g} m/s, assumed for ranging "
                 f"{s['assumed_sound_speed']:g} m/s",
                 f"  from {s['pings']} ranges over {s['distance']:g} m: "
-                f"{known.value:.1f} ± {known.std:.1f} m/s ({self.per_ping_m_s:.1f} m/s per ping)",
+                f"{known.value:.1f} ± {known.std:.1f} m/s"
+                f" (standard deviation of a single ping {self.per_ping_m_s:.1f} m/s)",
                 f"  from the slope of the range test:   {line.value:.2f} ± {line.std:.2f} m/s",
                 f"Range test: range = {self.intercept_m:.4f} m (± {self.intercept_std_m:.4f}) + "
                 f"{self.slope:.5f} (± {self.slope_std:.5f}) × distance",
@@ -217,7 +217,12 @@ def calibrate(
     mean, scatter = float(known.mean()), float(known.std(ddof=1))
     speed = assumed_sound_speed * distance / mean
     relative = np.hypot(scatter / np.sqrt(pings) / mean, distance_std / distance)
-    fit = linregress(plan_m[pings:], ranges.ravel())
+    # imported here: it takes a second
+    from statsmodels.regression.linear_model import OLS
+
+    design = np.column_stack([np.ones(ranges.size), plan_m[pings:]])
+    fit = OLS(ranges.ravel(), design).fit()
+    (intercept, slope), (intercept_std, slope_std) = fit.params, fit.bse
     table = pd.DataFrame(
         {
             "distance_m": distances,
@@ -231,13 +236,13 @@ def calibrate(
         known_distance=SoundSpeed(speed, float(speed * relative)),
         per_ping_m_s=speed * scatter / mean,
         line=SoundSpeed(
-            float(assumed_sound_speed / fit.slope),
-            float(assumed_sound_speed * fit.stderr / fit.slope**2),
+            float(assumed_sound_speed / slope),
+            float(assumed_sound_speed * slope_std / slope**2),
         ),
-        intercept_m=float(fit.intercept),
-        intercept_std_m=float(fit.intercept_stderr),
-        slope=float(fit.slope),
-        slope_std=float(fit.stderr),
+        intercept_m=float(intercept),
+        intercept_std_m=float(intercept_std),
+        slope=float(slope),
+        slope_std=float(slope_std),
         table=table,
     )
 

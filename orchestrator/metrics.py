@@ -173,7 +173,7 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
     and ``relative_error_{x,y,z,total}_m``; where the receiver tells them, ``std_{x,y,z}_m``,
     ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
-    ``nis`` and ``nis_degrees``.
+    ``relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
 
     Raises
     ------
@@ -215,8 +215,9 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     if std is not None:
         columns |= {f"std_{axis}_m": std[:, i] for i, axis in enumerate(AXES)}
     if P is not None:
-        columns["nees_position"] = nees(error, P[np.ix_(range(len(P)), POSITION_STATES,
-                                                        POSITION_STATES)])
+        of_position = P[np.ix_(range(len(P)), POSITION_STATES, POSITION_STATES)]
+        columns["nees_position"] = nees(error, of_position)
+        columns["relative_nees_position"] = nees(relative, of_position)
         if estimates.velocity is not None:
             # the paper's order: each axis' position, then its velocity
             pairs = np.stack([error, estimates.velocity - true_velocity], axis=2)
@@ -286,21 +287,26 @@ def update_share(
     return float((update_count[-1] - update_count[0]) / due) if due > 0 else np.nan
 
 
+def late(record: Record, track: pd.DataFrame) -> pd.DataFrame:
+    """A receiver's estimates of the last quarter of the run."""
+    start, stop = record.time_ns[0] / 1e9, record.time_ns[-1] / 1e9
+    return track[track["epoch_s"] >= stop - (stop - start) / 4]
+
+
 def lost(record: Record, track: pd.DataFrame) -> bool:
     """Whether the RMS error of the last quarter of the run exceeds the distance to the platform.
 
     The distance is the RMS of the true one at the same epochs. A receiver without an estimate in
     the last quarter is lost, too.
     """
-    start, stop = record.time_ns[0] / 1e9, record.time_ns[-1] / 1e9
-    late = track[track["epoch_s"] >= stop - (stop - start) / 4]
-    if late.empty:
+    end = late(record, track)
+    if end.empty:
         return True
-    epoch_ns = np.rint(late["epoch_s"].to_numpy() * 1e9).astype(np.int64)
+    epoch_ns = np.rint(end["epoch_s"].to_numpy() * 1e9).astype(np.int64)
     platform = held_at(record.time_ns, recorded(record, "platform.position"), epoch_ns)
-    truth = late[[f"true_{axis}_m" for axis in AXES]].to_numpy()
+    truth = end[[f"true_{axis}_m" for axis in AXES]].to_numpy()
     squares = ((truth - platform) ** 2).sum(axis=1)
-    return bool((late["error_total_m"] ** 2).mean() > squares.mean())
+    return bool((end["error_total_m"] ** 2).mean() > squares.mean())
 
 
 def summary(
@@ -312,8 +318,9 @@ def summary(
 
     Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
     ``update_share`` (NaN if the update interval is not given), and for each of
-    ``nees_position``, ``nees_state`` and ``nis`` the time mean, ``…_low`` and ``…_high`` of its
-    band (`chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES above its
+    ``nees_position``, ``relative_nees_position``, ``nees_state`` and ``nis`` the time mean,
+    ``…_expected`` (the mean degrees of freedom), ``…_low`` and ``…_high`` of its band
+    (`chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES above its
     band) and ``lost``.
     """
     rows = {}
@@ -332,6 +339,7 @@ def summary(
         n = len(estimates)
         degrees = {
             "nees_position": np.full(n, 3),
+            "relative_nees_position": np.full(n, 3),
             "nees_state": np.full(n, 6),
             "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
         }
@@ -342,6 +350,9 @@ def summary(
             band = chi_square_band(float(dof[used].sum()), int(used.sum()))
             row |= {
                 name: mean,
+                f"{name}_expected": (
+                    float(dof[used].mean()) if np.isfinite(band).all() else np.nan
+                ),
                 f"{name}_low": band[0],
                 f"{name}_high": band[1],
                 f"{name}_verdict": verdict(mean, band),

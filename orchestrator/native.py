@@ -299,7 +299,7 @@ class _Program:
     @property
     def label(self) -> _Label:
         """The call under way."""
-        return self.labels[self.run.at]
+        return self.labels[int(self.run.at)]
 
     def abandon(self) -> None:
         """Use the instances for nothing else."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -16,13 +17,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
 from .metrics import AXES, Floats, error_column, recorded
-from .style import LINES, Theme, ThemeName, new_figure, use
+from .style import LINES, MARKERS, Theme, ThemeName, new_figure, use
 from .wiring import RAW
 
 if TYPE_CHECKING:
-    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+    from mpl_toolkits.mplot3d import Axes3D
 
     from .record import Record
 
@@ -31,7 +33,16 @@ Tracks = Mapping[str, pd.DataFrame]
 FIXES = (RAW, "multilateration")
 """Receivers without dynamics: their estimates are drawn as dots, not joined."""
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
+ENDS = ((0, "start", "o"), (-1, "end", "s"))
+"""Row of the path, word and marker."""
 INCLINATION_WINDOW_S = 60.0
+COARSE_S = 0.25
+"""Sampling interval above which a line through samples of waves (periods from 1 s) misleads."""
+LEGEND_INCH = 0.5
+"""Height of a legend of two rows."""
+DOTS_ALPHA = 0.9
+LONGEST_NAME = 26
+"""Characters of a receiver's name that a legend shows."""
 
 
 def plot_path(
@@ -42,20 +53,28 @@ def plot_path(
         own = ax is None
         ax = ax or new_figure(6.4, 6.0).add_subplot()
         truth = recorded(record, "target.position")
-        beacons = recorded(record, "platform.beacon_position").mean(axis=0)
-        _platform(ax, beacons[:, [1, 0]], look)
-        ax.plot(truth[:, 1], truth[:, 0], color=look.ink, label="true path", zorder=3)
+        beacons, name = _beacons(record, truth)
+        for pair in ((0, 2), (1, 3)):
+            ax.plot(*beacons[pair, :][:, [1, 0]].T, color=look.ink, lw=1, zorder=3)
+        ax.plot(*beacons[:, [1, 0]].T, "^", color=look.ink, mfc=look.soft, ms=6, label=name,
+                zorder=3)
+        ax.plot(truth[:, 1], truth[:, 0], label="true path", **_truth(look))
         for label, table, how in _tracks(tracks, look):
             ax.plot(table["y_m"], table["x_m"], label=label, **how)
-        for row, word, marker in ((0, "start", "o"), (-1, "end", "s")):
-            ax.plot(*truth[row, [1, 0]], marker, color=look.ink, mfc=look.paper, ms=7, zorder=5)
-            ax.annotate(word, (truth[row, 1], truth[row, 0]), (7, 6),
-                        textcoords="offset points", zorder=6)
         reference = np.vstack([truth, beacons])
-        ax.set_xlim(*_limits(reference[:, 1], _columns(tracks, "y_m")))
-        ax.set_ylim(*_limits(reference[:, 0], _columns(tracks, "x_m")))
-        ax.set_aspect("equal")
+        limits = {
+            f"{axis}_m": _limits(reference[:, i], _columns(tracks, f"{axis}_m"))
+            for i, axis in enumerate("xy")
+        }
+        ax.set(xlim=limits["y_m"], ylim=limits["x_m"], aspect="equal")
+        words = _ends(ax, truth[[0, -1]][:, [1, 0]])
+        for row, word, marker in ENDS:
+            place = truth[row, [1, 0]]
+            ax.plot(*place, marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
+            if word in words:
+                ax.annotate(words[word], place, (7, 6), textcoords="offset points", zorder=7)
         ax.set(xlabel="East y [m]", ylabel="North x [m]")
+        _title(ax, _outside(tracks, limits), _no_fix(tracks), loc="center")
         _legend(ax.figure, [ax], own)
     return ax
 
@@ -68,29 +87,36 @@ def plot_path_3d(
         own = ax is None
         ax = ax or new_figure(6.8, 4.6).add_subplot(projection="3d")
         truth = recorded(record, "target.position")
-        beacons = recorded(record, "platform.beacon_position").mean(axis=0)
+        beacons, name = _beacons(record, truth)
         reference = np.vstack([truth, beacons])
         limits = {
-            axis: _limits(reference[:, i], _columns(tracks, f"{axis}_m"))
+            f"{axis}_m": _limits(reference[:, i], _columns(tracks, f"{axis}_m"))
             for i, axis in enumerate(AXES)
         }
         for pair in ((0, 2), (1, 3)):
             ax.plot(*beacons[pair, :][:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5,
-                    label="beacons" if pair[0] == 0 else None)
-        ax.plot(*truth[:, [1, 0, 2]].T, color=look.ink, label="true path")
-        ax.text(*truth[0, [1, 0, 2]], " start")
-        ax.text(*truth[-1, [1, 0, 2]], " end")
+                    label=name if pair[0] == 0 else None)
+        ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **_truth(look))
         for label, table, how in _tracks(tracks, look):
             # points outside would be drawn outside of the box
             shown = table[["y_m", "x_m", "z_m"]].copy()
-            for axis in AXES:
-                shown[~table[f"{axis}_m"].between(*limits[axis])] = np.nan
+            for column, limit in limits.items():
+                shown[~table[column].between(*limit)] = np.nan
             ax.plot(*shown.to_numpy().T, label=label, **how)
-        ax.set(xlim=limits["y"], ylim=limits["x"], zlim=limits["z"][::-1])
+        ax.set(xlim=limits["y_m"], ylim=limits["x_m"], zlim=limits["z_m"][::-1])
         ax.set(xlabel="East y [m]", ylabel="North x [m]", zlabel="Depth z [m]")
-        width, depth = np.ptp(limits["y"]), np.ptp(limits["x"])
-        ax.set_box_aspect((width, depth, max(np.ptp(limits["z"]), 0.35 * max(width, depth))),
-                          zoom=1.3)
+        north, east, depth = (np.ptp(limit) for limit in limits.values())
+        height = max(depth, 0.35 * max(north, east))
+        ax.set_box_aspect((east, north, height), zoom=1.3)
+        flat = proj3d.proj_transform(*truth[[0, -1]][:, [1, 0, 2]].T, ax.get_proj())
+        words = _ends(ax, np.column_stack(flat[:2]))
+        for row, word, marker in ENDS:
+            place = truth[row, [1, 0, 2]]
+            ax.plot(*place[:, None], marker, color=look.ink, mfc=look.paper, ms=6, zorder=6)
+            if word in words:
+                ax.text(*place, f"  {words[word]}", zorder=7)
+        stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
+        _title(ax, stretched, _outside(tracks, limits), _no_fix(tracks), loc="center")
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_locator(MaxNLocator(5))
             axis.set_pane_color(look.paper)
@@ -107,19 +133,23 @@ def plot_axes(
         own = axes is None
         axes = _panels(3, axes)
         time_s, truth = record.time_ns / 1e9, recorded(record, "target.position")
+        limits = {}
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
-            ax.plot(time_s, truth[:, i], color=look.ink, lw=1, label="truth", zorder=5)
+            ax.plot(time_s, truth[:, i], label="truth", **_truth(look))
             for label, table, how in _tracks(tracks, look):
                 ax.plot(table["epoch_s"], table[f"{axis}_m"], label=label, **how)
-            ax.set_ylim(*_limits(truth[:, i], _columns(tracks, f"{axis}_m"), least=0.5))
-            ax.set_ylabel(f"{NAMES[axis]} [m]")
+            column = f"{axis}_m"
+            limits[column] = _limits(truth[:, i], _columns(tracks, column), least=0.5)
+            ax.set(ylim=limits[column], ylabel=f"{NAMES[axis]} [m]")
         axes[2].invert_yaxis()
-        axes[-1].set_xlabel("Time [s]")
+        _time_axis(axes, record)
+        _title(axes[0], _outside(tracks, limits), _no_fix(tracks))
         _legend(axes[0].figure, axes, own)
     return axes
 
 
 def plot_errors(
+    record: Record,
     tracks: Tracks,
     axes: Sequence[Axes] | None = None,
     frame: str = "absolute",
@@ -127,12 +157,12 @@ def plot_errors(
 ) -> Sequence[Axes]:
     """Errors over time with each filter's own ±2σ, and the total error (the paper's Figure 14).
 
-    Four axes. `frame` is ``absolute`` or ``relative`` (to the platform).
+    Four axes over the whole run. `frame` is ``absolute`` or ``relative`` (to the platform).
     """
     with use(theme) as look:
         own = axes is None
         axes = _panels(4, axes)
-        hidden = False
+        limits, bands = {}, False
         for ax, axis in zip(axes, (*AXES, "total"), strict=True):
             column = error_column(frame, axis)
             for label, table, how in _tracks(tracks, look):
@@ -141,7 +171,8 @@ def plot_errors(
                 if f"std_{axis}_m" in table and label not in FIXES:
                     band = 2 * table[f"std_{axis}_m"]
                     ax.fill_between(t, -band, band, color=how["color"], alpha=0.15, lw=0,
-                                    label=f"{label} ±2σ", zorder=1)
+                                    label=label, zorder=1)
+                    bands = True
             top = _error_limit(tracks, column, f"std_{axis}_m")
             ax.set_ylim((0 if axis == "total" else -top), top)
             if axis == "total":
@@ -149,14 +180,15 @@ def plot_errors(
             else:
                 ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
                 ax.set_ylabel(f"Error in {axis} [m]")
-            hidden |= any((table[column].abs() > top).any() for table in tracks.values())
-        axes[-1].set_xlabel("Time [s]")
-        words = [
-            "Estimate minus truth",
-            ", relative to the platform" if frame == "relative" else "",
-            "; larger errors lie outside of the figure" if hidden else "",
-        ]
-        axes[0].set_title("".join(words), loc="left")
+            limits[column] = (-top, top)
+        _time_axis(axes, record)
+        _title(
+            axes[0],
+            "Estimate minus truth" + (", relative to the platform" if frame == "relative" else ""),
+            "bands: ±2σ as the filter claims" if bands else "",
+            _outside(tracks, limits),
+            _no_fix(tracks),
+        )
         _legend(axes[0].figure, axes, own)
     return axes
 
@@ -175,7 +207,9 @@ def plot_inclination(
         shown = time_s <= window_s
         angles = np.rad2deg(recorded(record, "platform.attitude")[shown])
         middle = (angles.max(axis=0) + angles.min(axis=0)) / 2
-        marker = ".-" if len(angles) < 200 else "-"  # few instants: show that the waves are sampled
+        step_s = float(np.median(np.diff(record.time_ns))) / 1e9
+        coarse = step_s > COARSE_S
+        marker = "." if coarse else ".-" if len(angles) < 200 else "-"
         reach = max(1.15 * np.ptp(angles, axis=0).max() / 2, 0.5)
         for i, (ax, name) in enumerate(zip(axes, ("Roll", "Pitch", "Yaw"), strict=True)):
             ax.plot(record.time_ns[shown] / 1e9, angles[:, i], marker, color=look.receivers[1])
@@ -183,7 +217,8 @@ def plot_inclination(
             ax.set_ylabel(f"{name} [°]")
         axes[-1].set_xlabel("Time [s]")
         part = f", first {window_s:g} s" if not shown.all() else ""
-        axes[0].set_title(f"Inclination of the platform{part}", loc="left")
+        sampled = f", sampled every {step_s:g} s" if coarse else ""
+        _title(axes[0], f"Inclination of the platform{part}{sampled}")
         _legend(axes[0].figure, axes, own)
     return axes
 
@@ -227,28 +262,90 @@ def plot_range_test(
 
 
 def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
-    """Each receiver with its table and how it is drawn; raw fixes as small faint dots."""
+    """Each receiver with its table and how it is drawn; raw fixes as small dots below all else."""
     filters = [label for label in tracks if label not in FIXES]
     for label, table in tracks.items():
         if label in FIXES:
             how: dict[str, Any] = {
-                "color": look.soft, "ls": "", "marker": ".", "ms": 2.5, "alpha": 0.55,
+                "color": look.soft, "ls": "", "marker": ".", "ms": 3, "alpha": DOTS_ALPHA,
                 "mew": 0, "zorder": 2, "rasterized": len(table) > 5000,
             }
         else:
             place = filters.index(label)
+            turn, colour = divmod(place, len(look.receivers))
+            often = ceil(len(table) / 12) or 1
             how = {
-                "color": look.receivers[place % len(look.receivers)],
-                "ls": LINES[place % len(LINES)], "lw": 1.2, "zorder": 4,
+                "color": look.receivers[colour], "ls": LINES[place % len(LINES)], "lw": 1.6,
+                "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
+                "markevery": (place * often // len(filters), often), "zorder": 4,
             }
         yield label, table, how
 
 
-def _platform(ax: Axes, beacons: Floats, look: Theme) -> None:
-    """The cross with its beacons; `beacons` are the map's (horizontal, vertical), shape (4, 2)."""
-    for pair in ((0, 2), (1, 3)):
-        ax.plot(*beacons[pair, :].T, color=look.ink, lw=1, zorder=3)
-    ax.plot(*beacons.T, "^", color=look.ink, mfc=look.soft, ms=6, label="beacons", zorder=3)
+def _truth(look: Theme) -> dict[str, Any]:
+    """How the truth is drawn: on top of the estimates, but thinner."""
+    return {"color": look.ink, "lw": 0.9, "zorder": 5}
+
+
+def _beacons(record: Record, truth: Floats) -> tuple[Floats, str]:
+    """Mean position of each beacon [m], shape (4, 3), and what the legend calls them."""
+    beacons = recorded(record, "platform.beacon_position")
+    mean: Floats = beacons.mean(axis=0)
+    extent = np.ptp(np.vstack([truth, mean])[:, :2], axis=0).max()
+    moving = np.abs(beacons - mean).max() > 0.02 * extent  # more than a marker's size
+    return mean, "beacons (mean)" if moving else "beacons"
+
+
+def _ends(ax: Axes, points: Floats) -> dict[str, str]:
+    """What to write at start and end of a path; one text where two would overlap.
+
+    `points` are start and end in the plane of the figure, shape (2, 2).
+    """
+    ax.apply_aspect()
+    across, up = np.abs(np.diff(ax.transData.transform(points), axis=0))[0]
+    inch = ax.figure.dpi
+    if across > 0.45 * inch or up > 0.18 * inch:
+        return {"start": "start", "end": "end"}
+    return {"start": "start, end"}
+
+
+def _outside(tracks: Tracks, limits: Mapping[str, tuple[float, float]]) -> str:
+    """Which estimates the limits of the columns cut off."""
+    counts = {
+        label: int((~np.all([table[c].between(*limits[c]) for c in limits], axis=0)).sum())
+        for label, table in tracks.items()
+    }
+    found = ", ".join(
+        f"{_short(label)} ({n} of {len(tracks[label])})" for label, n in counts.items() if n
+    )
+    return f"outside of the figure: {found}" if found else ""
+
+
+def _no_fix(tracks: Tracks) -> str:
+    silent = ", ".join(_short(label) for label, table in tracks.items() if table.empty)
+    return f"no fix: {silent}" if silent else ""
+
+
+def _title(ax: Axes, *parts: str, loc: Literal["left", "center"] = "left") -> None:
+    words = "; ".join(part for part in parts if part)
+    ax.set_title(fill(words, 90 if loc == "left" else 70), loc=loc)
+
+
+def _time_axis(axes: Sequence[Axes], record: Record) -> None:
+    """The run's time, whatever the estimates cover."""
+    start, stop = record.time_ns[[0, -1]] / 1e9
+    margin = 0.01 * (stop - start)
+    for ax in axes:
+        ax.set_xlim(start - margin, stop + margin)
+    axes[-1].set_xlabel("Time [s]")
+
+
+def _short(name: str) -> str:
+    """The name, or its beginning and end."""
+    if len(name) <= LONGEST_NAME:
+        return name
+    tail = LONGEST_NAME // 2 - 1
+    return f"{name[:LONGEST_NAME - tail - 1]}…{name[-tail:]}"
 
 
 def _panels(count: int, axes: Sequence[Axes] | None, heights: Sequence[float] | None = None
@@ -266,20 +363,34 @@ def _panels(count: int, axes: Sequence[Axes] | None, heights: Sequence[float] | 
 
 
 def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
-    """One legend for all axes: above the axes in a figure of ours, else where there is room."""
-    found = {
-        label: handle
-        for ax in axes
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
+    """One legend for all axes: above the axes in a figure of ours, else where there is room.
+
+    A line and a band of the same label share an entry. A figure of ours grows by what the legend
+    needs beyond two rows.
+    """
+    found: dict[str, dict[type, Any]] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, {}).setdefault(type(handle), handle)
     if not found:
         return
+    handles = [tuple(same.values()) if len(same) > 1 else next(iter(same.values()))
+               for same in found.values()]
+    names = [_short(label) for label in found]
     if own and isinstance(figure, Figure):
-        rows = ceil(sum(len(label) + 8 for label in found) / 90)
-        legend = figure.legend(found.values(), found.keys(), loc="outside upper center",
-                               ncols=ceil(len(found) / rows))
+        renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+        for rows in range(1, len(names) + 1):
+            legend = figure.legend(handles, names, loc="outside upper center",
+                                   ncols=ceil(len(names) / rows))
+            extent = legend.get_window_extent(renderer)
+            if extent.width < 0.98 * figure.bbox.width or rows == len(names):
+                break
+            legend.remove()
+        figure.set_figheight(
+            figure.get_figheight() + max(0.0, extent.height / figure.dpi - LEGEND_INCH)
+        )
     else:
-        legend = axes[0].legend(found.values(), found.keys())
+        legend = axes[0].legend(handles, names)
     for handle in legend.legend_handles:
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
             handle.set(markersize=8, alpha=1)

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 
 from . import artifacts, metrics, plots, style
 from .metrics import AXES, FRAMES
+from .wiring import RAW
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
@@ -22,12 +23,27 @@ if TYPE_CHECKING:
 _STATISTICS = ("mean_m", "rms_m", "std_m")
 _CONSISTENCY = {
     "nees_position": "NEES of the position",
+    "relative_nees_position": "relative NEES of the position",
     "nees_state": "NEES of the state",
     "nis": "NIS",
 }
-_BANDS = (
-    "Bands are those of 95 % for independent samples. The errors of one run follow each other,\n"
-    "so a consistent filter leaves them more often; a test takes the mean over many runs."
+_VERDICTS = {
+    "optimistic": "optimistic, errors larger than claimed",
+    "pessimistic": "pessimistic, errors smaller than claimed",
+}
+_NOTES = (
+    "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
+    "Relative to the platform: less the mean beacon error (reported − true) at the estimate's "
+    "epoch.",
+)
+_RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
+_CONSISTENCY_NOTES = (
+    "NEES and NIS are errors and innovations, squared and in units of the filter's own covariance.",
+    "NEES is of the absolute error, so an error of GPS common to all beacons counts; relative NEES "
+    "leaves it out.",
+    "95 % is for independent samples; the errors of one run follow each other, so even a "
+    "consistent filter leaves",
+    "the band more often. A test takes the mean over many runs.",
 )
 
 
@@ -58,7 +74,7 @@ class Result:
 
     Examples
     --------
-    >>> result = sblcosim.run("scenario-1")                  # doctest: +SKIP
+    >>> result = sblcosim.run("paper-scenario-1")            # doctest: +SKIP
     >>> result.errors.loc["ekf", "absolute", "total"].rms_m  # doctest: +SKIP
     >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
     """
@@ -127,7 +143,7 @@ class Result:
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
         """Errors over time with ±2σ, four axes; see `plots.plot_errors`."""
-        return plots.plot_errors(self.estimates, axes, frame, theme)
+        return plots.plot_errors(self.data, self.estimates, axes, frame, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
@@ -198,11 +214,12 @@ class Result:
         return result
 
     def __str__(self) -> str:
+        width = max(16, *(len(receiver) + 2 for receiver in self.receivers))
         lines = [
             self.title,
             "",
-            f"{'Error [m]':<24}{'absolute':^27}   {'relative to the platform':^27}",
-            f"{'receiver':<16}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
+            f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
+            f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
         ]
         for receiver in self.receivers:
             for axis in (*AXES, "total"):
@@ -213,44 +230,59 @@ class Result:
                     )
                     for frame in FRAMES
                 )
-                lines.append(f"{receiver if axis == 'x' else '':<16}{axis:<8}{cells}")
+                lines.append(f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}")
         for receiver in self.receivers:
             lines += ["", *self._about(receiver)]
-        return "\n".join([*lines, "", _BANDS])
+        return "\n".join([*lines, "", *self._notes()])
 
     def _about(self, receiver: str) -> list[str]:
         """Availability and consistency of a receiver in words."""
         row: Any = self.summary.loc[receiver]
         if not row.estimates:
             return [f"{receiver}: no fix"]
-        share = f", new at {100 * row.update_share:.1f} % of updates"
+        first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
         lines = [
-            f"{receiver}: {row.estimates} estimates, the first at {row.first_fix_s:g} s; a fix "
-            f"available {100 * row.availability:.1f} % of the time"
-            + ("" if pd.isna(row.update_share) else share)
+            f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
+            f"{100 * row.availability:.1f} % of the time"
         ]
+        if pd.notna(row.update_share):
+            lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
         for name, words in _CONSISTENCY.items():
             if pd.notna(row[name]):
-                band = (
-                    "no band"
-                    if pd.isna(row[f"{name}_low"])
-                    else f"{row[f'{name}_low']:.2f} to {row[f'{name}_high']:.2f}: "
-                    f"{row[f'{name}_verdict']}"
-                )
-                lines.append(f"  mean {words} {row[name]:.2f} ({band})")
-        if row.inconsistent:
-            lines.append("  inconsistent: its errors are larger than it claims")
+                lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
         if row.lost:
-            lines.append("  lost: at the end its error exceeds the distance to the platform")
+            silent = metrics.late(self.data, self.estimates[receiver]).empty
+            lines.append(
+                "  lost: no estimate in the last quarter"
+                if silent
+                else "  lost: in the last quarter its error exceeds the distance to the platform"
+            )
         return lines
+
+    def _notes(self) -> list[str]:
+        """What the printed numbers mean."""
+        raw = [_RAW_NOTE] if RAW in self.receivers else []
+        claims = self.summary[list(_CONSISTENCY)].notna().any(axis=None)
+        return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
         wide = pd.concat(
             {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
         )
-        notes = "\n".join(line for name in self.receivers for line in self._about(name))
-        notes += f"\n{_BANDS}"
+        lines = [line for name in self.receivers for line in self._about(name)]
+        notes = "\n".join([*lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
+
+
+def _compared(row: Any, name: str) -> str:
+    """A mean NEES or NIS of a `metrics.summary` row against what a consistent filter has."""
+    if pd.isna(row[f"{name}_expected"]):
+        return "of unknown degrees of freedom"
+    low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))
+    return (
+        f"expected {row[f'{name}_expected']:.2f} (95 %: {low:.2f} to {high:.2f}): "
+        f"{_VERDICTS.get(word, word)}"
+    )

@@ -6,6 +6,7 @@ run.
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -156,12 +157,12 @@ class Scenario(Table):
                     "[receiver] initialisation: must be 'prior' or be left out when prior is "
                     f"'true', got {receiver.initialisation!r}"
                 )
-        count = len(self.target.waypoint_m) // 3
-        if self.target.trajectory == "waypoints" and not 2 <= self.target.waypoint_count <= count:
-            yield (
-                "[target] waypoint_m: must have at least 2 rows, and as many as waypoint_count "
-                f"({self.target.waypoint_count}), got {count}"
-            )
+        target = self.target
+        count = len(target.waypoint_m) // 3
+        if target.trajectory == "waypoints" and not 2 <= target.waypoint_count <= count:
+            given = "waypoint_count" in target.model_fields_set
+            as_many = f", and as many as waypoint_count ({target.waypoint_count})" if given else ""
+            yield f"[target] waypoint_m: must have at least 2 rows{as_many}, got {count}"
 
     def _tables(self, *names: str) -> Iterator[tuple[str, Any]]:
         for name in names or ("target", "platform", "acoustics", "receiver"):
@@ -175,8 +176,21 @@ class Scenario(Table):
         """Another scenario with some keys changed; what depends on them follows."""
         return load(self, overrides)
 
-    def dump_toml(self) -> str:
-        """The complete scenario as TOML; `load` gives the same scenario back."""
+    def where(self, table: str, key: str) -> str:
+        """Where a key stands, for messages: in the scenario, or among the overrides."""
+        if (table, key) in self.__dict__.get("_changed", ()):
+            return f"override {table}.{key}"
+        return f"{self.name}: [{table}] {key}"
+
+    def dump_toml(self, folder: Path | None = None) -> str:
+        """The complete scenario as TOML; `load` gives the same scenario back.
+
+        Parameters
+        ----------
+        folder
+            Where the text is to be a file. Paths of FMUs become relative to it, so that nothing in
+            the text depends on where both lie; None: they stay as they are.
+        """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         for name in ("time", "target", "platform", "acoustics", "receiver"):
             table = getattr(self, name)
@@ -185,6 +199,8 @@ class Scenario(Table):
                 value = getattr(table, key)
                 if value is None or value == () or (key in PRIOR_KEYS and self.true_prior):
                     continue
+                if key == "fmu" and folder is not None:
+                    value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(table.variables.get(key), value))}")
         return "\n".join(lines) + "\n"
 
@@ -203,6 +219,16 @@ class Scenario(Table):
     def true_prior(self) -> bool:
         """Whether the receivers are told the true start."""
         return bool(self.receiver.prior == TRUE)
+
+
+def _relative(file: Path, folder: Path) -> str:
+    """The path of a file as seen from a folder."""
+    try:
+        # The file itself may be a link: its own name is kept.
+        relative = os.path.relpath(file.parent.resolve() / file.name, folder.resolve())
+    except ValueError:  # on another drive
+        return str(file)
+    return Path(relative).as_posix()
 
 
 def _preset(values: Mapping[str, float]) -> dict[str, Any]:
@@ -251,6 +277,8 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         if isinstance(table, dict) and isinstance(table.get("fmu"), str):
             table["fmu"] = str(folder / table["fmu"])
     changed: set[tuple[str, ...]] = set()
+    if isinstance(source, Scenario):
+        changed |= source.__dict__.get("_changed", frozenset())
     for path, value in _pairs(overrides):
         changed.add(path)
         table = raw
@@ -263,7 +291,9 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
     if isinstance(source, str | Path) and "name" not in raw:
         raw["name"] = Path(source).stem
     try:
-        return Scenario.model_validate(_without_none(raw))
+        scenario = Scenario.model_validate(_without_none(raw))
+        scenario.__dict__["_changed"] = frozenset(changed)  # no field: it is no part of what is run
+        return scenario
     except ValidationError as error:
         lines = [line for e in error.errors() for line in _lines(e, where, changed)]
         raise ConfigurationError("\n".join(lines)) from None
@@ -284,24 +314,56 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
         return source.name, source.given(), Path.cwd()
     if isinstance(source, Mapping):
         return "scenario", source, Path.cwd()
+    if not isinstance(source, str | Path):
+        raise ConfigurationError(
+            "scenario: must be a name, a TOML file, tables or a loaded scenario, got "
+            f"{_instance(source)}"
+        )
     path = Path(source)
     name = str(source).removesuffix(".toml")
-    if path.is_file():
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigurationError(f"{path}: must be a text file, got {error}") from None
-    elif name in shipped():
+    if name in shipped() and not os.path.isfile(path):
         path, text = Path(f"{name}.toml"), shipped_text(name)
     else:
-        raise ConfigurationError(
-            f"scenario: must be a TOML file or one of {', '.join(shipped())}, got {str(source)!r}"
-            + nearest(path.name.removesuffix(".toml"), shipped())
-        )
+        text = _text(path)
     try:
-        return str(path), tomllib.loads(text), path.resolve().parent
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(_toml_problem(str(path), error)) from None
+    if tables.keys() <= {key for key in Scenario.model_fields if not _is_table(key)}:
+        names = ", ".join(f"[{key}]" for key in Scenario.model_fields if _is_table(key))
+        raise ConfigurationError(f"{path}: must have at least one table ({names}), got none")
+    return str(path), tables, path.resolve().parent
+
+
+def _text(path: Path) -> str:
+    """Text of a scenario file."""
+    close = nearest(path.name.removesuffix(".toml"), shipped())
+    if os.path.isdir(path):
+        raise ConfigurationError(f"{path}: is a folder, not a scenario file")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        byte = error.object[error.start]
+        raise ConfigurationError(
+            f"{path}: must be a text file in UTF-8, got the byte 0x{byte:02x} at {error.start}"
+        ) from None
+    except FileNotFoundError:
+        if path.suffix == ".toml" or len(path.parts) > 1:
+            raise ConfigurationError(f"{path}: no such file{close}") from None
+        raise ConfigurationError(
+            f"scenario: must be a TOML file or one of {', '.join(shipped())}, got {str(path)!r}"
+            + close
+        ) from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: must be a file that can be read, got {reason}") from None
+
+
+def _instance(value: object) -> str:
+    """What somebody gave in place of something else, for messages."""
+    if value is None or isinstance(value, bool | int | float | str | bytes):
+        return repr(value)
+    return f"an instance of {type(value).__qualname__}"
 
 
 def _toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
@@ -316,6 +378,11 @@ def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Keys as paths, and their values."""
     if isinstance(overrides, str):
         overrides = (overrides,)
+    if not isinstance(overrides, Iterable):
+        raise ConfigurationError(
+            "overrides: must be keys with values, or texts like table.key=value, got "
+            f"{_instance(overrides)}"
+        )
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             path = tuple(str(key).split("."))
@@ -326,6 +393,10 @@ def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
                 yield path, value
         return
     for item in overrides:
+        if not isinstance(item, str):
+            raise ConfigurationError(
+                f"override: must be a text like table.key=value, got {_instance(item)}"
+            )
         key, equals, text = item.partition("=")
         if not equals or not key.strip():
             raise ConfigurationError(f"override: must be table.key=value, got {item!r}")
@@ -351,7 +422,8 @@ def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> It
     """A problem that pydantic found, in our wording."""
     location = error["loc"]
     if not location:
-        yield from (f"{where}: {line}" for line in str(error["ctx"]["error"]).splitlines())
+        for line in str(error["ctx"]["error"]).splitlines():
+            yield _cross_check(line, where, changed)
         return
     table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
     if any(path[: len(location[:2])] == location[:2] for path in changed):
@@ -367,6 +439,17 @@ def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> It
     got = error["input"]
     close = nearest(got, choices) if isinstance(got, str) else ""
     yield f"{place}{_element(location)}: {requirement}, got {toml(got)}{close}"
+
+
+def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
+    """What contradicts something else, with the override that it is about, if it is about one."""
+    match = re.match(r"\[(\w+)\](?: (\w+))?: ", line)
+    if match is not None:
+        table, keys = match[1], (match[2],) if match[2] else ("fmu", "type")
+        for key in keys:
+            if (table, key) in changed:
+                return f"override {table}.{key}: {line[match.end() :]}"
+    return f"{where}: {line}"
 
 
 def _requirement(error: ErrorDetails) -> tuple[str, list[str]]:

@@ -41,16 +41,18 @@ class Theme:
 
 THEMES: dict[ThemeName, Theme] = {
     "light": Theme(
-        "#ffffff", "#000000", "#dddddd", "#8a8a8a",
+        "#ffffff", "#000000", "#dddddd", "#808080",
         ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"),
     ),
     "dark": Theme(
-        "#14171a", "#f2f2f2", "#3a3f44", "#9a9a9a",
+        "#14171a", "#f2f2f2", "#3a3f44", "#b0b0b0",
         ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#f0e442"),
     ),
 }
 LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
 """Line styles of the receivers, so that no figure depends on colour alone."""
+MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
+"""Markers on the receivers' lines, another one each time the colours begin again."""
 
 
 @contextmanager

@@ -30,6 +30,10 @@ SECOND = 1_000_000_000
 """Nanoseconds per second. Time is counted in whole nanoseconds everywhere in the orchestrator."""
 
 
+MAX_SECONDS = 4e9
+"""All times are before that [s], in the C engine of our FMUs as well (`MAX_SECONDS` in engine.h)."""
+
+
 def text_of(time_ns: int) -> str:
     """A time for people, in s and without rounding: ``"0.1 s"``."""
     whole, rest = divmod(abs(time_ns), SECOND)

@@ -20,7 +20,7 @@ from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.platform.beaufort import LEVELS
 from sblcosim.models.platform.imu import GRADES
 
-from .system import SECOND
+from .system import MAX_SECONDS, SECOND
 
 PATH: Final = "path"
 """Value of ``duration_s``: until the end of the target's path."""
@@ -209,6 +209,8 @@ def _duration(value: Any) -> Any:
         problem = "must be a number or 'path'"
     elif not 0.0 < value < math.inf:
         problem = "must be more than 0"
+    elif value >= MAX_SECONDS:
+        problem = f"must be less than {MAX_SECONDS:g}"
     else:
         return float(value)
     raise PydanticCustomError("duration", problem)

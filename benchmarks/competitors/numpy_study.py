@@ -15,14 +15,15 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Factors = Mapping[str, Floats]
+"""Arrays (N,) by the names of `FACTORS`, in SI units."""
 
 FACTORS = {
     "loss_probability": (0.0, 0.25),
@@ -40,9 +41,10 @@ WAVE_AMPLITUDE = np.radians([5.0, 5.0, 5.0])
 WAVE_FREQUENCY = np.array([0.30, 0.25, 0.05])
 Q = 0.01
 
-BATCH = 1024
-"""Runs that are simulated at once, unless told otherwise: the filter's arrays fit into the cache
-of a core, and a NumPy call costs little beside its work."""
+BATCH = 2000
+"""Runs that are simulated at once: a call of NumPy costs little beside its work, and most arrays
+of a step still fit into the second-level cache. Not a power of two, whose rows would compete for
+the same places of a cache; a multiple of 16, see `simulate`."""
 BLOCK = 4
 """Sampling instants whose noise and ranges are computed at once; a multiple of the beacons."""
 
@@ -64,34 +66,32 @@ def epochs(sampling_time: float) -> int:
     return int(np.pi * RADIUS / SPEED / sampling_time) - 2
 
 
-def simulate(
-    sampling_time: float,
-    rng: np.random.Generator,
-    loss_probability: ArrayLike = 0.0,
-    baseline: ArrayLike = 3.0,
-    gps_std: ArrayLike = 0.1,
-    imu_std: ArrayLike = FACTORS["imu_std"][0],
-    depth_std: ArrayLike = 0.01,
-    range_std: ArrayLike = 0.1,
-) -> Floats:
-    """Simulate one run per element of the factors, which are broadcast against each other.
+def simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -> Floats:
+    """Simulate one run per element of the factors' arrays, all at once.
 
     Returns
     -------
     RMS over the run of the errors in x, y, z and of the total error in m, (4, N).
     """
-    loss, baseline, gps_std, imu_std, depth_std, range_std = (
-        np.ascontiguousarray(a, dtype=float)
-        for a in np.broadcast_arrays(
-            *np.atleast_1d(loss_probability, baseline, gps_std, imu_std, depth_std, range_std)
-        )
-    )
-    N = loss.size
+    # NumPy copies arrays that broadcast or are not contiguous through a buffer, unless it is as
+    # long as a row; its length must be a multiple of 16.
+    N = len(factors["baseline"])
+    usual = np.setbufsize(-(-N // 16) * 16)
+    try:
+        return _simulate(sampling_time, rng, factors)
+    finally:
+        np.setbufsize(usual)
+
+
+def _simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -> Floats:
+    N = len(factors["baseline"])
     steps = epochs(sampling_time)
-    t = sampling_time * np.arange(1, steps + 1)
+    t = sampling_time * np.arange(1, steps + 1, dtype=np.float64)
     truth = target(t)[:, :, None]
-    waves = _Surroundings(t, truth, rng, loss, baseline, gps_std, imu_std, depth_std, range_std)
-    ekf = _Filter(sampling_time, target(np.zeros(1))[0], range_std, depth_std)
+    waves = _Surroundings(t, truth, rng, factors)
+    ekf = _Filter(
+        sampling_time, target(np.zeros(1))[0], factors["range_std"], factors["depth_std"]
+    )
 
     z = np.zeros((4, N))
     error, squares = np.empty((3, N)), np.zeros((3, N))
@@ -110,27 +110,19 @@ def simulate(
             np.multiply(error, error, out=error)
             squares += error
     squares /= steps
-    return np.sqrt(np.concatenate([squares, squares.sum(axis=0, keepdims=True)]))
+    rms: Floats = np.sqrt(np.concatenate([squares, squares.sum(axis=0, keepdims=True)]))
+    return rms
 
 
 class _Surroundings:
     """Platform, ranges and depth sensor."""
 
     def __init__(
-        self,
-        t: Floats,
-        truth: Floats,
-        rng: np.random.Generator,
-        loss: Floats,
-        baseline: Floats,
-        gps_std: Floats,
-        imu_std: Floats,
-        depth_std: Floats,
-        range_std: Floats,
+        self, t: Floats, truth: Floats, rng: np.random.Generator, factors: Factors
     ) -> None:
-        N = loss.size
-        self.truth, self.rng, self.loss = truth, rng, loss
-        self.lossy = bool(loss.any())
+        self.truth, self.rng, self.loss = truth, rng, factors["loss_probability"]
+        self.lossy = bool(self.loss.any())
+        N = self.loss.size
         # A sin(2 pi f t + phase) = sin(2 pi f t) (A cos phase) + cos(2 pi f t) (A sin phase):
         # sines of the time are the same in all runs.
         # Angles are halved, because the tangent of the half gives sine and cosine.
@@ -139,9 +131,10 @@ class _Surroundings:
         self.wave = np.sin(argument)[:, :, None], np.cos(argument)[:, :, None]
         half = WAVE_AMPLITUDE[:, None] / 2
         self.amplitude = half * np.cos(phase), half * np.sin(phase)
-        self.pose_std = np.stack([*[imu_std / 2] * 3, gps_std, gps_std])
-        self.sensor_std = np.stack([range_std, depth_std])
-        self.lever = np.stack([np.full(N, BEACON_DEPTH), baseline, baseline])[:, None]
+        self.pose_std = np.stack([*[factors["imu_std"] / 2] * 3, *[factors["gps_std"]] * 2])
+        self.sensor_std = np.stack([factors["range_std"], factors["depth_std"]])
+        arm = factors["baseline"]
+        self.lever = np.stack([np.full(N, BEACON_DEPTH), arm, arm])[:, None]
         self.noise = np.empty((BLOCK, 7, N))
         self.pose, self.last_packet = np.empty((BLOCK, 8, N)), np.zeros((5, N))
         self.sin, self.cos = np.empty((BLOCK, 2, 3, N)), np.empty((BLOCK, 2, 3, N))
@@ -265,15 +258,17 @@ class _Filter:
         # P_pp and P_pv have a second place, for their values after a correction.
         self.P_p, self.next_P_p = np.zeros((2, 3, 3, N)), np.zeros((2, 3, 3, N))
         self.P_vv = np.zeros((3, 3, N))
-        _diagonal(self.P_p)[0], _diagonal(self.P_vv)[:] = 1.0, sampling_time**2
+        self.diagonal_p, self.next_diagonal_p = _diagonal(self.P_p), _diagonal(self.next_P_p)
+        self.diagonal_vv = _diagonal(self.P_vv)
+        self.diagonal_p[0], self.diagonal_vv[:] = 1.0, sampling_time**2
         self.Q = (Q * sampling_time**3 * np.array([1 / 3, 1 / 2, 1.0]))[:, None, None]
         # R is literally the standard deviations; a beacon not heard yet has no weight.
         self.range_weight, self.depth_weight = 1 / range_std, 1 / depth_std
         self.weight = np.zeros((4, N))
         self.all_heard = False
 
-        self.offset = np.empty((2, 2, 3, N))
-        self.centre = np.empty((3, N))
+        # Buffers. Offsets from beacons +x, +y and -x, -y become the rows of H in their place.
+        self.centre, self.offset = np.empty((3, N)), np.empty((2, 2, 3, N))
         self.h = self.offset.reshape(4, 3, N)
         self.weighted = np.empty((4, 3, N))
         self.distance, self.inverse = np.empty((4, N)), np.empty((4, N))
@@ -281,9 +276,9 @@ class _Filter:
         self.products = np.empty((4, 3, 3, N))
         self.extended = np.empty((5, 5, N))
         self.S = self.extended[:3, :3]
+        self.diagonal_S = _diagonal(self.S)
         self.cofactor, self.nine = np.empty((3, 3, N)), np.empty((3, 3, N))
-        self.determinant = np.empty(N)
-        self.eighteen = np.empty((2, 3, 3, N))
+        self.one, self.eighteen = np.empty(N), np.empty((2, 3, 3, N))
 
     def hear(self, turn: int, received: NDArray[np.bool_] | bool) -> None:
         """Take a beacon in use where its packet arrives."""
@@ -297,8 +292,8 @@ class _Filter:
         P_pp += P_pv
         P_pv += self.P_vv
         P_pp += P_pv.transpose(1, 0, 2)
-        _diagonal(self.P_p)[...] += self.Q[:2]
-        _diagonal(self.P_vv)[...] += self.Q[2]
+        self.diagonal_p += self.Q[:2]
+        self.diagonal_vv += self.Q[2]
 
     def update(self, z: Floats, depth: Floats, beacons: Floats) -> None:
         """Correct with ranges, (4, N), depth, (N,), and the cross as reported, (3, 3, N)."""
@@ -324,30 +319,31 @@ class _Filter:
         np.subtract(z, distance, out=distance)
         self.weighted *= distance[:, None]
         np.add.reduce(self.weighted, axis=0, out=r)
-        np.subtract(depth, self.position[2], out=self.determinant)
-        self.determinant *= self.depth_weight
-        r[2] += self.determinant
+        np.subtract(depth, self.position[2], out=self.one)
+        self.one *= self.depth_weight
+        r[2] += self.one
 
         # S = I + P_pp A, and its cofactors: with the rows and columns repeated in a cycle they
         # are all the same product of shifted matrices.
         extended, cofactor = self.extended, self.cofactor
         _product(P_pp, A, self.S, self.nine)
-        _diagonal(self.S)[...] += 1.0
+        self.diagonal_S += 1.0
         extended[3:, :3] = extended[:2, :3]
         extended[:, 3:] = extended[:, :2]
         np.multiply(extended[1:4, 1:4], extended[2:, 2:], out=cofactor)
         np.multiply(extended[1:4, 2:], extended[2:, 1:4], out=self.nine)
         cofactor -= self.nine
         np.multiply(extended[0, :3], cofactor[0], out=self.nine[0])
-        np.add.reduce(self.nine[0], axis=0, out=self.determinant)
-        np.divide(1.0, self.determinant, out=self.determinant)
-        cofactor *= self.determinant
+        np.add.reduce(self.nine[0], axis=0, out=self.one)  # the determinant
+        np.divide(1.0, self.one, out=self.one)
+        cofactor *= self.one
 
         _product(cofactor.transpose(1, 0, 2), self.P_p, self.next_P_p, self.eighteen)
         _product(A, self.next_P_p[1], cofactor, self.nine)
         _product(P_pv.transpose(1, 0, 2), cofactor, self.S, self.nine)
         self.P_vv -= self.S
         self.P_p, self.next_P_p = self.next_P_p, self.P_p
+        self.diagonal_p, self.next_diagonal_p = self.next_diagonal_p, self.diagonal_p
         for k in range(3):
             change = self.eighteen[:, k]
             self.x += np.multiply(self.P_p[:, k], r[k], out=change)
@@ -355,7 +351,8 @@ class _Filter:
 
 def _diagonal(matrices: Floats) -> Floats:
     """The diagonals of (..., n, n, N) as a view, (..., n, N)."""
-    return np.einsum("...iin->...in", matrices)
+    diagonal: Floats = np.einsum("...iin->...in", matrices)
+    return diagonal
 
 
 def _product(a: Floats, b: Floats, out: Floats, temporary: Floats) -> None:
@@ -364,3 +361,66 @@ def _product(a: Floats, b: Floats, out: Floats, temporary: Floats) -> None:
     for k in (1, 2):
         np.multiply(a[:, k, None], b[..., None, k, :, :], out=temporary)
         out += temporary
+
+
+def design(runs: int) -> Factors:
+    """The 64 combinations of the levels, as equally often as `runs` allows; factors by name.
+
+    Runs without loss come first: a batch in which no packet is lost needs no masks.
+    """
+    combinations = np.array(list(itertools.product(*FACTORS.values())))
+    rows = combinations[np.arange(runs) * len(combinations) // runs]
+    return dict(zip(FACTORS, np.ascontiguousarray(rows.T), strict=True))
+
+
+def study(sampling_time: float, factors: Factors, seed: int = 1, batch: int = BATCH) -> Floats:
+    """Simulate many runs, one per element of the factors' arrays, at most `batch` at once.
+
+    Returns
+    -------
+    RMS errors in m as those of `simulate`, (4, runs).
+    """
+    rng = np.random.Generator(np.random.SFC64(seed))
+    runs = len(factors["baseline"])
+    batch = -(-runs // -(-runs // batch))  # no small one at the end
+    batch += -batch % 16
+    return np.concatenate(
+        [
+            simulate(sampling_time, rng, {k: v[i : i + batch] for k, v in factors.items()})
+            for i in range(0, runs, batch)
+        ],
+        axis=1,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--runs", type=int, default=2 * BATCH)
+    parser.add_argument("--sampling-time", type=float, default=0.1, help="s")
+    parser.add_argument("--batch", type=int, default=BATCH, help="runs simulated at once")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--repeats", type=int, default=3, help="the least time is printed")
+    for name, (low, high) in FACTORS.items():
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", type=float, help=f"{low:g} or {high:g} if not given"
+        )
+    arguments = parser.parse_args()
+
+    factors = design(arguments.runs)
+    for name in FACTORS:
+        if (level := getattr(arguments, name)) is not None:
+            factors[name][:] = level
+    seconds = []
+    for _ in range(arguments.repeats):
+        began = time.perf_counter()
+        rms = study(arguments.sampling_time, factors, arguments.seed, arguments.batch)
+        seconds.append(time.perf_counter() - began)
+    ns = min(seconds) / epochs(arguments.sampling_time) / arguments.runs * 1e9
+    for axis, values in zip(("x", "y", "z", "total"), rms, strict=True):
+        error = values.std(ddof=1) / np.sqrt(values.size)
+        print(f"RMS error {axis:5} mean {values.mean():8.4f} m  standard error {error:.4f} m")
+    print(f"{ns:.1f} ns per step and run (NumPy {np.__version__}, {arguments.runs} runs)")
+
+
+if __name__ == "__main__":
+    main()

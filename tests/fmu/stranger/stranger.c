@@ -3,9 +3,15 @@
  * In a step from t to t + h:
  *     y[i,1] = gain u[i] + offset[i],  y[i,2] += h u[i],  steps += n,  was_on = on,  now = t + h.
  * A negative gain is refused with a message; so is the step that contains fail_at, with the status
- * fail_as.
+ * fail_as. From 5 on, fail_as is how to misbehave instead; see misbehave().
+ *
+ * There are variables of which no description speaks unless a test puts them there: the outputs z,
+ * the first row of y (700), and odd, whether steps is (2300); and in FMI 3 arrays of two of every
+ * other type of numbers, 3100 (input) and 3150 (output) for Float32, 3200 and 3250 for Int8, and so
+ * on: in a step output = input + 1.
  *
  * Value references: variable number times 100, plus (FMI 2) the number of the element. */
+#include <signal.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -13,6 +19,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
+
+#define OTHER_TYPES(X)                                                                             \
+    X(Float32, float, 31) X(Int8, int8_t, 32) X(UInt8, uint8_t, 33) X(Int16, int16_t, 34)          \
+    X(UInt16, uint16_t, 35) X(UInt32, uint32_t, 36) X(Int64, int64_t, 37) X(UInt64, uint64_t, 38)
 
 #if FMI == 2
 #include "fmi2FunctionTypes.h"
@@ -27,8 +38,10 @@ typedef fmi3Boolean boolean;
 typedef struct {
     double gain, offset[2], fail_at, u[2], y[4], now;
     int32_t fail_as, n, steps;
-    boolean on, was_on;
-    bool initialised;
+    boolean on, was_on, odd;
+    bool initialised, broken, slow;
+#define MEMBER(Type, type, number) struct { type in[2], out[2]; } pair_##Type;
+    OTHER_TYPES(MEMBER)
     char name[64];
     void *environment;
 #if FMI == 2
@@ -43,7 +56,9 @@ static void start(instance *in)
     in->gain = 1, in->fail_at = -1, in->now = 0, in->fail_as = 2, in->n = 1, in->steps = 0;
     memset(in->offset, 0, sizeof in->offset), memset(in->u, 0, sizeof in->u);
     memset(in->y, 0, sizeof in->y);
-    in->on = in->was_on = 0, in->initialised = false;
+    in->on = in->was_on = in->odd = 0, in->initialised = in->broken = in->slow = false;
+#define CLEAR(Type, type, number) memset(&in->pair_##Type, 0, sizeof in->pair_##Type);
+    OTHER_TYPES(CLEAR)
 }
 
 /* FMI 2 formats messages in the logger, FMI 3 before it. */
@@ -61,6 +76,8 @@ static void complain(instance *in, int status, const char *format, double value)
 static void *locate(instance *in, unsigned vr, size_t *n)
 {
     *n = 1;
+    if (in->broken && vr / 100 == 5)
+        *(volatile int *)n = 1 / *(volatile int *)NULL;
     switch (vr / 100) {
     case 1: return &in->gain;
     case 2: *n = 2; return in->offset + vr % 100;
@@ -68,11 +85,16 @@ static void *locate(instance *in, unsigned vr, size_t *n)
     case 4: *n = 2; return in->u + vr % 100;
     case 5: *n = 4; return in->y + vr % 100;
     case 6: return &in->now;
+    case 7: *n = 2; return in->y + vr % 100;
     case 11: return &in->fail_as;
     case 12: return &in->n;
     case 13: return &in->steps;
     case 21: return &in->on;
     case 22: return &in->was_on;
+    case 23: return &in->odd;
+#define CASE(Type, type, number)                                                                   \
+    case number: *n = 2; return vr % 100 ? in->pair_##Type.out : in->pair_##Type.in;
+    OTHER_TYPES(CASE)
     default: complain(in, 3, "unknown value reference %g", vr); return NULL;
     }
 }
@@ -113,14 +135,43 @@ ACCESS(Integer, int32_t)
 #else
 ACCESS(Float64, double)
 ACCESS(Int32, int32_t)
+#define OTHER(Type, type, number) ACCESS(Type, type)
+OTHER_TYPES(OTHER)
 #endif
 ACCESS(Boolean, boolean)
+
+static int use_up_the_stack(volatile char *above)
+{
+    volatile char more[10000];
+    more[0] = above ? *above : 0;
+    return use_up_the_stack(more) + more[0];
+}
+
+static void misbehave(instance *in)
+{
+    switch (in->fail_as) {
+    case 5: *(volatile int *)NULL = 0; break;
+    case 6: abort();
+    case 7: raise(SIGFPE); break;
+    case 8: raise(SIGILL); break;
+    case 9: raise(SIGBUS); break;
+    case 10: use_up_the_stack(NULL); break;
+    case 11: for (;;) sleep(1);
+    case 12: in->broken = true; break; /* crashes when y is read */
+    case 13: in->slow = true; break;   /* 1 ms per step from now on */
+    }
+}
 
 static int step(instance *in, double t, double h)
 {
     if (!in->initialised)
         return 3;
-    if (in->fail_at >= t && in->fail_at < t + h) {
+    if (in->slow)
+        usleep(1000);
+    const bool fail = in->fail_at >= t && in->fail_at < t + h;
+    if (fail && in->fail_as > 4) {
+        misbehave(in);
+    } else if (fail) {
         complain(in, in->fail_as, "cannot step over %g", in->fail_at);
         return in->fail_as;
     }
@@ -128,7 +179,11 @@ static int step(instance *in, double t, double h)
         in->y[2 * i] = in->gain * in->u[i] + in->offset[i];
         in->y[2 * i + 1] += h * in->u[i];
     }
-    in->steps += in->n, in->was_on = in->on, in->now = t + h;
+#define ADVANCE(Type, type, number)                                                                \
+    for (int i = 0; i < 2; i++)                                                                    \
+        in->pair_##Type.out[i] = (type)(in->pair_##Type.in[i] + 1);
+    OTHER_TYPES(ADVANCE)
+    in->steps += in->n, in->was_on = in->on, in->odd = in->steps & 1, in->now = t + h;
     return 0;
 }
 
@@ -214,15 +269,15 @@ NO(ActivateModelPartition) NO(CompletedIntegratorStep) NO(DeserializeFMUState)
 NO(EnterConfigurationMode) NO(EnterContinuousTimeMode) NO(EnterEventMode) NO(EnterStepMode)
 NO(EvaluateDiscreteStates) NO(ExitConfigurationMode) NO(FreeFMUState) NO(GetAdjointDerivative)
 NO(GetBinary) NO(GetClock) NO(GetContinuousStateDerivatives) NO(GetContinuousStates)
-NO(GetDirectionalDerivative) NO(GetEventIndicators) NO(GetFMUState) NO(GetFloat32) NO(GetInt16)
-NO(GetInt64) NO(GetInt8) NO(GetIntervalDecimal) NO(GetIntervalFraction)
+NO(GetDirectionalDerivative) NO(GetEventIndicators) NO(GetFMUState)
+NO(GetIntervalDecimal) NO(GetIntervalFraction)
 NO(GetNominalsOfContinuousStates) NO(GetNumberOfContinuousStates) NO(GetNumberOfEventIndicators)
 NO(GetNumberOfVariableDependencies) NO(GetOutputDerivatives) NO(GetShiftDecimal)
-NO(GetShiftFraction) NO(GetString) NO(GetUInt16) NO(GetUInt32) NO(GetUInt64) NO(GetUInt8)
+NO(GetShiftFraction) NO(GetString)
 NO(GetVariableDependencies) NO(InstantiateModelExchange) NO(InstantiateScheduledExecution)
 NO(SerializeFMUState) NO(SerializedFMUStateSize) NO(SetBinary) NO(SetClock)
-NO(SetContinuousStates) NO(SetFMUState) NO(SetFloat32) NO(SetInt16) NO(SetInt64) NO(SetInt8)
+NO(SetContinuousStates) NO(SetFMUState)
 NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal) NO(SetShiftFraction)
-NO(SetString) NO(SetTime) NO(SetUInt16) NO(SetUInt32) NO(SetUInt64) NO(SetUInt8)
+NO(SetString) NO(SetTime)
 NO(UpdateDiscreteStates)
 #endif

@@ -23,7 +23,7 @@ def figures(record, tracks, theme="light"):
         "path": [plots.plot_path(record, tracks, theme=theme)],
         "path_3d": [plots.plot_path_3d(record, tracks, theme=theme)],
         "axes": plots.plot_axes(record, tracks, theme=theme),
-        "errors": plots.plot_errors(tracks, theme=theme),
+        "errors": plots.plot_errors(record, tracks, theme=theme),
         "inclination": plots.plot_inclination(record, theme=theme),
         "range_test": plots.plot_range_test(
             np.array([0.0, 50, 100]), np.array([0.1, 50.1, 99.9]), np.full(3, 0.1), (0.1, 0.998),
@@ -78,7 +78,7 @@ def test_axes_over_time_name_coordinate_and_unit(run):
 
 def test_errors_come_with_two_sigma_of_each_filter(run):
     _, tracks = run
-    axes = plots.plot_errors(tracks)
+    axes = plots.plot_errors(record, tracks)
     assert len(axes) == 4
     for ax in axes[:3]:
         bands = [band.get_paths()[0].vertices[:, 1] for band in ax.collections]
@@ -94,7 +94,7 @@ def test_errors_relative_to_the_platform_are_drawn_as_such():
     record = make_record(platform_error=(0.25, 0.0, 0.0))
     tracks = {"ekf": metrics.track(record, "ekf")}
     for frame, error in (("absolute", 1.0), ("relative", 0.75)):
-        ax = plots.plot_errors(tracks, frame=frame)[0]
+        ax = plots.plot_errors(record, tracks, frame=frame)[0]
         line = next(line for line in ax.lines if line.get_label() == "ekf")
         np.testing.assert_allclose(line.get_ydata(), error)
         assert ("relative to the platform" in ax.get_title("left")) == (frame == "relative")
@@ -105,7 +105,7 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
     raw[50] = 1e4
     record = make_record({"ekf": np.full((99, 3), 0.1), "raw": raw})
     tracks = {name: metrics.track(record, name) for name in ("ekf", "raw")}
-    ax = plots.plot_errors(tracks)[0]
+    ax = plots.plot_errors(record, tracks)[0]
     assert ax.get_ylim()[1] < 2
     assert "outside of the figure" in ax.get_title("left")
     assert plots.plot_path(record, tracks).get_ylim()[1] < 20
@@ -144,7 +144,7 @@ def test_figures_draw_into_given_axes_and_return_them(run):
     ax = figure.add_subplot()
     assert plots.plot_path(record, tracks, ax) is ax
     panels = list(Figure().subplots(4))
-    assert list(plots.plot_errors(tracks, panels)) == panels
+    assert list(plots.plot_errors(record, tracks, panels)) == panels
     assert panels[0].get_legend() is not None
     with pytest.raises(ValueError, match="must be 3 axes, got 4"):
         plots.plot_axes(record, tracks, panels)

@@ -1,0 +1,93 @@
+"""All masters give the same record, to the last bit, whatever runs and however it is stepped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim import master, native
+from sblcosim.cli import app
+from sblcosim.plan import resolve
+from sblcosim.record import Record
+from sblcosim.scenario import shipped
+from sblcosim.system import System
+from typer.testing import CliRunner
+
+SHORT = {"time.duration_s": 40.0}
+RECEIVERS = ("ekf", "sequential")
+DIVISORS = {"target": 2, "platform": 1, "acoustics": 5, "ekf": 4}
+
+
+def mixed_versions(scenario: str) -> System:
+    loaded = sblcosim.load(scenario, SHORT)
+    two, three = (loaded.system(RECEIVERS, fmi=fmi) for fmi in (2, 3))
+    components = {
+        name: (two if i % 2 else three).components[name] for i, name in enumerate(two.components)
+    }
+    return replace(two, components=components)
+
+
+def mixed_intervals(scenario: str) -> System:
+    system = sblcosim.load(scenario, SHORT).system(RECEIVERS)
+    components = {
+        name: replace(spec, interval_ns=spec.interval_ns // DIVISORS.get(name, 1))
+        for name, spec in system.components.items()
+    }
+    return replace(system, components=components)
+
+
+SYSTEMS = {
+    "FMI 2": lambda scenario: sblcosim.load(scenario, SHORT).system(RECEIVERS, fmi=2),
+    "FMI 3": lambda scenario: sblcosim.load(scenario, SHORT).system(RECEIVERS, fmi=3),
+    "mixed versions": mixed_versions,
+    "mixed intervals": mixed_intervals,
+}
+
+
+def same(one: Record, other: Record) -> None:
+    assert np.array_equal(one.time_ns, other.time_ns)
+    assert one.values.keys() == other.values.keys()
+    for name, values in one.values.items():
+        found = other.values[name]
+        assert (values.dtype, values.shape) == (found.dtype, found.shape), name
+        assert values.tobytes() == found.tobytes(), name
+
+
+@pytest.mark.parametrize("variant", SYSTEMS)
+@pytest.mark.parametrize("scenario", shipped())
+def test_native_gives_the_record_of_the_python_master(scenario: str, variant: str) -> None:
+    plan = resolve(SYSTEMS[variant](scenario))
+    reference = master.execute(plan)
+    assert len(reference) > 20
+    for receiver in (*RECEIVERS, "raw"):
+        assert len(reference.estimates(receiver)) > 5
+    same(native.execute(plan), reference)
+
+
+def test_both_masters_give_the_same_result() -> None:
+    results = [
+        sblcosim.run("paper-scenario-1", RECEIVERS, SHORT, master=name)
+        for name in ("python", "native")
+    ]
+    assert results[0].record.equals(results[1].record)
+    assert results[0].errors.equals(results[1].errors)
+
+
+@pytest.mark.parametrize("options", [("--master", "native", "--step-timeout", "30"), ()])
+def test_the_command_runs_the_master_it_is_told(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--no-figures", "--json"]
+    monkeypatch.chdir(tmp_path)
+    outputs = [
+        CliRunner().invoke(app, [*command, *chosen], catch_exceptions=False).stdout
+        for chosen in (options, ("--master", "python"))
+    ]
+    assert outputs[0] == outputs[1]
+    wrong = CliRunner().invoke(app, [*command, "--master", "pyton"])
+    assert wrong.exit_code == 2
+    assert "master: must be" in wrong.stderr
+    assert "did you mean 'python'?" in wrong.stderr
