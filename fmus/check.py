@@ -4,21 +4,27 @@ The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RE
 `DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's name,
 causality, type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3
 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. If the FMU has terminals of our kinds,
-they must agree. Neither CasADi nor the FMU's binary is loaded.
+they must agree. CasADi is not loaded, and the FMU's binary only on demand.
 """
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import subprocess
+import sys
+import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET
 
+from fmpy import extract
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from fmpy.validation import validate_fmu
 from sblcosim.models.declaration import UNITS, TerminalKind, Variable
@@ -39,6 +45,8 @@ PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
 
 _PORTS = {port.name: port for group in PORTS.values() for port in group}
 _TYPES = {old: new for new, old in FMI2_TYPES.items()}
+_PATIENCE = 60.0
+"""Seconds that a binary has to load."""
 _ELEMENT = re.compile(r"(?P<base>.+)\[(?P<indices>\d+(\s*,\s*\d+)*)\]")
 
 
@@ -131,8 +139,13 @@ class _Declared:
         return list(dict.fromkeys(_split(v.name)[0] for v in self.scalars.values()))
 
 
-def check_receiver(path: str | Path) -> Report:
+def check_receiver(path: str | Path, *, load: bool = False) -> Report:
     """Check an FMU against the plug contract of a receiver.
+
+    Parameters
+    ----------
+    load
+        Whether to load the FMU's binary, too; in a process of its own, as loading runs code of it.
 
     Raises
     ------
@@ -142,34 +155,61 @@ def check_receiver(path: str | Path) -> Report:
     path = Path(path)
     description, files, terminals = _read(path)
     findings = list(_check_kind(description, files))
+    if load and not any(f.severity == "error" for f in findings):
+        findings.append(_check_binary(path, description, files))
     variables = {v.name: v for v in description.modelVariables}
     members = dict(variables)
     for variable, member in _members(terminals, variables, findings):
         members = {k: v for k, v in members.items() if v is not variables[variable]}
         members[member] = variables[variable]
     declared = _declared(members)
-    for name, port in _PORTS.items():
-        if name in declared:
-            findings += _check_port(port, declared[name], description)
-        elif name in REQUIRED_ESTIMATE:
-            hint = nearest(name, declared.keys() - _PORTS.keys())
-            findings.append(Finding(name, "error", f"must be an output, got none{hint}"))
-        else:
-            findings.append(Finding(name, "absent", f"optional {port.causality}"))
-    for name in sorted(declared.keys() - _PORTS.keys()):
-        if declared[name].values("causality") == {"input"}:
-            hint = nearest(name, _PORTS.keys() - declared.keys())
-            findings.append(
-                Finding(name, "warning", f"is not a port: will keep its start value{hint}")
-            )
+    findings += _check_ports(declared, description)
     names = {name: declared[name].names[0] for name in _PORTS if name in declared}
     return Report(path, tuple(findings), names)
 
 
+def check_variables(variables: Iterable[Variable]) -> tuple[Finding, ...]:
+    """Check the variables of a component that is no FMU against the same contract."""
+    declared = {
+        v.name: _Declared({(): ModelVariable(v.name, 0, v.type, v.shape, unit=v.unit,
+                                             causality=v.causality)})
+        for v in variables
+    }  # fmt: skip
+    return tuple(_check_ports(declared, ModelDescription("3.0")))
+
+
+def _check_ports(
+    declared: Mapping[str, _Declared], description: ModelDescription
+) -> Iterator[Finding]:
+    """Compare all ports with the variables that have their names."""
+    for name, port in _PORTS.items():
+        if name in declared:
+            yield from _check_port(port, declared[name], description)
+        elif name in REQUIRED_ESTIMATE:
+            hint = nearest(name, declared.keys() - _PORTS.keys())
+            yield Finding(name, "error", f"must be an output, got none{hint}")
+        else:
+            yield Finding(name, "absent", f"optional {port.causality}")
+    for name in sorted(declared.keys() - _PORTS.keys()):
+        if declared[name].values("causality") == {"input"}:
+            hint = nearest(name, _PORTS.keys() - declared.keys())
+            yield Finding(name, "warning", f"is not a port: will keep its start value{hint}")
+
+
 def _read(path: Path) -> tuple[ModelDescription, Sequence[str], ET.Element | None]:
     """Model description, names of all files, and terminals of an FMU."""
-    if not path.is_file():
-        raise FmuError(f"{path}: must be an FMU, got {'a folder' if path.is_dir() else 'no file'}")
+    if not os.path.isfile(path):
+        got = "a folder" if os.path.isdir(path) else "no file"
+        raise FmuError(f"{path}: must be an FMU, got {got}")
+    try:
+        with path.open("rb") as file:
+            packed = zipfile.is_zipfile(file)
+    except OSError as error:
+        raise FmuError(
+            f"{path}: must be a file that can be read, got {error.strerror}"
+        ) from error
+    if not packed:
+        raise FmuError(f"{path}: is not an FMU (not a ZIP archive)")
     try:
         with zipfile.ZipFile(path) as archive:
             files = archive.namelist()
@@ -198,17 +238,72 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+def _binaries(description: ModelDescription) -> dict[str, str]:
+    """Where the binary for this machine may be, by the name of its folder."""
+    assert description.coSimulation is not None
+    identifier = description.coSimulation.modelIdentifier
+    # FMI 2.0.4 also has the folder names of FMI 3.
+    folders: tuple[Fmi, ...] = (2, 3) if description.fmiVersion == "2.0" else (3,)
+    names = [platform_folder(*this_machine(), fmi) for fmi in folders]
+    return {name: f"binaries/{name}/{identifier}{library_suffix(name)}" for name in names}
+
+
+_LOAD = """
+import ctypes, os, sys
+os.chdir(os.path.dirname(sys.argv[1]))
+try:
+    library = ctypes.CDLL(sys.argv[1])
+except OSError as error:
+    sys.exit(str(error))
+missing = [name for name in sys.argv[2:] if not hasattr(library, name)]
+if missing:
+    sys.exit("it has no function " + ", ".join(missing))
+"""
+_FUNCTIONS = {
+    "2": ("fmi2Instantiate", "fmi2DoStep"),
+    "3": ("fmi3InstantiateCoSimulation", "fmi3DoStep"),
+}
+
+
+def _check_binary(path: Path, description: ModelDescription, files: Sequence[str]) -> Finding:
+    """Does the binary load, and is it one of an FMU? Asked in another process: it may crash."""
+    name = next(name for name in _binaries(description).values() if name in files)
+    with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as folder:
+        try:
+            extract(path, folder)
+            binary = Path(folder, name)
+            wanted = _FUNCTIONS[description.fmiVersion[0]]
+            done = subprocess.run(
+                [sys.executable, "-I", "-c", _LOAD, str(binary), *wanted],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=_PATIENCE,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            problem = f"it has not loaded after {_PATIENCE:g} s"
+        except Exception as error:  # FMPy raises Exception itself
+            problem = _line(error)
+        else:
+            if done.returncode == 0:
+                return Finding("binary", "ok", "loads")
+            problem = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
+            if done.returncode < 0:
+                problem = f"it crashed ({signal.Signals(-done.returncode).name})"
+        # A loader names the file that it cannot load, whose folder is gone by now.
+        problem = problem.replace(f"{folder}{os.sep}", "").removeprefix(f"{name}: ")
+    return Finding("binary", "error", f"does not load: {problem}")
+
+
 def _check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator[Finding]:
     """Is it for Co-Simulation and for this machine?"""
     if description.coSimulation is None:
         yield Finding("FMU", "error", "must be for Co-Simulation, got another interface")
         return
-    identifier = description.coSimulation.modelIdentifier
-    # FMI 2.0.4 also has the folder names of FMI 3.
-    folders: tuple[Fmi, ...] = (2, 3) if description.fmiVersion == "2.0" else (3,)
-    names = [platform_folder(*this_machine(), fmi) for fmi in folders]
-    folder = names[0]
-    if any(f"binaries/{name}/{identifier}{library_suffix(name)}" in files for name in names):
+    binaries = _binaries(description)
+    folder = next(iter(binaries))
+    if any(binary in files for binary in binaries.values()):
         yield Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")
     else:
         others = sorted({f.split("/")[1] for f in files if re.match(r"binaries/[^/]+/.", f)})

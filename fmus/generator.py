@@ -354,6 +354,11 @@ def table_source(component: Component, token: str, references: Mapping[str, int]
         )
 
     owners = [str(i) for i, v in enumerate(component) for _ in range(v.size)]
+    kinds = [(v.type, v.causality) for v in component for _ in range(v.size)]
+    alike: list[int] = []
+    for i in reversed(range(len(kinds))):
+        same = i + 1 < len(kinds) and kinds[i] == kinds[i + 1]
+        alike.append(alike[-1] + 1 if same else 1)
     starts = [
         float(start).hex() for v in component if v.causality != "output" for start in v.starts
     ]
@@ -369,6 +374,9 @@ def table_source(component: Component, token: str, references: Mapping[str, int]
             "};",
             "/* Which variable each element belongs to. */",
             f"static const unsigned short owner[N_VALUES] = {{{', '.join(owners)}}};",
+            "/* How many elements from this one on have its type and causality. */",
+            "static const unsigned short alike[N_VALUES] = "
+            f"{{{', '.join(map(str, reversed(alike)))}}};",
             f"static const double start_values[N_P + N_U] = {{{', '.join(starts)}}};",
             "",
         ]

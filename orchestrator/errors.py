@@ -10,8 +10,16 @@ __all__ = [
     "ConfigurationWarning",
     "FmuError",
     "SblcosimError",
+    "instance",
     "nearest",
 ]
+
+
+def instance(value: object) -> str:
+    """What somebody gave in place of something else, for messages."""
+    if value is None or isinstance(value, bool | int | float | str | bytes):
+        return repr(value)
+    return f"an instance of {type(value).__qualname__}"
 
 
 class ConfigurationError(SblcosimError):

@@ -290,7 +290,8 @@ def update_share(
 def late(record: Record, track: pd.DataFrame) -> pd.DataFrame:
     """A receiver's estimates of the last quarter of the run."""
     start, stop = record.time_ns[0] / 1e9, record.time_ns[-1] / 1e9
-    return track[track["epoch_s"] >= stop - (stop - start) / 4]
+    end: pd.DataFrame = track[track["epoch_s"] >= stop - (stop - start) / 4]
+    return end
 
 
 def lost(record: Record, track: pd.DataFrame) -> bool:

@@ -10,27 +10,41 @@ index and set by one FMI call.
 
 from __future__ import annotations
 
+import inspect
 import math
+import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import combinations, groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models import COMPONENTS
-from sblcosim.models.declaration import Number
+from sblcosim.models.declaration import Number, Variable
 from sblcosim.models.ports import RECEPTION
 
 from . import fmu as fmi
-from .errors import ConfigurationError, ConfigurationWarning, nearest
+from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .fmu import DTYPES, Fmu, Port
-from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, text_of
+from .system import (
+    MAX_SECONDS,
+    SECOND,
+    ComponentSpec,
+    Connection,
+    PythonComponent,
+    System,
+    text_of,
+)
 
 TICK_PARAMETERS = frozenset(c.interval for c in COMPONENTS.values() if c.interval is not None)
 """Names of the parameters that hold the time between a component's ticks, in s."""
+
+MEMORY_SHARE = 0.25
+"""Largest share of the machine's memory for a record; a table made of it takes as much again, and
+writing the table, too."""
 
 _RECEPTION = frozenset(v.name for v in RECEPTION)
 
@@ -159,8 +173,58 @@ class Plan:
         ]
         return grids[0] if len(grids) == 1 else np.unique(np.concatenate(grids))
 
+    @property
+    def count(self) -> int:
+        """Number of communication instants, without listing them."""
+        duration = self.stop_ns - self.start_ns
+        given = {c.interval_ns for c in self.components}
+        # Multiples of a multiple are none of their own.
+        intervals = [n for n in given if not any(n % m == 0 for m in given - {n})]
+        return 1 + sum(
+            (-1) ** (size + 1) * (duration // math.lcm(*some))
+            for size in range(1, len(intervals) + 1)
+            for some in combinations(intervals, size)
+        )
+
+    @property
+    def row_size(self) -> int:
+        """Bytes of an instant in the record of all outputs."""
+        sizes = ((kind, n) for kind, n in self.sizes.items())
+        return 8 + sum(n * np.dtype(DTYPES[kind]).itemsize for kind, n in sizes)
+
     def __str__(self) -> str:
         return "\n".join(_lines(self))
+
+
+def check_size(plan: Plan, memory: int | None = None) -> None:
+    """Refuse a plan whose record of all outputs is too large for this machine.
+
+    Parameters
+    ----------
+    memory
+        Of the machine, in bytes; None: asked from it.
+
+    Raises
+    ------
+    ConfigurationError
+        The record would take more than `MEMORY_SHARE` of the memory.
+    """
+    most = MEMORY_SHARE * (_memory() if memory is None else memory)
+    size = plan.count * plan.row_size
+    if size > most:
+        raise ConfigurationError(
+            f"record: must take at most {most / 1e9:.3g} GB ({MEMORY_SHARE:.0%} of the memory), "
+            f"got {size / 1e9:.3g} GB for {plan.count} communication instants; make the run "
+            "shorter or the sampling time longer"
+        )
+
+
+def _memory() -> int:
+    """Memory of this machine in bytes."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):  # there is no such call, as on Windows
+        return 8 * 1024**3
 
 
 def resolve(system: System) -> Plan:
@@ -257,10 +321,57 @@ def _source(
         found = fmi.read(spec.fmu)
         return found, found.ports
     if callable(spec.fmu):
-        return spec.fmu, fmi.ports_of(spec.fmu().variables)
+        return spec.fmu, fmi.ports_of(variables_of(name, spec.fmu))
     raise ConfigurationError(
         f"{name}: must be the path of an FMU or make a Python component, got {spec.fmu!r}"
     )
+
+
+def variables_of(where: str, maker: Any) -> Iterable[Variable]:
+    """The variables of a Python component; an object is made to ask it.
+
+    Parameters
+    ----------
+    where
+        Begins a message.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be made, or is no component.
+    """
+    if not callable(maker):
+        raise ConfigurationError(
+            f"{where}: must be a class or function that makes the component, got {instance(maker)}"
+        )
+    name = getattr(maker, "__qualname__", instance(maker))
+    try:
+        inspect.signature(maker).bind()
+    except TypeError as error:
+        raise ConfigurationError(
+            f"{where}: must make the component without arguments, got {name} ({error})"
+        ) from None
+    except ValueError:  # C code tells nothing about its arguments
+        pass
+    component = maker()
+    missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
+    if missing:
+        raise ConfigurationError(
+            f"{where}: must make a component, got {name}, whose object has no "
+            f"{' and no '.join(missing)}"
+        )
+    variables: Any = component.variables
+    if not isinstance(variables, Iterable) or isinstance(variables, str):
+        raise ConfigurationError(
+            f"{where}: variables must be a sequence of Variable, got {instance(variables)}"
+        )
+    variables = tuple(variables)
+    for variable in variables:
+        if not isinstance(variable, Variable):
+            raise ConfigurationError(
+                f"{where}: variables must be a sequence of Variable, got {instance(variable)} in it"
+            )
+    return variables
 
 
 def _check_instances(sources: Mapping[str, object]) -> None:
@@ -429,6 +540,10 @@ def _span(system: System) -> tuple[int, int]:
             f"system: the stop must be after the start at {text_of(system.start_ns)}, got "
             f"{text_of(system.stop_ns)}"
         )
+    if system.stop_ns >= MAX_SECONDS * SECOND:
+        raise ConfigurationError(
+            f"system: the stop must be before {MAX_SECONDS:g} s, got {system.stop_ns / SECOND:g} s"
+        )
     common = math.lcm(*(spec.interval_ns for spec in system.components.values()))
     duration = system.stop_ns - system.start_ns
     if common > duration:
@@ -511,7 +626,7 @@ def _check_updates_follow_pings(plan: Plan) -> None:
 def _lines(plan: Plan) -> Iterator[str]:
     yield (
         f"Run from {text_of(plan.start_ns)} to {text_of(plan.stop_ns)}: "
-        f"{len(plan.instants)} communication instants"
+        f"{plan.count} communication instants"
     )
     yield ""
     yield from _table(

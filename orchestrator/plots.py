@@ -69,7 +69,7 @@ def plot_path(
         ax.set(xlim=limits["y_m"], ylim=limits["x_m"], aspect="equal")
         words = _ends(ax, truth[[0, -1]][:, [1, 0]])
         for row, word, marker in ENDS:
-            place = truth[row, [1, 0]]
+            place = (truth[row, 1], truth[row, 0])
             ax.plot(*place, marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
             if word in words:
                 ax.annotate(words[word], place, (7, 6), textcoords="offset points", zorder=7)
@@ -185,7 +185,7 @@ def plot_errors(
         _title(
             axes[0],
             "Estimate minus truth" + (", relative to the platform" if frame == "relative" else ""),
-            "bands: ±2σ as the filter claims" if bands else "",
+            "bands: claimed ±2σ" if bands else "",
             _outside(tracks, limits),
             _no_fix(tracks),
         )
@@ -275,7 +275,7 @@ def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, di
             turn, colour = divmod(place, len(look.receivers))
             often = ceil(len(table) / 12) or 1
             how = {
-                "color": look.receivers[colour], "ls": LINES[place % len(LINES)], "lw": 1.6,
+                "color": look.receivers[colour], "ls": LINES[place % len(LINES)], "lw": 1.4,
                 "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
                 "markevery": (place * often // len(filters), often), "zorder": 4,
             }
@@ -284,7 +284,7 @@ def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, di
 
 def _truth(look: Theme) -> dict[str, Any]:
     """How the truth is drawn: on top of the estimates, but thinner."""
-    return {"color": look.ink, "lw": 0.9, "zorder": 5}
+    return {"color": look.ink, "lw": 0.8, "zorder": 5}
 
 
 def _beacons(record: Record, truth: Floats) -> tuple[Floats, str]:
@@ -328,7 +328,7 @@ def _no_fix(tracks: Tracks) -> str:
 
 def _title(ax: Axes, *parts: str, loc: Literal["left", "center"] = "left") -> None:
     words = "; ".join(part for part in parts if part)
-    ax.set_title(fill(words, 90 if loc == "left" else 70), loc=loc)
+    ax.set_title(fill(words[:1].upper() + words[1:], 90 if loc == "left" else 70), loc=loc)
 
 
 def _time_axis(axes: Sequence[Axes], record: Record) -> None:
@@ -374,8 +374,10 @@ def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
             found.setdefault(label, {}).setdefault(type(handle), handle)
     if not found:
         return
-    handles = [tuple(same.values()) if len(same) > 1 else next(iter(same.values()))
-               for same in found.values()]
+    handles: list[Any] = [
+        tuple(same.values()) if len(same) > 1 else next(iter(same.values()))
+        for same in found.values()
+    ]
     names = [_short(label) for label in found]
     if own and isinstance(figure, Figure):
         renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -383,7 +385,7 @@ def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
             legend = figure.legend(handles, names, loc="outside upper center",
                                    ncols=ceil(len(names) / rows))
             extent = legend.get_window_extent(renderer)
-            if extent.width < 0.98 * figure.bbox.width or rows == len(names):
+            if extent.width < 0.96 * figure.bbox.width or rows == len(names):
                 break
             legend.remove()
         figure.set_figheight(

@@ -22,9 +22,10 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
 
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, instance, nearest
 from .system import PythonComponent, System
 from .tables import (
+    ANYWHERE,
     PRIOR_KEYS,
     SEED,
     TRUE,
@@ -199,9 +200,14 @@ class Scenario(Table):
                 value = getattr(table, key)
                 if value is None or value == () or (key in PRIOR_KEYS and self.true_prior):
                     continue
+                variable = table.variables.get(key)
+                if variable is not None and table.fmu is not None:
+                    # A key that is there must be a parameter of that FMU.
+                    if key not in table.model_fields_set and variable.name not in ANYWHERE:
+                        continue
                 if key == "fmu" and folder is not None:
                     value = _relative(Path(value), folder)
-                lines.append(f"{key} = {toml(rows(table.variables.get(key), value))}")
+                lines.append(f"{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
 
     def system(
@@ -317,7 +323,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
     if not isinstance(source, str | Path):
         raise ConfigurationError(
             "scenario: must be a name, a TOML file, tables or a loaded scenario, got "
-            f"{_instance(source)}"
+            f"{instance(source)}"
         )
     path = Path(source)
     name = str(source).removesuffix(".toml")
@@ -359,13 +365,6 @@ def _text(path: Path) -> str:
         raise ConfigurationError(f"{path}: must be a file that can be read, got {reason}") from None
 
 
-def _instance(value: object) -> str:
-    """What somebody gave in place of something else, for messages."""
-    if value is None or isinstance(value, bool | int | float | str | bytes):
-        return repr(value)
-    return f"an instance of {type(value).__qualname__}"
-
-
 def _toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
     message = str(error)
     place = re.search(r" \(at line (\d+), column (\d+)\)$", message)
@@ -381,7 +380,7 @@ def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
     if not isinstance(overrides, Iterable):
         raise ConfigurationError(
             "overrides: must be keys with values, or texts like table.key=value, got "
-            f"{_instance(overrides)}"
+            f"{instance(overrides)}"
         )
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
@@ -395,7 +394,7 @@ def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
     for item in overrides:
         if not isinstance(item, str):
             raise ConfigurationError(
-                f"override: must be a text like table.key=value, got {_instance(item)}"
+                f"override: must be a text like table.key=value, got {instance(item)}"
             )
         key, equals, text = item.partition("=")
         if not equals or not key.strip():

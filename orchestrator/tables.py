@@ -26,6 +26,8 @@ PATH: Final = "path"
 """Value of ``duration_s``: until the end of the target's path."""
 TRUE: Final = "true"
 """Value of ``prior``: the true start, at rest."""
+ANYWHERE = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
+"""Parameters that a foreign component gets without being asked, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -14,27 +15,27 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .fmu import ports_of, read
 from .master import initial_outputs
-from .scenario import Receivers, Scenario, Source
+from .plan import variables_of
+from .scenario import Receivers, Scenario, Source, load
 from .system import SECOND, ComponentSpec, Connection, System, Value
-from .tables import PATH, TRUE, in_si, nanoseconds
+from .tables import ANYWHERE, PATH, TRUE, in_si, nanoseconds
 
 FIXED = ("target", "platform", "acoustics")
 """Names of the components that every system has."""
 RAW = "raw"
 """Name of the raw fix that runs beside the receivers for comparison."""
-_RUN = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
-"""Parameters that a foreign component gets without being asked, if it has them."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A component of the system to be, and the names of its variables."""
+    """A component of the system to be, the names of its variables, and which are foreign inputs."""
 
     spec: ComponentSpec
     names: frozenset[str]
+    foreign_inputs: frozenset[str] = frozenset()
 
 
 def connect(
@@ -62,13 +63,13 @@ def connect(
         A receiver, a file or a key is unknown, or the path has no end.
     FmuError
         An FMU could not be built or read.
+
+    Warns
+    -----
+    ConfigurationWarning
+        Nothing feeds an input of a foreign component.
     """
-    replaced = dict(components or {})
-    for name in replaced:
-        if name not in FIXED:
-            raise ConfigurationError(
-                f"components: must be {', '.join(FIXED)}, got {name!r}{nearest(name, FIXED)}"
-            )
+    replaced = _replaced(components)
     parts: dict[str, _Part] = {}
     for name in FIXED:
         table = getattr(scenario, name)
@@ -76,7 +77,8 @@ def connect(
         if source is None:
             parts[name] = _ours(name, table, fmi or table.fmi or scenario.fmi)
         else:
-            parts[name] = _foreign(name, table, source, own=name not in replaced)
+            own = name not in replaced
+            parts[name] = _foreign(name, table, source, own, scenario.where)
     table = scenario.receiver
     chosen = _chosen(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
@@ -84,16 +86,68 @@ def connect(
         if isinstance(source, str):
             parts[label] = _ours(source, table, fmi or table.fmi or scenario.fmi)
         else:
-            _check_contract(source)
+            _check_contract(label, source)
             own = table.fmu is not None and source == Path(table.fmu)
-            parts[label] = _foreign("receiver", table, source, own)
+            parts[label] = _foreign("receiver", table, source, own, scenario.where)
     if scenario.true_prior:
         _hand_over_start(parts, chosen)
+    connections = tuple(_connections(parts, chosen))
+    _warn_of_idle_inputs(parts, {connection.target for connection in connections})
     return System(
         components={name: part.spec for name, part in parts.items()},
-        connections=tuple(_connections(parts, chosen)),
+        connections=connections,
         stop_ns=_stop_ns(scenario, parts["target"]),
     )
+
+
+def applied(
+    scenario: Scenario,
+    receivers: Receivers = (),
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+) -> Scenario:
+    """The scenario with the arguments of `connect` written into it, as far as a file can say it.
+
+    Of several receivers it gets the first one, and keys that this one does not have are left out. A
+    Python component stays as the scenario has it.
+    """
+    tables = scenario.given()
+    if fmi is not None:
+        tables["fmi"] = fmi
+        for name in (*FIXED, "receiver"):
+            tables.get(name, {}).pop("fmi", None)
+    sources = _replaced(components)
+    sources["receiver"] = next(iter(_chosen(scenario, receivers).values()))
+    for name, source in sources.items():
+        if not isinstance(source, str | Path):
+            continue
+        table = getattr(scenario, name)
+        given = tables.setdefault(name, {})
+        if isinstance(source, str) and name == "receiver":
+            known = {v.name for v in RECEIVERS[source].of("parameter")}
+            choice = {"type": source}
+        else:
+            known = {*read(Path(source)).ports, *ANYWHERE}
+            choice = {"fmu": str(Path(source).absolute())}
+        for key in given.keys() & table.variables.keys():
+            if table.variables[key].name not in known:
+                del given[key]
+        if choice.items() <= table.model_dump().items():
+            continue
+        for key in ("type", "fmu", "parameters"):
+            given.pop(key, None)
+        given |= choice
+    return load(tables)
+
+
+def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
+    replaced = dict(components or {})
+    for name in replaced:
+        if name not in FIXED:
+            raise ConfigurationError(
+                f"components: must be {', '.join(FIXED)}, got {name!r}{nearest(str(name), FIXED)}"
+            )
+    return replaced
 
 
 def _ours(name: str, table: Any, fmi: int) -> _Part:
@@ -108,25 +162,27 @@ def _ours(name: str, table: Any, fmi: int) -> _Part:
     return _Part(spec, frozenset(v.name for v in component))
 
 
-def _foreign(table_name: str, table: Any, source: Source, own: bool) -> _Part:
+def _foreign(
+    table_name: str, table: Any, source: Source, own: bool, where: Callable[[str, str], str]
+) -> _Part:
     """Somebody else's component: of the table, it gets what it has.
 
     If the scenario itself names the FMU (``own``), whatever the scenario gives must be there.
     """
     fmu = Path(source) if isinstance(source, str | Path) else source
-    ports = read(fmu).ports if isinstance(fmu, Path) else ports_of(fmu().variables)
+    ports = read(fmu).ports if isinstance(fmu, Path) else ports_of(variables_of(table_name, fmu))
     has = {port.name for port in ports.values() if port.causality == "parameter"}
     given = {
         table.variables[key].name: key for key in table.variables if key in table.model_fields_set
     }
     if own:
         for name, key in given.items():
-            if name not in has and name not in _RUN:
+            if name not in has and name not in ANYWHERE:
                 raise ConfigurationError(
-                    f"[{table_name}] {key}: must be a parameter of {fmu}, "
+                    f"{where(table_name, key)}: must be a parameter of {fmu}, "
                     f"got {name!r}{nearest(name, has)}"
                 )
-    wanted = {*_RUN, *given}
+    wanted = {*ANYWHERE, *given}
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
     parameters = {
@@ -136,28 +192,40 @@ def _foreign(table_name: str, table: Any, source: Source, own: bool) -> _Part:
     }
     if own:
         parameters |= {k: _flat(v) for k, v in (table.parameters or {}).items()}
-    return _Part(ComponentSpec(fmu, nanoseconds(table.interval_s), parameters), frozenset(ports))
+    inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
+    spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
+    return _Part(spec, frozenset(ports), inputs)
 
 
-def _check_contract(source: Source) -> None:
-    """Refuse an FMU that cannot be a receiver."""
-    if not isinstance(source, Path):
-        return
-    from sblcosim.fmus.check import check_receiver
+def _check_contract(label: str, source: Source) -> None:
+    """Refuse what cannot be a receiver."""
+    from sblcosim.fmus.check import check_receiver, check_variables
 
-    report = check_receiver(source)
-    problems = [f"{f.variable}: {f.message}" for f in report.of("error")]
-    problems += [
-        f"{port}: must be the variable's own name, got {name!r}"
-        for port, name in report.names.items()
-        if name != port
-    ]
+    hint = ""
+    if isinstance(source, str | Path):
+        findings: Iterable[Any] = check_receiver(source).findings
+        label, hint = str(source), f"; see 'sblcosim check {source}'"
+    else:
+        findings = check_variables(variables_of(label, source))
+    problems = [f"{f.variable}: {f.message}" for f in findings if f.severity == "error"]
     if problems:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise ConfigurationError(
-            f"{source}: must honour the plug contract of a receiver, got {problems[0]}{more}; "
-            f"see 'sblcosim check {source}'"
+            f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
         )
+
+
+def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:
+    for label, part in parts.items():
+        ports = {v.name for v in (*RECEPTION, *DEPTH)} - part.names
+        for name in sorted(part.foreign_inputs):
+            if f"{label}.{name}" not in fed:
+                warnings.warn(
+                    f"{label}.{name}: nothing feeds this input, it keeps its start value"
+                    f"{nearest(name, ports)}",
+                    ConfigurationWarning,
+                    stacklevel=3,
+                )
 
 
 def _values(variables: Iterable[Variable], table: Any) -> dict[str, Value]:
@@ -178,15 +246,18 @@ def _chosen(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
     if isinstance(receivers, Mapping):
         chosen = {label: _source(source) for label, source in receivers.items()}
     else:
-        if isinstance(receivers, str | Path) or callable(receivers):
-            receivers = (receivers,)
+        if isinstance(receivers, str | Path) or not isinstance(receivers, Iterable):
+            receivers = () if receivers is None else (receivers,)
         table = scenario.receiver
         own = Path(table.fmu) if table.fmu else table.type
-        for source in map(_source, receivers or (own,)):
+        sources = [_source(source) for source in receivers] or [_source(own)]
+        # Ours keep their names, wherever they stand.
+        taken = {*FIXED, RAW, *(source for source in sources if isinstance(source, str))}
+        for source in sources:
             if source not in chosen.values():
-                chosen[_label(source, {*chosen, *FIXED, RAW})] = source
+                chosen[_label(source, {*chosen, *taken})] = source
     for label in chosen:
-        if label in FIXED or not label or "." in label:
+        if not isinstance(label, str) or label in FIXED or not label or "." in label:
             raise ConfigurationError(
                 f"receiver: label must be a name without a dot and not {', '.join(FIXED)}, "
                 f"got {label!r}"
@@ -198,7 +269,14 @@ def _chosen(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
 
 def _source(source: Source) -> Source:
     """Tell names of receivers from files."""
-    if not isinstance(source, str | Path) or source in RECEIVERS:
+    if not isinstance(source, str | Path):
+        if not callable(source):
+            raise ConfigurationError(
+                "receiver: must be a name, an FMU file, or a class or function that makes the "
+                f"component, got {instance(source)}"
+            )
+        return source
+    if source in RECEIVERS:
         return source
     path = Path(source)
     if path.is_file():
@@ -212,6 +290,7 @@ def _source(source: Source) -> Source:
 
 
 def _label(source: Source, taken: Iterable[str]) -> str:
+    """Name of one of ours, or one that is not taken."""
     if isinstance(source, str):
         return source
     name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")
@@ -234,7 +313,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         if key in table.model_fields_set and key not in known:
             have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]
             raise ConfigurationError(
-                f"{scenario.name}: [receiver] {key}: must be a key of a receiver of this run "
+                f"{scenario.where('receiver', key)}: must be a key of a receiver of this run "
                 f"({', '.join(names)}), got one of {', '.join(have)}"
             )
 
@@ -260,7 +339,7 @@ def _stop_ns(scenario: Scenario, target: _Part) -> int:
             duration = float(initial_outputs(target.spec, ("path_duration",))["path_duration"])
         if not 0.0 < duration < math.inf:
             raise ConfigurationError(
-                f"{scenario.name}: [time] duration_s: must be a number for a target that does not "
+                f"{scenario.where('time', 'duration_s')}: must be a number for a target that does not "
                 f"tell when its path ends, got 'path'"
             )
     return int(Decimal(repr(duration)) * SECOND)

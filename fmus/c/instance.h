@@ -194,8 +194,21 @@ static enum status instance_initialise(struct instance *in)
     return OK;
 }
 
+static int all_finite(const double *values, size_t n)
+{
+    uint64_t bad = 0;
+    for (size_t i = 0; i < n; i++) {
+        uint64_t bits;
+        memcpy(&bits, &values[i], sizeof bits);
+        bad |= (bits & 0x7ff0000000000000u) == 0x7ff0000000000000u;
+    }
+    return !bad;
+}
+
 static enum status instance_check_finite(const struct instance *in)
 {
+    if (all_finite(in->data.block.v + N_P + N_U, N_Y))
+        return OK;
     for (unsigned i = N_P + N_U; i < N_VALUES; i++)
         if (!__builtin_isfinite(in->data.block.v[i])) {
             char name[128];
@@ -281,18 +294,37 @@ static enum status check_value(const struct instance *in, const char *function, 
     return report(in, ERROR, "%s: %s %s %.17g", function, name, reason, value);
 }
 
-static void put_value(struct instance *in, unsigned element, double value)
-{
-    in->data.block.v[element] = value;
-    /* Outputs at the start follow from parameters; later only direct feedthrough matters. */
-    if (in->data.mode != STEP || HAS_JACOBIAN)
-        in->data.stale = 1;
-}
-
 /* How many elements a reference stands for: its variable, or only itself without arrays. */
 static unsigned extent(unsigned element)
 {
     return ARRAYS ? variables[owner[element]].size : 1;
+}
+
+/* Elements that follow each other and can be read or written at once: an array, or scalars with
+ * consecutive references whose type and causality are the same. */
+struct piece {
+    unsigned first, size;
+    size_t references;
+};
+
+static struct piece next_piece(const unsigned references[], size_t n)
+{
+    struct piece piece = {element_of(references[0]), 0, 1};
+    if (piece.first == N_VALUES)
+        return piece;
+    piece.size = extent(piece.first);
+    if (!ARRAYS) {
+        while (piece.references < n && piece.references < alike[piece.first]
+               && references[piece.references] == references[0] + piece.references)
+            piece.references++;
+        piece.size = (unsigned)piece.references;
+    }
+    return piece;
+}
+
+static int is_time(unsigned reference, enum type type)
+{
+    return ARRAYS && reference == 0 && type == FLOAT64;
 }
 
 /* Check references and the number of values before anything is read or written. */
@@ -303,19 +335,20 @@ static enum status check_access(const struct instance *in, const char *function,
     size_t count = 0;
     if (n > 0 && (!references || !values))
         return report(in, ERROR, "%s: the arrays must not be null", function);
-    for (size_t i = 0; i < n; i++) {
-        if (ARRAYS && references[i] == 0 && type == FLOAT64) { /* time */
-            count++;
+    for (size_t i = 0; i < n;) {
+        if (is_time(references[i], type)) {
+            count++, i++;
             continue;
         }
-        const unsigned element = element_of(references[i]);
-        if (element == N_VALUES || (ARRAYS && variables[owner[element]].reference != references[i]))
+        const struct piece piece = next_piece(references + i, n - i);
+        if (!piece.size || (ARRAYS && variables[owner[piece.first]].reference != references[i]))
             return report(in, ERROR, "%s: there is no variable with value reference %u", function,
                           references[i]);
-        const enum status status = check_type(in, function, element, type);
+        const enum status status = check_type(in, function, piece.first, type);
         if (status != OK)
             return status;
-        count += extent(element);
+        count += piece.size;
+        i += piece.references;
     }
     if (count != n_values)
         return report(in, ERROR, "%s: the variables have %zu values, got room for %zu", function,
@@ -344,20 +377,54 @@ static enum status instance_get(struct instance *in, const char *function, enum 
     if (status != OK)
         return status;
     size_t place = 0;
-    for (size_t i = 0; i < n; i++) {
-        if (ARRAYS && references[i] == 0) {
+    for (size_t i = 0; i < n;) {
+        if (is_time(references[i], type)) {
             ((double *)values)[place++] = (double)in->data.time_ns / 1e9;
+            i++;
             continue;
         }
-        const unsigned first = element_of(references[i]);
-        for (unsigned j = first; j < first + extent(first); j++, place++) {
-            const double value = in->data.block.v[j];
-            switch (type) {
-            case FLOAT64: ((double *)values)[place] = value; break;
-            case INT32: ((int32_t *)values)[place] = (int32_t)value; break;
-            case BOOLEAN: ((boolean *)values)[place] = value != 0.0; break;
-            }
+        const struct piece piece = next_piece(references + i, n - i);
+        const double *from = in->data.block.v + piece.first;
+        switch (type) {
+        case FLOAT64:
+            memcpy((double *)values + place, from, piece.size * sizeof *from);
+            break;
+        case INT32:
+            for (unsigned j = 0; j < piece.size; j++)
+                ((int32_t *)values)[place + j] = (int32_t)from[j];
+            break;
+        case BOOLEAN:
+            for (unsigned j = 0; j < piece.size; j++)
+                ((boolean *)values)[place + j] = from[j] != 0.0;
+            break;
         }
+        place += piece.size;
+        i += piece.references;
+    }
+    return OK;
+}
+
+/* Check the values of a piece, or set them. */
+static enum status piece_set(struct instance *in, const char *function, enum type type,
+                             const struct piece *piece, const void *values, size_t place, int write)
+{
+    double *to = in->data.block.v + piece->first;
+    const int input = variables[owner[piece->first]].causality == INPUT;
+    if (input && type == FLOAT64) { /* the many values of every step */
+        const double *from = (const double *)values + place;
+        if (write)
+            memcpy(to, from, piece->size * sizeof *to);
+        if (write || all_finite(from, piece->size))
+            return OK;
+    }
+    for (unsigned j = 0; j < piece->size; j++) {
+        const double value = value_at(values, type, place + j);
+        const enum status status =
+            write ? OK : check_value(in, function, piece->first + j, value);
+        if (status != OK)
+            return status;
+        if (write)
+            to[j] = value;
     }
     return OK;
 }
@@ -373,19 +440,19 @@ static enum status instance_set(struct instance *in, const char *function, enum 
         return status;
     for (int write = 0; write < 2; write++) { /* all values are checked before one is set */
         size_t place = 0;
-        for (size_t i = 0; i < n; i++) {
-            if (ARRAYS && references[i] == 0)
+        for (size_t i = 0; i < n;) {
+            if (is_time(references[i], type))
                 return report(in, ERROR, "%s: time cannot be set", function);
-            const unsigned first = element_of(references[i]);
-            for (unsigned j = first; j < first + extent(first); j++, place++) {
-                const double value = value_at(values, type, place);
-                if (write)
-                    put_value(in, j, value);
-                else if ((status = check_value(in, function, j, value)) != OK)
-                    return status;
-            }
+            const struct piece piece = next_piece(references + i, n - i);
+            if ((status = piece_set(in, function, type, &piece, values, place, write)) != OK)
+                return status;
+            place += piece.size;
+            i += piece.references;
         }
     }
+    /* Outputs at the start follow from parameters; later only direct feedthrough matters. */
+    if (n > 0 && (in->data.mode != STEP || HAS_JACOBIAN))
+        in->data.stale = 1;
     return OK;
 }
 

@@ -310,7 +310,7 @@ def test_a_broken_file_gives_one_line_that_names_the_file(tmp_path: Path) -> Non
     for name, reason in {
         "none.fmu": "must be an FMU, got no file",
         "": "must be an FMU, got a folder",
-        "text.fmu": "must be an intact ZIP archive",
+        "text.fmu": "is not an FMU (not a ZIP archive)",
         "cut.fmu": "must be an intact ZIP archive",
         "empty.fmu": "must contain modelDescription.xml, got only 1 other file",
     }.items():

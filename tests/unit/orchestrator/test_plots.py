@@ -77,7 +77,7 @@ def test_axes_over_time_name_coordinate_and_unit(run):
 
 
 def test_errors_come_with_two_sigma_of_each_filter(run):
-    _, tracks = run
+    record, tracks = run
     axes = plots.plot_errors(record, tracks)
     assert len(axes) == 4
     for ax in axes[:3]:
