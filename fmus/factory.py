@@ -10,6 +10,7 @@ import tempfile
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache as remember
 from importlib import metadata, resources
@@ -65,7 +66,8 @@ def build(name: str, fmi: Fmi = 2) -> Path:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
     compiler = compilers.find()
     path = cache() / _fingerprint(name, fmi, compiler) / f"{name}.fmu"
-    if not path.is_file():
+    if not os.path.isfile(path):
+        _make_folder(path)
         write(path, name, fmi, compiler)
     return path
 
@@ -84,13 +86,33 @@ def write(path: Path, name: str, fmi: Fmi, compiler: compilers.Compiler) -> None
         sources, [Unit(_SHELLS[fmi])], compiler, _lane_objects(name, compiler)
     )
     folder = platform_folder(*this_machine(), fmi)
-    write_fmu(path, contents(model, fmi, token, sources, {folder: binary}))
+    files = contents(model, fmi, token, sources, {folder: binary})
+    with _caching():
+        write_fmu(path, files)
 
 
 def cache() -> Path:
     """The folder that holds built FMUs."""
     chosen = os.environ.get(CACHE_VARIABLE)
     return Path(chosen) if chosen else user_cache_path("sblcosim") / "fmus"
+
+
+def _make_folder(path: Path) -> None:
+    """Make the folder of a file in the cache, before time is spent on its content."""
+    with _caching():
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def _caching() -> Iterator[None]:
+    """Say what is wrong if the cache cannot be written to."""
+    try:
+        yield
+    except OSError as error:
+        raise BuildError(
+            f"{CACHE_VARIABLE}: must be a folder that can be written to, got {cache()} "
+            f"({error.strerror or error})"
+        ) from error
 
 
 def driver(name: str, source: bytes) -> Path:
@@ -113,8 +135,11 @@ def driver(name: str, source: bytes) -> Path:
     for file in sorted(sources):
         digest.update(sources[file])
     path = cache() / digest.hexdigest()[:32] / Path(name).with_suffix(".so").name
-    if not path.is_file():
-        write_file(path, compile_shared(sources, units, compiler))
+    if not os.path.isfile(path):
+        _make_folder(path)
+        binary = compile_shared(sources, units, compiler)
+        with _caching():
+            write_file(path, binary)
     return path
 
 
@@ -147,13 +172,12 @@ def library(name: str, sources: Mapping[str, bytes]) -> Path:
     for file in sorted(sources):
         digest.update(file.encode() + b"\0" + sources[file] + b"\0")
     path = cache() / digest.hexdigest()[:32] / f"{name}.so"
-    if not path.is_file():
+    if not os.path.isfile(path):
         units = [Unit(file) for file in sources if file.endswith(".c")]
+        _make_folder(path)
         binary = compile_shared(sources, units, compiler)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-        unfinished.write_bytes(binary)
-        unfinished.replace(path)  # appears under its name only when it is complete
+        with _caching():
+            write_file(path, binary)
     return path
 
 

@@ -8,11 +8,12 @@ from typing import Any
 
 from .fmu import Fmu
 from .masters import execute
-from .plan import resolve
+from .plan import Plan, check_size, resolve
 from .result import Result
 from .scenario import Overrides, Receivers, Scenario, Source, load
+from .system import SECOND, System, text_of
 from .tables import nanoseconds
-from .wiring import FIXED, RAW, connect
+from .wiring import FIXED, RAW, applied, choose, connect
 
 
 def run(
@@ -66,16 +67,48 @@ def run(
     settled = load(scenario, overrides)
     system = connect(settled, receiver, fmi, components)
     plan = resolve(system)
+    check_size(plan)
     record = execute(plan, progress, master=master, step_timeout=step_timeout)
     labels = [name for name in system.components if name not in (*FIXED, RAW)]
     if RAW in system.components:
         labels.append(RAW)
     return Result(
         settled.name,
-        settled,
+        applied(settled, receiver, fmi, components),
         record,
         labels,
         fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
         seeds={name: getattr(settled, name).seed for name in FIXED},
         update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
+        origins=_origins(choose(settled, receiver), system, plan),
+        remarks=_remarks(settled, system, plan),
     )
+
+
+def _origins(
+    chosen: Mapping[str, Source], system: System, plan: Plan
+) -> dict[str, dict[str, Any]]:
+    """What each receiver was; nothing in it depends on where files lie."""
+    planned = {c.name: c for c in plan.components}
+    origins: dict[str, dict[str, Any]] = {}
+    for label, source in chosen.items():
+        component = planned[label]
+        if isinstance(source, str):
+            origin = {"type": source}
+        else:
+            origin = {"fmu" if isinstance(source, Path) else "python": component.origin}
+        if isinstance(component.source, Fmu):
+            origin["sha256"] = component.source.sha256
+        origins[label] = {**origin, "parameters": dict(system.components[label].parameters)}
+    return origins
+
+
+def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
+    """What somebody who reads the results should know about the run."""
+    wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
+    if wanted - simulated <= nanoseconds(scenario.time.sampling_time_s):
+        return []
+    return [
+        f"simulated {text_of(simulated).removesuffix(' s')} of {wanted / SECOND:.10g} s: a run "
+        "ends with the last common multiple of all communication intervals"
+    ]

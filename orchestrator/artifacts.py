@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -29,6 +30,7 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
 
     Write into the folder that is given. At the end the manifest is added, with the versions of the
     software and the list of files, and the folder gets its name. On an error or Ctrl-C it vanishes.
+    An empty folder that is there already is kept, and gets the files when they are complete.
 
     Parameters
     ----------
@@ -45,12 +47,14 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
     path = Path(path).resolve()
     _refuse_foreign(path)
     part, old = (path.with_name(f".{path.name}.{uuid.uuid4().hex}") for _ in range(2))
+    filled = path.is_dir() and not any(path.iterdir())
+    if filled:  # somebody's own folder, perhaps with rights of its own: it stays
+        part = path / part.name
     try:
         part.mkdir(parents=True)
     except OSError as error:
-        raise ConfigurationError(
-            f"{path}: must be a folder that can be made, got {error.strerror}"
-        ) from error
+        raise _refusal(path, error) from error
+    files: list[str] = []
     try:
         yield part
         files = sorted(file.name for file in part.iterdir())
@@ -58,26 +62,68 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
         (part / MANIFEST).write_text(
             json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
         )
+        if filled:
+            _refuse_foreign(path, part.name)
+            for name in (*files, MANIFEST):
+                (part / name).rename(path / name)
+            part.rmdir()
+            return
         _refuse_foreign(path)
         if path.exists():
+            shutil.copymode(path, part)
             path.rename(old)
         part.rename(path)
-    except BaseException:
+    except BaseException as error:
+        for name in files:
+            if filled and part.exists() and not (part / name).exists():  # it was moved already
+                (path / name).unlink(missing_ok=True)
         if old.exists() and not path.exists():
             old.rename(path)
+        if isinstance(error, OSError):
+            raise _refusal(path, error) from error
         raise
     finally:
         shutil.rmtree(part, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
 
 
-def _refuse_foreign(path: Path) -> None:
+def check(path: str | Path) -> None:
+    """Whether `folder` could write there, as far as this can be said beforehand.
+
+    Raises
+    ------
+    ConfigurationError
+        As `folder`.
+    """
+    path = Path(path).resolve()
+    _refuse_foreign(path)
+    above = path.parent
+    while not os.path.lexists(above):
+        above = above.parent
+    if path.is_dir() and not any(path.iterdir()):
+        above = path
+    if not above.is_dir():
+        raise _refusal(path, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise _refusal(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+
+
+def _refusal(path: Path, error: OSError) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}: must be a folder that can be made and written to, got {error.strerror or error}"
+    )
+
+
+def _refuse_foreign(path: Path, ours: str | None = None) -> None:
     """Only what an earlier run wrote, all of it listed in its manifest, may be replaced."""
     if not os.path.lexists(path):
         return
     if not path.is_dir():
         raise ConfigurationError(f"{path}: must be a folder or not exist yet, got a file")
-    present = {file.name for file in path.iterdir()}
+    try:
+        present = {file.name for file in path.iterdir()} - {ours}
+    except OSError as error:
+        raise _refusal(path, error) from error
     try:
         known = {*json.loads((path / MANIFEST).read_text("utf-8"))["files"], MANIFEST}
     except (OSError, ValueError, KeyError, TypeError):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import shutil
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Timer
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -29,16 +32,48 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), _terminable():
                 warnings.showwarning = _show_warning
                 return super().invoke(ctx)
         except SblcosimError as error:
             for line in str(error).splitlines():
                 typer.echo(f"error: {line}", err=True)
             raise typer.Exit(2) from None
+        except MemoryError:
+            typer.echo(
+                "error: the memory of this machine must be enough, got too large a run; make it "
+                "shorter or the sampling time longer",
+                err=True,
+            )
+            raise typer.Exit(2) from None
+        except _Terminated:
+            typer.echo("terminated; nothing was written", err=True)
+            raise typer.Exit(128 + signal.SIGTERM) from None
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
+
+
+class _Terminated(KeyboardInterrupt):
+    """Somebody has asked the process to end."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command as Ctrl-C does: what is half written is removed."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -114,7 +149,7 @@ def run(
     master: Annotated[
         str | None,
         typer.Option(
-            "--master", metavar="native|python", help="What runs it [default: native if it can]."
+            "--master", metavar="native|python|lanes", help="What runs it [default: native if it can]."
         ),
     ] = None,
     step_timeout: Annotated[
@@ -130,18 +165,21 @@ def run(
     Prints the table of errors; the record, a manifest and the figures go to a folder.
     """
     with _waiting() as progress:
-        from . import api
+        from . import api, artifacts
+        from .scenario import load
 
+        settled = load(scenario, _overrides(set_, seed))
+        out = out or Path("runs", settled.name)
+        artifacts.check(out)
         result = api.run(
-            scenario,
+            settled,
             receiver or (),
-            _overrides(set_, seed),
             fmi=fmi,
             master=master,
             step_timeout=step_timeout,
             progress=progress,
         )
-        folder = result.save(out or Path("runs", result.scenario_name), figures=not no_figures)
+        folder = result.save(out, figures=not no_figures)
     _report(result, folder, as_json)
 
 
@@ -151,14 +189,17 @@ def plan(
     receiver: _ReceiverOption = None,
     set_: _SetOption = None,
     fmi: _FmiOption = None,
+    seed: _SeedOption = None,
 ) -> None:
     """Print what would run, and how it is connected."""
     with _waiting():
-        from .plan import resolve
+        from .plan import check_size, resolve
         from .scenario import load
         from .wiring import connect
 
-        resolved = resolve(connect(load(scenario, set_ or ()), receiver or (), fmi))
+        settled = load(scenario, _overrides(set_, seed))
+        resolved = resolve(connect(settled, receiver or (), fmi))
+        check_size(resolved)
     typer.echo(str(resolved))
 
 
@@ -186,8 +227,10 @@ def calibrate(
     100 m in steps of 5 m against the truth, through the Acoustics FMU.
     """
     with _waiting("calibrating"):
+        from . import artifacts
         from .calibrate import calibrate as measure
 
+        artifacts.check(out)
         result = measure(
             sound_speed=sound_speed,
             assumed_sound_speed=assumed_sound_speed,
@@ -232,6 +275,12 @@ def new(
     """Write a scenario file to begin with."""
     from .starter import starter
 
+    if file.suffix != ".toml":
+        file = file.with_name(f"{file.name}.toml")
+    if not re.match(r"\w", file.stem) or file.stem == ".toml":
+        raise ConfigurationError(
+            f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
+        )
     text = starter(file.stem, source)
     try:
         with file.open("w" if force else "x", encoding="utf-8") as stream:
@@ -242,7 +291,8 @@ def new(
         ) from None
     except OSError as error:
         raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
-    typer.echo(f"written to {file}; simulate it with: sblcosim run {file}")
+    command = shlex.join(["sblcosim", "run", str(file)])
+    typer.echo(f"written to {file}; simulate it with: {command}")
 
 
 @app.command()
@@ -286,11 +336,11 @@ def build(
 def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu")]) -> None:
     """Say whether an FMU can be a receiver.
 
-    Lists its variables against the contract; the exit code is 1 if it breaks it.
+    Lists its variables against the contract and loads it; the exit code is 1 if either fails.
     """
     from sblcosim.fmus.check import check_receiver
 
-    report = check_receiver(file)
+    report = check_receiver(file, load=True)
     typer.echo(str(report))
     if not report.ok:
         raise typer.Exit(1)
@@ -330,7 +380,7 @@ def _waiting(what: str = "preparing") -> Iterator[Callable[[float], None]]:
         transient=True,
     )
     task = display.add_task(what, total=None)
-    timer = Timer(PATIENCE, display.start)
+    timer = threading.Timer(PATIENCE, display.start)
     timer.daemon = True
     timer.start()
     try:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from . import lanes, native
 from . import master as python
-from . import native
 from .errors import ConfigurationError, nearest
 from .plan import Plan
 from .record import Record
 
-MASTERS = ("python", "native")
+MASTERS = ("python", "native", "lanes")
 """Their names."""
 
 
@@ -29,10 +29,11 @@ def execute(
     progress, record
         As in `sblcosim.master.execute`.
     master
-        ``"native"``, a loop in C, or ``"python"``, many times slower. None: native if all
-        components are FMUs and there is a C compiler.
+        ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for components
+        of ours, meant for many runs (`sblcosim.lanes`). None: native if all components are FMUs
+        and there is a C compiler, else python.
     step_timeout
-        As in `sblcosim.native.execute`; the Python master waits for ever.
+        As in `sblcosim.native.execute`; the other masters wait for ever.
 
     Raises
     ------
@@ -45,6 +46,15 @@ def execute(
         return native.execute(plan, progress, record, step_timeout)
     if master == "python":
         return python.execute(plan, progress, record)
+    if master == "lanes":
+        return _one_lane(plan, progress, record)
     raise ConfigurationError(
         f"master: must be {' or '.join(MASTERS)}, got {master!r}{nearest(master, MASTERS)}"
     )
+
+
+def _one_lane(
+    plan: Plan, progress: Callable[[float], None] | None, record: Sequence[str] | None
+) -> Record:
+    columns = [c.name for c in plan.columns] if record is None else record
+    return lanes.execute(plan, {}, record=columns, lanes=1, progress=progress).record(0)

@@ -117,6 +117,8 @@ def plot_path_3d(
                 ax.text(*place, f"  {words[word]}", zorder=7)
         stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
         _title(ax, stretched, _outside(tracks, limits), _no_fix(tracks), loc="center")
+        for line in ax.lines:
+            line.set_clip_on(False)  # the zoomed box is wider than what the axes clip to
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_locator(MaxNLocator(5))
             axis.set_pane_color(look.paper)

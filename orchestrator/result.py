@@ -66,6 +66,10 @@ class Result:
         Seeds by component.
     update_interval_ns
         Time between updates of the receivers; without it `summary` leaves ``update_share`` open.
+    origins
+        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
+    remarks
+        What else there is to know about the run, in sentences.
 
     Attributes
     ----------
@@ -88,6 +92,8 @@ class Result:
         fmus: Mapping[str, Any] | None = None,
         seeds: Mapping[str, int] | None = None,
         update_interval_ns: int | None = None,
+        origins: Mapping[str, Mapping[str, Any]] | None = None,
+        remarks: Sequence[str] = (),
     ) -> None:
         self.scenario_name = scenario_name
         self.scenario = scenario
@@ -96,6 +102,8 @@ class Result:
         self.fmus = dict(fmus or {})
         self.seeds = dict(seeds or {})
         self.update_interval_ns = update_interval_ns
+        self.origins = dict(origins or {})
+        self.remarks = tuple(remarks)
 
     @cached_property
     def record(self) -> pd.DataFrame:
@@ -173,10 +181,17 @@ class Result:
             artifacts.write_table(self.errors.reset_index(), folder, "errors")
             artifacts.write_table(self.summary.reset_index(), folder, "summary")
             if hasattr(self.scenario, "dump_toml"):
-                (folder / "scenario.toml").write_text(self.scenario.dump_toml(), "utf-8")
+                (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
             if figures:
                 self._save_figures(folder, theme)
         return Path(directory)
+
+    def _scenario_file(self, directory: str | Path) -> str:
+        text: str = self.scenario.dump_toml(Path(directory))
+        python = self.origins.get(self.receivers[0], {}).get("python")
+        if python is None:
+            return text
+        return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
 
     def _save_figures(self, folder: Path, theme: style.ThemeName) -> None:
         style.save(self.plot_path(theme=theme), folder, "path_xy")
@@ -189,9 +204,16 @@ class Result:
         scenario = self.scenario
         if hasattr(scenario, "model_dump"):
             scenario = scenario.model_dump(mode="json")
+            for table in scenario.values():
+                if isinstance(table, dict) and table.get("fmu"):
+                    table["fmu"] = Path(table["fmu"]).name
         return {
             "scenario_name": self.scenario_name,
-            "receivers": list(self.receivers),
+            "receivers": [
+                {"label": name, **artifacts.plain(self.origins.get(name, {}))}
+                for name in self.receivers
+            ],
+            "remarks": list(self.remarks),
             "seeds": artifacts.plain(self.seeds),
             "fmus": artifacts.plain(self.fmus),
             "scenario": artifacts.plain(scenario),
@@ -207,6 +229,7 @@ class Result:
             {
                 "scenario_name": self.scenario_name,
                 "seeds": self.seeds,
+                "remarks": self.remarks,
                 "errors": errors,
                 "summary": self.summary.to_dict(orient="index"),
             }
@@ -217,6 +240,7 @@ class Result:
         width = max(16, *(len(receiver) + 2 for receiver in self.receivers))
         lines = [
             self.title,
+            *self.remarks,
             "",
             f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
             f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
@@ -270,7 +294,7 @@ class Result:
             {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
         )
         lines = [line for name in self.receivers for line in self._about(name)]
-        notes = "\n".join([*lines, "", *self._notes()])
+        notes = "\n".join([*self.remarks, *lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"

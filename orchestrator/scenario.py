@@ -201,10 +201,9 @@ class Scenario(Table):
                 if value is None or value == () or (key in PRIOR_KEYS and self.true_prior):
                     continue
                 variable = table.variables.get(key)
-                if variable is not None and table.fmu is not None:
-                    # A key that is there must be a parameter of that FMU.
-                    if key not in table.model_fields_set and variable.name not in ANYWHERE:
-                        continue
+                filled = variable is not None and key not in table.model_fields_set
+                if filled and table.fmu is not None and variable.name not in ANYWHERE:
+                    continue  # what a file says must be a parameter of that FMU
                 if key == "fmu" and folder is not None:
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")

@@ -31,7 +31,7 @@ SECOND = 1_000_000_000
 
 
 MAX_SECONDS = 4e9
-"""All times are before that [s], in the C engine of our FMUs as well (`MAX_SECONDS` in engine.h)."""
+"""All times are before that [s]; the same limit is in the C engine of our FMUs (engine.h)."""
 
 
 def text_of(time_ns: int) -> str:

@@ -80,7 +80,7 @@ def connect(
             own = name not in replaced
             parts[name] = _foreign(name, table, source, own, scenario.where)
     table = scenario.receiver
-    chosen = _chosen(scenario, receivers)
+    chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
     for label, source in chosen.items():
         if isinstance(source, str):
@@ -117,7 +117,7 @@ def applied(
         for name in (*FIXED, "receiver"):
             tables.get(name, {}).pop("fmi", None)
     sources = _replaced(components)
-    sources["receiver"] = next(iter(_chosen(scenario, receivers).values()))
+    sources["receiver"] = next(iter(choose(scenario, receivers).values()))
     for name, source in sources.items():
         if not isinstance(source, str | Path):
             continue
@@ -240,7 +240,7 @@ def _flat(value: Any) -> Value:
     return tuple(x for row in value for x in (row if isinstance(row, list | tuple) else [row]))
 
 
-def _chosen(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
+def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
     """Receivers by label, the raw fix included."""
     chosen: dict[str, Source] = {}
     if isinstance(receivers, Mapping):
@@ -326,9 +326,10 @@ def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
         "prior_velocity": (0.0, 0.0, 0.0),
     }
     for label in labels:
-        spec, names = parts[label].spec, parts[label].names
-        known = {name: value for name, value in start.items() if name in names}
-        parts[label] = _Part(replace(spec, parameters={**spec.parameters, **known}), names)
+        part = parts[label]
+        known = {name: value for name, value in start.items() if name in part.names}
+        spec = replace(part.spec, parameters={**part.spec.parameters, **known})
+        parts[label] = replace(part, spec=spec)
 
 
 def _stop_ns(scenario: Scenario, target: _Part) -> int:
@@ -339,8 +340,8 @@ def _stop_ns(scenario: Scenario, target: _Part) -> int:
             duration = float(initial_outputs(target.spec, ("path_duration",))["path_duration"])
         if not 0.0 < duration < math.inf:
             raise ConfigurationError(
-                f"{scenario.where('time', 'duration_s')}: must be a number for a target that does not "
-                f"tell when its path ends, got 'path'"
+                f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
+                f"not tell when its path ends, got 'path'"
             )
     return int(Decimal(repr(duration)) * SECOND)
 

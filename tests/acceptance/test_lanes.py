@@ -220,3 +220,10 @@ def test_a_foreign_component_is_named(tmp_path: Path) -> None:
     assert lanes.foreign(plan) == "mine"
     with pytest.raises(ConfigurationError, match="mine: must be a component of ours"):
         lanes.execute(plan, {})
+
+
+def test_a_single_run_may_use_it_too() -> None:
+    changes = {"time.duration_s": 5.0}
+    side = sblcosim.run("harbour-random", overrides=changes, master="lanes").record
+    alone = sblcosim.run("harbour-random", overrides=changes, master="python").record
+    assert side.equals(alone)

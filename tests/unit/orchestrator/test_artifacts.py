@@ -86,7 +86,7 @@ def test_file_in_the_way_is_refused(tmp_path):
     (tmp_path / "run").write_text("a file")
     with pytest.raises(ConfigurationError, match="must be a folder or not exist yet, got a file"):
         write(tmp_path / "run")
-    with pytest.raises(ConfigurationError, match="must be a folder that can be made"):
+    with pytest.raises(ConfigurationError, match="must be a folder that can be made and written"):
         write(tmp_path / "run" / "below")
 
 

@@ -47,6 +47,23 @@ def test_line_tells_sound_speed_and_clock_apart(noisy):
     assert noisy.slope == pytest.approx(1500 / 1530, abs=4 * noisy.slope_std)
 
 
+def test_line_is_that_of_least_squares_over_all_pings(noisy):
+    table, n = noisy.table, noisy.table["pings"].sum()
+    d, mean = table["distance_m"], table["mean_m"]
+    spread = 100 * ((d - d.mean()) ** 2).sum()
+    slope = 100 * ((d - d.mean()) * mean).sum() / spread
+    intercept = mean.mean() - slope * d.mean()
+    residuals = 99 * table["std_m"] ** 2 + 100 * (mean - intercept - slope * d) ** 2
+    variance = residuals.sum() / (n - 2)
+    assert noisy.slope == pytest.approx(slope, rel=1e-12)
+    assert noisy.intercept_m == pytest.approx(intercept, rel=1e-9)
+    assert noisy.slope_std == pytest.approx(np.sqrt(variance / spread), rel=1e-9)
+    assert noisy.intercept_std_m == pytest.approx(
+        np.sqrt(variance * (1 / n + d.mean() ** 2 / spread)), rel=1e-9
+    )
+    assert noisy.line.value == pytest.approx(1500 / slope, rel=1e-12)
+
+
 def test_known_distance_takes_a_clock_error_for_sound_speed(noisy):
     biased = 1500 * 10 / (1500 * (10 / 1530 + 1e-4))
     assert abs(noisy.known_distance.value - biased) < 4 * noisy.known_distance.std
@@ -89,6 +106,7 @@ def test_text_states_result_and_uncertainty(noisy):
     text = str(noisy)
     assert f"{noisy.known_distance.value:.1f} ± {noisy.known_distance.std:.1f} m/s" in text
     assert f"{noisy.line.value:.2f} ± {noisy.line.std:.2f} m/s" in text
+    assert f"standard deviation of a single ping {noisy.per_ping_m_s:.1f} m/s" in text
     assert len(text.splitlines()) > len(RANGE_TEST_M)
 
 

@@ -148,6 +148,16 @@ def test_nees_of_a_useless_covariance_is_not_a_number_and_spoils_no_other(P):
     assert result[1] == pytest.approx(2)
 
 
+def test_relative_nees_is_that_of_the_error_relative_to_the_platform():
+    record = make_record({"ekf": np.array([[2.0, 0, 0]])}, platform_error=(1.5, 0.0, 0.0))
+    tracks = {"ekf": metrics.track(record, "ekf")}
+    np.testing.assert_allclose(tracks["ekf"]["relative_nees_position"], 0.5**2 / 0.25)
+    row = metrics.summary(record, tracks).loc["ekf"]
+    assert row.nees_position == pytest.approx(16)
+    assert row.relative_nees_position == pytest.approx(1)
+    assert row.relative_nees_position_expected == 3
+
+
 def test_state_nees_takes_positions_and_velocities_in_the_paper_s_order():
     record = make_record({"ekf": np.array([[1.0, 0, 0]])})
     covariance = np.tile(np.diag([1.0, 100, 2, 200, 3, 300]), (101, 1, 1))
@@ -190,6 +200,7 @@ def test_nis_band_counts_the_degrees_of_each_update():
     total = degrees[2:].sum()
     assert row.nis == pytest.approx(total / 99)
     assert row.nis_low == pytest.approx(chi2.ppf(0.025, total) / 99)
+    assert row.nis_expected == pytest.approx(total / 99)
     assert row.nis_verdict == "consistent"
 
 

@@ -6,6 +6,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from sblcosim import metrics, plots, style
+from sblcosim.record import Record
 from synthetic_record import make_record, silent
 
 RECEIVERS = ("ekf", "sequential", "raw")
@@ -30,6 +31,17 @@ def figures(record, tracks, theme="light"):
             theme=theme,
         ),
     }
+
+
+def luminance(colour):
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+              for c in to_rgb(colour)]
+    return np.dot(linear, [0.2126, 0.7152, 0.0722])
+
+
+def contrast(a, b):
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
 
 
 def legend_of(ax):
@@ -107,14 +119,125 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
     tracks = {name: metrics.track(record, name) for name in ("ekf", "raw")}
     ax = plots.plot_errors(record, tracks)[0]
     assert ax.get_ylim()[1] < 2
-    assert "outside of the figure" in ax.get_title("left")
+    assert "outside of the figure: raw (1 of 99)" in ax.get_title("left")
+    assert "ekf" not in ax.get_title("left")
     assert plots.plot_path(record, tracks).get_ylim()[1] < 20
 
 
-def test_estimate_that_runs_away_leaves_the_map():
+def test_estimate_that_runs_away_leaves_the_figures_and_they_say_so():
     record = make_record({"ekf": np.linspace(0, 1e6, 99)[:, None] * [1, 1, 1]})
     tracks = {"ekf": metrics.track(record, "ekf")}
-    assert np.ptp(plots.plot_path(record, tracks).get_xlim()) < 100
+    path = plots.plot_path(record, tracks)
+    assert np.ptp(path.get_xlim()) < 100
+    space = plots.plot_path_3d(record, tracks)
+    for title in (path.get_title(), space.get_title(),
+                  plots.plot_axes(record, tracks)[0].get_title("left")):
+        assert "utside of the figure: ekf (98 of 99)" in title
+
+
+def drawn_inside(legend, figure):
+    extent = legend.get_window_extent()
+    return 0 <= extent.x0 < extent.x1 <= figure.bbox.width and extent.y1 <= figure.bbox.height
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("ekf", "LastBeacon", "sequential", "raw"),
+     ("a_name_" * 12, *(f"another_filter_{i}" for i in range(6)))],
+)
+def test_legend_of_many_receivers_is_inside_of_the_figure(names):
+    record = make_record({name: np.zeros((1, 3)) for name in names})
+    for axes in figures(record, {name: metrics.track(record, name) for name in names}).values():
+        figure = axes[0].figure
+        figure.draw_without_rendering()
+        for legend in figure.legends:
+            assert drawn_inside(legend, figure)
+
+
+def test_long_name_is_shortened_in_the_legend_by_its_middle():
+    names = ("first_" * 20 + "v1", "first_" * 20 + "v2")
+    record = make_record({name: np.zeros((1, 3)) for name in names})
+    tracks = {name: metrics.track(record, name) for name in names}
+    words = legend_of(plots.plot_errors(record, tracks)[0])
+    assert len(words) == 2
+    for name, word in zip(names, words, strict=True):
+        begin, end = word.split("…")
+        assert len(word) <= 26
+        assert name.startswith(begin)
+        assert name.endswith(end)
+
+
+def test_no_two_of_many_receivers_look_equal():
+    names = [f"filter {i}" for i in range(12)]
+    record = make_record({name: np.zeros((1, 3)) for name in names})
+    ax = plots.plot_path(record, {name: metrics.track(record, name) for name in names})
+    lines = [line for line in ax.lines if line.get_label() in names]
+    looks = [(line.get_color(), line.get_marker()) for line in lines]
+    assert len(set(looks)) == 12
+    assert [line.get_marker() for line in lines[:5]] == [""] * 5
+
+
+def test_truth_lies_thinly_on_top_of_the_estimates_in_path_and_axes(run):
+    record, tracks = run
+    for ax in (plots.plot_path(record, tracks), plots.plot_path_3d(record, tracks),
+               plots.plot_axes(record, tracks)[0]):
+        lines = {line.get_label(): line for line in ax.lines}
+        truth = lines.get("true path") or lines["truth"]
+        for name in ("ekf", "sequential"):
+            assert truth.get_zorder() > lines[name].get_zorder()
+            assert truth.get_linewidth() < lines[name].get_linewidth()
+
+
+def with_path(position):
+    record = make_record()
+    return Record(record.time_ns, {**record.values, "target.position": position})
+
+
+def test_start_and_end_of_a_closed_path_share_their_text():
+    turn = np.linspace(0, 2 * np.pi, 101)
+    circle = np.column_stack([15 * np.sin(turn), 15 * np.cos(turn), np.full(101, 5.0)])
+    for position, words in ((circle, {"start, end"}), (circle[:50], {"start", "end"})):
+        rows = np.resize(np.arange(len(position)), 101) if len(position) == 101 else np.minimum(
+            np.arange(101), 49
+        )
+        record = with_path(position[rows])
+        for draw in (plots.plot_path, plots.plot_path_3d):
+            assert {text.get_text().strip() for text in draw(record, {}).texts} == words
+
+
+def test_path_in_space_marks_its_ends_and_states_that_depth_is_stretched(run):
+    ax = plots.plot_path_3d(*run)
+    assert {"o", "s"} <= {line.get_marker() for line in ax.lines}
+    wide, deep = np.ptp(ax.get_ylim()), np.ptp(ax.get_zlim())
+    assert f"epth ×{0.35 * max(wide, np.ptp(ax.get_xlim())) / deep:.2g}" in ax.get_title()
+
+
+def test_path_in_space_at_equal_scale_speaks_of_no_stretching():
+    dive = np.linspace(0, 1, 101)[:, None] * [10.0, 10.0, 20.0]
+    assert "epth ×" not in plots.plot_path_3d(with_path(dive), {}).get_title()
+
+
+def test_path_in_space_is_not_clipped_to_the_axes_square(run):
+    assert not any(line.get_clip_on() for line in plots.plot_path_3d(*run).lines)
+
+
+@pytest.mark.parametrize(("swing", "name"), [(0.01, "beacons"), (2.0, "beacons (mean)")])
+def test_beacons_of_a_moving_platform_are_named_as_a_mean(swing, name):
+    record = make_record()
+    beacons = record.values["platform.beacon_position"].copy()
+    beacons[:, :, 0] += swing * np.sin(record.time_ns / 1e9)[:, None]
+    record = Record(record.time_ns, {**record.values, "platform.beacon_position": beacons})
+    for draw in (plots.plot_path, plots.plot_path_3d):
+        assert legend_of(draw(record, {}))[0] == name
+
+
+def test_coarsely_sampled_waves_are_dots_and_the_title_says_so(run):
+    record, _ = run
+    assert "sampled" not in plots.plot_inclination(record)[0].get_title("left")
+    coarse = Record(record.time_ns * 10, record.values)
+    ax = plots.plot_inclination(coarse)[0]
+    assert ax.lines[0].get_linestyle() == "None"
+    assert ax.get_title("left").endswith("first 60 s, sampled every 1 s")
 
 
 def test_inclination_is_in_degrees_and_says_if_it_is_cut_off(run):
@@ -158,15 +281,6 @@ def test_global_settings_of_matplotlib_stay_as_they_were(run, tmp_path):
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_colours_stand_out_from_their_paper(theme):
-    def luminance(colour):
-        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
-                  for c in to_rgb(colour)]
-        return np.dot(linear, [0.2126, 0.7152, 0.0722])
-
-    def contrast(a, b):
-        low, high = sorted((luminance(a), luminance(b)))
-        return (high + 0.05) / (low + 0.05)
-
     look = style.THEMES[theme]
     assert contrast(look.ink, look.paper) > 15
     assert min(contrast(colour, look.paper) for colour in look.receivers[:3]) > 3
@@ -192,7 +306,20 @@ def test_saved_figures_are_the_same_bytes_each_time(run, tmp_path):
         assert content.startswith(b"\x89PNG" if file.suffix == ".png" else b"<?xml")
 
 
-def test_receiver_without_an_estimate_does_not_stop_the_figures():
+def test_run_without_a_fix_has_its_time_axis_and_says_so():
     record = silent("ekf")
-    for axes in figures(record, {"ekf": metrics.track(record, "ekf")}).values():
+    drawn = figures(record, {"ekf": metrics.track(record, "ekf")})
+    for axes in drawn.values():
         axes[0].figure.draw_without_rendering()
+    for name in ("path", "path_3d", "axes", "errors"):
+        ax = drawn[name][0]
+        assert "no fix: ekf" in (ax.get_title() + ax.get_title("left")).lower()
+    for name in ("axes", "errors"):
+        np.testing.assert_allclose(drawn[name][-1].get_xlim(), [-0.1, 10.1])
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_raw_dots_stand_out_from_their_paper(run, theme):
+    line = next(x for x in plots.plot_path(*run, theme=theme).lines if x.get_label() == "raw")
+    paper, alpha = np.array(to_rgb(style.THEMES[theme].paper)), line.get_alpha()
+    assert contrast(alpha * np.array(to_rgb(line.get_color())) + (1 - alpha) * paper, paper) > 3

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import html
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
+from sblcosim.record import Record
 from sblcosim.result import Result
 from synthetic_record import make_record
 
@@ -22,7 +24,7 @@ class Settings:
         assert mode == "json"
         return {"speed_m_s": 0.5}
 
-    def dump_toml(self):
+    def dump_toml(self, folder=None):
         return "speed_m_s = 0.5\n"
 
 
@@ -53,17 +55,79 @@ def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(resu
     (total,) = [line for line in text.splitlines() if line.split()[:1] == ["total"]][:1]
     assert total.split() == ["total", "5.000", "5.000", "0.000", "4.000", "4.000", "0.000"]
     assert "ekf: 99 estimates, the first at 0.1 s; a fix available 98.0 % of the time" in text
-    assert "mean NEES of the position 100.00 (2.54 to 3.50: optimistic)" in text
-    assert "inconsistent" in text
-    assert "independent samples" in text
+    assert "100.0 % of the updates gave a new estimate" in text
+    comparison = "expected 3.00 (95 %: 2.54 to 3.50): optimistic, errors larger than claimed"
+    assert f"mean NEES of the position 100.00, {comparison}" in text
+    assert f"mean relative NEES of the position 64.00, {comparison}" in text
+    assert "mean NIS 5.00, expected 5.00 (95 %: 4.40 to 5.64): consistent\n" in text
     assert all(len(line) <= 120 for line in text.splitlines())
 
 
+def test_text_says_what_its_numbers_mean(result):
+    for page in (str(result), html.unescape(result._repr_html_())):
+        for words in (
+            "x, y, z are north, east, down",
+            "error = estimate − truth",
+            "total = length of the 3-D error",
+            "less the mean beacon error (reported − true) at the estimate's epoch",
+            "raw is the multilateration fix",
+            "NEES is of the absolute error",
+            "independent samples",
+        ):
+            assert page.count(words) == 1
+
+
+def test_text_explains_only_what_is_there():
+    text = str(Result("dive", {}, make_record(optional_ports=False), ("ekf",)))
+    assert "north, east, down" in text
+    assert "raw" not in text
+    assert "NEES" not in text
+
+
+def test_small_errors_are_pessimistic_in_words():
+    text = str(Result("dive", {}, make_record({"ekf": np.array([[0.1, 0, 0]])}), ("ekf",)))
+    assert "pessimistic, errors smaller than claimed" in text
+
+
+def test_nis_of_unknown_degrees_is_not_compared():
+    record = make_record()
+    values = {name: v for name, v in record.values.items() if name != "ekf.nis_degrees"}
+    text = str(Result("dive", {}, Record(record.time_ns, values), ("ekf",)))
+    assert "mean NIS 5.00, of unknown degrees of freedom" in text
+
+
+def test_long_labels_keep_the_table_s_columns_in_line():
+    labels = ("a_receiver_with_a_rather_long_name", "ekf")
+    record = make_record(dict.fromkeys(labels, np.ones((1, 3))))
+    lines = str(Result("dive", {}, record, labels)).splitlines()
+    table = lines[3:12]
+    assert len({len(line) for line in table}) == 1
+    assert lines[3].index("axis") == table[1].index(" x ") + 1 == table[2].index(" y ") + 1
+
+
+def test_text_counts_one_estimate_as_one():
+    errors = np.zeros((2, 3))[:1]
+    record = make_record({"ekf": np.vstack([errors, errors])})
+    values = {**record.values, "ekf.update_count": np.minimum(
+        record.values["ekf.update_count"], 1
+    )}
+    text = str(Result("dive", {}, Record(record.time_ns, values), ("ekf",)))
+    assert "ekf: 1 estimate, the first" in text
+
+
+def test_text_says_why_a_receiver_is_lost():
+    far = Result("dive", {}, make_record({"ekf": np.array([[50.0, 0, 0]])}), ("ekf",))
+    assert "lost: in the last quarter its error exceeds the distance" in str(far)
+    quiet = Result("dive", {}, make_record({"ekf": np.zeros((40, 3))}), ("ekf",))
+    assert "lost: no estimate in the last quarter\n" in str(quiet)
+    assert "exceeds" not in str(quiet)
+
+
 def test_html_shows_the_table_and_escapes_the_title(result):
-    html = result._repr_html_()
-    assert "A hand-made dive &lt;1&gt;" in html
-    assert html.count("<table") == 1
-    assert "5.000" in html
+    page = result._repr_html_()
+    assert "A hand-made dive &lt;1&gt;" in page
+    assert page.count("<table") == 1
+    assert "5.000" in page
 
 
 def test_json_is_plain_and_holds_errors_and_summary(result):
