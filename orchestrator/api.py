@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -106,9 +107,11 @@ def _origins(
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
     """What somebody who reads the results should know about the run."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
-    if wanted - simulated <= nanoseconds(scenario.time.sampling_time_s):
+    lost = wanted - simulated
+    if lost <= nanoseconds(scenario.time.sampling_time_s):
         return []
+    digits = max(1, math.ceil(-math.log10(lost / SECOND)))
     return [
-        f"simulated {text_of(simulated).removesuffix(' s')} of {wanted / SECOND:.10g} s: a run "
-        "ends with the last common multiple of all communication intervals"
+        f"simulated {text_of(simulated).removesuffix(' s')} of {round(wanted / SECOND, digits)} s: "
+        "a run ends with the last common multiple of all communication intervals"
     ]

@@ -275,12 +275,12 @@ def new(
     """Write a scenario file to begin with."""
     from .starter import starter
 
-    if file.suffix != ".toml":
-        file = file.with_name(f"{file.name}.toml")
-    if not re.match(r"\w", file.stem) or file.stem == ".toml":
+    if not re.match(r"\w", file.name):
         raise ConfigurationError(
             f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
         )
+    if file.suffix != ".toml":
+        file = file.with_name(f"{file.name}.toml")
     text = starter(file.stem, source)
     try:
         with file.open("w" if force else "x", encoding="utf-8") as stream:

@@ -167,7 +167,7 @@ def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
     except zipfile.BadZipFile as error:
-        raise FmuError(f"{path}: must be an FMU, got a file that is not a zip archive") from error
+        raise FmuError(f"{path}: is not an FMU (not a ZIP archive)") from error
     if "modelDescription.xml" not in names:
         raise FmuError(f"{path}: must be an FMU, got a zip archive without modelDescription.xml")
     try:
@@ -351,8 +351,9 @@ class Instance:
                 self._fmu.instantiate(loggingOn=True, logMessage=partial(_log3, self._log))
         except Exception as error:  # FMPy raises Exception itself
             os.chdir(here)  # FMPy stays in the library's folder if that cannot be loaded
+            reason = self.said() or str(error).replace(f"{folder}{os.sep}", "")
             raise FmuError(
-                f"{name}: {fmu.path} must load and instantiate, got: {self.said() or error}"
+                f"{name}: {fmu.path} must load and instantiate, got: {reason}"
             ) from error
         self._component = self._fmu.component
         self._function = _functions(self._fmu.dll, fmu.fmi)

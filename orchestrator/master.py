@@ -277,10 +277,11 @@ class _PythonRunner:
         arrays = {}
         for name, place in self._places.items():
             value = np.asarray(outputs[name])
-            if value.shape != place.shape or not np.can_cast(value.dtype, place.dtype, "same_kind"):
+            if not np.can_cast(value.dtype, place.dtype, "same_kind"):
+                raise ConfigurationError(f"{where}: {name} must be {place.dtype}, got {value.dtype}")
+            if value.shape != place.shape:
                 raise ConfigurationError(
-                    f"{where}: {name} must be {place.dtype} of shape {place.shape}, got "
-                    f"{value.dtype} of shape {value.shape}"
+                    f"{where}: {name} must have the shape {place.shape}, got {value.shape}"
                 )
             arrays[name] = value
         return arrays

@@ -181,7 +181,7 @@ class Plan:
         # Multiples of a multiple are none of their own.
         intervals = [n for n in given if not any(n % m == 0 for m in given - {n})]
         return 1 + sum(
-            (-1) ** (size + 1) * (duration // math.lcm(*some))
+            (1 if size % 2 else -1) * (duration // math.lcm(*some))
             for size in range(1, len(intervals) + 1)
             for some in combinations(intervals, size)
         )
@@ -212,10 +212,11 @@ def check_size(plan: Plan, memory: int | None = None) -> None:
     most = MEMORY_SHARE * (_memory() if memory is None else memory)
     size = plan.count * plan.row_size
     if size > most:
+        most_text, got = (f"{float(f'{n / 1e9:.3g}'):g} GB" for n in (most, size))
         raise ConfigurationError(
-            f"record: must take at most {most / 1e9:.3g} GB ({MEMORY_SHARE:.0%} of the memory), "
-            f"got {size / 1e9:.3g} GB for {plan.count} communication instants; make the run "
-            "shorter or the sampling time longer"
+            f"record: must take at most {most_text} ({MEMORY_SHARE:.0%} of the memory), got {got} "
+            f"for {plan.count} communication instants; make the run shorter or the sampling time "
+            "longer"
         )
 
 
@@ -360,17 +361,14 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
             f"{where}: must make a component, got {name}, whose object has no "
             f"{' and no '.join(missing)}"
         )
-    variables: Any = component.variables
-    if not isinstance(variables, Iterable) or isinstance(variables, str):
-        raise ConfigurationError(
-            f"{where}: variables must be a sequence of Variable, got {instance(variables)}"
-        )
-    variables = tuple(variables)
+    declared: Any = component.variables
+    must = f"{where}: variables must be a sequence of Variable, got"
+    if not isinstance(declared, Iterable) or isinstance(declared, str):
+        raise ConfigurationError(f"{must} {instance(declared)}")
+    variables: tuple[Variable, ...] = tuple(declared)
     for variable in variables:
         if not isinstance(variable, Variable):
-            raise ConfigurationError(
-                f"{where}: variables must be a sequence of Variable, got {instance(variable)} in it"
-            )
+            raise ConfigurationError(f"{must} {instance(variable)} in it")
     return variables
 
 

@@ -41,8 +41,8 @@ COARSE_S = 0.25
 LEGEND_INCH = 0.5
 """Height of a legend of two rows."""
 DOTS_ALPHA = 0.9
-LONGEST_NAME = 26
-"""Characters of a receiver's name that a legend shows."""
+LONGEST_NAME = 32
+"""Characters of a name that a legend shows; our own words have no more."""
 
 
 def plot_path(
@@ -118,7 +118,8 @@ def plot_path_3d(
         stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
         _title(ax, stretched, _outside(tracks, limits), _no_fix(tracks), loc="center")
         for line in ax.lines:
-            line.set_clip_on(False)  # the zoomed box is wider than what the axes clip to
+            # the zoomed box is wider than what the axes clip to; the layout does not know depth
+            line.set(clip_on=False, in_layout=False)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_locator(MaxNLocator(5))
             axis.set_pane_color(look.paper)

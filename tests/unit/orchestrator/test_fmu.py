@@ -93,7 +93,7 @@ def test_a_folder_is_no_fmu(tmp_path):
 def test_a_file_that_is_no_zip_archive_is_named(tmp_path):
     path = tmp_path / "text.fmu"
     path.write_text("hello")
-    assert refusal(path).endswith("got a file that is not a zip archive")
+    assert refusal(path).endswith(": is not an FMU (not a ZIP archive)")
 
 
 def test_an_archive_without_model_description_is_named(tmp_path):

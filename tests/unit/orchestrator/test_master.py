@@ -235,7 +235,7 @@ class Careless(Clock):
     ("answer", "message"),
     [
         ({"more": 1}, "c at 0.1 s: must return each of its outputs, got too few or too many: more"),
-        ({"count": 1.5}, "c at 0.1 s: count must be int32 of shape (), got float64 of shape ()"),
+        ({"count": 1.5}, "c at 0.1 s: count must be int32, got float64"),
         ({"now": (1.0, 2.0)}, "c at 0.1 s: now must be float64 of shape (), got float64 of shape "
                               "(2,)"),
     ],
