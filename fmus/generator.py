@@ -16,7 +16,7 @@ import casadi as ca
 from ..models.declaration import Component, Variable
 from ..models.equations import Draw, Functions, Model
 
-_OPERATIONS: Mapping[int, str] = {
+_ARITHMETIC: Mapping[int, str] = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
@@ -36,14 +36,6 @@ _OPERATIONS: Mapping[int, str] = {
     ca.OP_ATAN2: "r_atan2({0}, {1})",
     ca.OP_ASIN: "r_asin({0})",
     ca.OP_ACOS: "r_acos({0})",
-    ca.OP_LT: "r_lt({0}, {1})",
-    ca.OP_LE: "r_le({0}, {1})",
-    ca.OP_EQ: "r_eq({0}, {1})",
-    ca.OP_NE: "r_ne({0}, {1})",
-    ca.OP_NOT: "r_not({0})",
-    ca.OP_AND: "r_and({0}, {1})",
-    ca.OP_OR: "r_or({0}, {1})",
-    ca.OP_IF_ELSE_ZERO: "r_if_else_zero({0}, {1})",
     ca.OP_FABS: "r_fabs({0})",
     ca.OP_SIGN: "r_sign({0})",
     ca.OP_FMIN: "r_fmin({0}, {1})",
@@ -53,7 +45,25 @@ _OPERATIONS: Mapping[int, str] = {
     ca.OP_CEIL: "r_ceil({0})",
     ca.OP_FMOD: "r_fmod({0}, {1})",
 }
+_COMPARISONS: Mapping[int, str] = {
+    ca.OP_LT: "m_lt({0}, {1})",
+    ca.OP_LE: "m_le({0}, {1})",
+    ca.OP_EQ: "m_eq({0}, {1})",
+    ca.OP_NE: "m_ne({0}, {1})",
+}
+_LOGIC: Mapping[int, str] = {
+    ca.OP_NOT: "~{0}",
+    ca.OP_AND: "{0} & {1}",
+    ca.OP_OR: "{0} | {1}",
+}
+_LOGIC_OF_CONDITIONS: Mapping[int, str] = {
+    ca.OP_MUL: "{0} & {1}",
+    ca.OP_FMIN: "{0} & {1}",
+    ca.OP_FMAX: "{0} | {1}",
+}
+"""What arithmetic with two conditions, which are 0 or 1, amounts to."""
 
+_ZERO = f"r_set1({0.0.hex()})"
 _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
 _NOISE = "const real *p, const bits64 key[2], bits64 count, real *w"
@@ -80,40 +90,132 @@ def statements(
     NotImplementedError
         An instruction has no counterpart in C; the message names it.
     """
+    values = _Values()
     registers: dict[int, str] = {}  # what a work register of CasADi holds now
-    texts: dict[str, str] = {}  # value -> its expression, in order
-    operands: dict[str, list[str]] = {}
     stores: dict[str, str] = {}  # element of the result -> value
     for i in range(function.n_instructions()):
         operation = function.instruction_id(i)
         inputs, outputs = function.instruction_input(i), function.instruction_output(i)
         if operation == ca.OP_OUTPUT:
-            stores[f"{result}[{outputs[1]}]"] = registers[inputs[0]]
-            continue
-        used: list[str] = []
-        if operation == ca.OP_INPUT:
+            stores[f"{result}[{outputs[1]}]"] = values.real(registers[inputs[0]])
+        elif operation == ca.OP_INPUT:
             name = arguments[inputs[0]]
             text = name[1:] if name.startswith("=") else f"{name}[{inputs[1]}]"
+            registers[outputs[0]] = values.add("a", text)
         elif operation == ca.OP_CONST:
-            text = f"r_set1({float(function.instruction_constant(i)).hex()})"
-        elif operation in _OPERATIONS:
-            used = [registers[j] for j in inputs]
-            text = _OPERATIONS[operation].format(*used)
+            number = float(function.instruction_constant(i))
+            registers[outputs[0]] = values.add("a", f"r_set1({number.hex()})")
         else:
-            names = [n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == operation]
-            raise NotImplementedError(f"{function.name()}: no C for instruction {names}")
-        value = registers[outputs[0]] = f"a{i}"
-        texts[value], operands[value] = text, used
+            used = [registers[j] for j in inputs]
+            try:
+                registers[outputs[0]] = values.apply(operation, used)
+            except KeyError:
+                names = [n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == operation]
+                raise NotImplementedError(
+                    f"{function.name()}: no C for instruction {names}"
+                ) from None
     if in_place == result:
-        stores = {target: value for target, value in stores.items() if texts[value] != target}
-    needed = set(stores.values())
-    for value in reversed(texts):
-        if value in needed:
-            needed.update(operands[value])
-    lines = {v: f"const real {v} = {text};" for v, text in texts.items() if v in needed}
-    _pair_sines(lines, texts)
+        stores = {
+            target: value for target, value in stores.items() if values.texts[value] != target
+        }
     # Everything is read before anything is written: argument and result may be the same array.
-    return [*lines.values(), *(f"{target} = {value};" for target, value in stores.items())]
+    return [
+        *values.lines(set(stores.values())),
+        *(f"{target} = {value};" for target, value in stores.items()),
+    ]
+
+
+class _Values:
+    """The values of a function, in order; each is a number (``a1``) or a condition (``m1``).
+
+    CasADi's conditions are numbers, 0 or 1. Here they stay masks until they are calculated with,
+    which saves most of the work of ``if_else``.
+
+    Attributes
+    ----------
+    texts, operands
+        C expression of each value, and the values in it.
+    """
+
+    def __init__(self) -> None:
+        self.texts: dict[str, str] = {}
+        self.operands: dict[str, tuple[str, ...]] = {}
+        self._converted: dict[str, str] = {}
+        self._negated: dict[str, str] = {}  # condition -> what it is the opposite of
+        self._kept: dict[str, tuple[str, str]] = {}  # value -> condition, number: c ? x : 0
+
+    def add(self, kind: str, text: str, operands: Sequence[str] = ()) -> str:
+        name = f"{kind}{len(self.texts)}"
+        self.texts[name], self.operands[name] = text, tuple(operands)
+        return name
+
+    def _form(self, kind: str, template: str, operands: Sequence[str]) -> str:
+        return self.add(kind, template.format(*operands), operands)
+
+    def real(self, value: str) -> str:
+        """A value as a number."""
+        if value[0] == "a":
+            return value
+        if value not in self._converted:
+            self._converted[value] = self._form("a", "r_truth({0})", [value])
+        return self._converted[value]
+
+    def mask(self, value: str) -> str:
+        """A value as a condition: whether it is not 0."""
+        if value[0] == "m":
+            return value
+        if value not in self._converted:
+            self._converted[value] = self._form("m", "m_true({0})", [value])
+        return self._converted[value]
+
+    def apply(self, operation: int, used: Sequence[str]) -> str:
+        """The value of an instruction; KeyError if it has no counterpart."""
+        conditions = all(value[0] == "m" for value in used)
+        if conditions and operation in _LOGIC_OF_CONDITIONS:
+            return self._form("m", _LOGIC_OF_CONDITIONS[operation], used)
+        if operation == ca.OP_EQ and used[0][0] == "m" and self.texts[used[1]] == _ZERO:
+            operation, used = ca.OP_NOT, used[:1]
+        if operation in _COMPARISONS:
+            return self._form("m", _COMPARISONS[operation], [self.real(v) for v in used])
+        if operation in _LOGIC:
+            masks = [self.mask(v) for v in used]
+            value = self._form("m", _LOGIC[operation], masks)
+            if operation == ca.OP_NOT:
+                self._negated[value] = masks[0]
+            return value
+        if operation == ca.OP_IF_ELSE_ZERO:
+            condition, number = self.mask(used[0]), self.real(used[1])
+            value = self._form("a", "r_keep({0}, {1})", [condition, number])
+            self._kept[value] = condition, number
+            return value
+        if operation == ca.OP_ADD:
+            choice = self._choice(*used) or self._choice(*reversed(used))
+            if choice is not None:
+                return self._form("a", "r_blend({0}, {1}, {2})", choice)
+        return self._form("a", _ARITHMETIC[operation], [self.real(v) for v in used])
+
+    def _choice(self, one: str, other: str) -> tuple[str, str, str] | None:
+        """Condition and both numbers, if a sum is ``(c ? x : 0) + (!c ? y : 0)``."""
+        if one in self._kept and other in self._kept:
+            condition, x = self._kept[one]
+            opposite, y = self._kept[other]
+            if self._negated.get(opposite) == condition:
+                return condition, x, y
+        return None
+
+    def lines(self, wanted: set[str]) -> list[str]:
+        """Statements that make the wanted values, and nothing that they do not need."""
+        needed = set(wanted)
+        for value in reversed(self.texts):
+            if value in needed:
+                needed.update(self.operands[value])
+        lines = {
+            value: f"const {'real' if value[0] == 'a' else 'mask64'} {value} = {text};"
+            for value, text in self.texts.items()
+            if value in needed
+        }
+        _pair_sines(lines, self.texts)
+        return list(lines.values())
 
 
 def _pair_sines(lines: dict[str, str], texts: Mapping[str, str]) -> None:

@@ -278,7 +278,9 @@ class _PythonRunner:
         for name, place in self._places.items():
             value = np.asarray(outputs[name])
             if not np.can_cast(value.dtype, place.dtype, "same_kind"):
-                raise ConfigurationError(f"{where}: {name} must be {place.dtype}, got {value.dtype}")
+                raise ConfigurationError(
+                    f"{where}: {name} must be {place.dtype}, got {value.dtype}"
+                )
             if value.shape != place.shape:
                 raise ConfigurationError(
                     f"{where}: {name} must have the shape {place.shape}, got {value.shape}"

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.models.declaration import output
+from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
 from sblcosim.result import Result
 from sblcosim.scenario import shipped
 
@@ -157,3 +158,34 @@ def test_a_run_reports_its_progress() -> None:
     sblcosim.run("paper-scenario-1", overrides=SHORT, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+def test_what_a_run_was_given_is_in_its_scenario() -> None:
+    changed = sblcosim.run("paper-scenario-1", "sequential", SHORT, fmi=3)
+    again = sblcosim.run(changed.scenario)
+    assert again.scenario.receiver.type == "sequential"
+    assert changed.fmus == again.fmus
+    pd.testing.assert_frame_equal(again.record, changed.record, check_exact=True)
+
+
+def test_a_receiver_in_python_is_told_in_the_folder(tmp_path: Path) -> None:
+    class Still:
+        """A receiver that believes the diver to be at the origin."""
+
+        variables = tuple(v for v in ESTIMATE if v.name in REQUIRED_ESTIMATE)
+
+        def initialise(self, start_ns: int, parameters: Mapping[str, Any]) -> dict[str, Any]:
+            self.count = 0
+            return self.do_step(start_ns, 0, {})
+
+        def do_step(self, time_ns: int, step_ns: int, inputs: Mapping[str, Any]) -> dict[str, Any]:
+            self.count += 1
+            return {"epoch": time_ns / 1e9, "position": (0.0, 0.0, 0.0), "update_count": self.count}
+
+    folder = sblcosim.run("paper-scenario-1", Still, SHORT).save(tmp_path / "run", figures=False)
+    receivers = json.loads((folder / "manifest.json").read_text())["receivers"]
+    assert [(r["label"], "Still" in r.get("python", "")) for r in receivers] == [
+        ("Still", True),
+        ("raw", False),
+    ]
+    assert "Still, was in Python" in (folder / "scenario.toml").read_text().splitlines()[0]

@@ -11,6 +11,7 @@ from typing import get_args
 from xml.sax.saxutils import quoteattr
 
 import pytest
+from sblcosim.fmus import factory
 from sblcosim.fmus.archive import (
     TERMINALS,
     contents,
@@ -310,7 +311,7 @@ def test_a_broken_file_gives_one_line_that_names_the_file(tmp_path: Path) -> Non
     for name, reason in {
         "none.fmu": "must be an FMU, got no file",
         "": "must be an FMU, got a folder",
-        "text.fmu": "is not an FMU (not a ZIP archive)",
+        "text.fmu": r"is not an FMU \(not a ZIP archive\)",
         "cut.fmu": "must be an intact ZIP archive",
         "empty.fmu": "must contain modelDescription.xml, got only 1 other file",
     }.items():
@@ -323,3 +324,38 @@ def test_a_broken_file_gives_one_line_that_names_the_file(tmp_path: Path) -> Non
 def test_checking_needs_no_casadi() -> None:
     code = "import sys, sblcosim.fmus.check; sys.exit('casadi' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_binary_that_does_not_load_is_an_error_on_demand(tmp_path: Path) -> None:
+    assert checked(tmp_path, fmi2(REQUIRED)).ok
+    for content, reason in ((b"", "file too short"), (b"#!" + bytes(200), "invalid ELF header")):
+        write_fmu(
+            tmp_path / "r.fmu",
+            {"modelDescription.xml": fmi2(REQUIRED), **dict.fromkeys(binary(2), content)},
+        )
+        report = check_receiver(tmp_path / "r.fmu", load=True)
+        assert complaints(report) == {"binary": f"error: does not load: {reason}"}
+
+
+def test_a_library_that_is_no_fmu_is_told_so(tmp_path: Path) -> None:
+    code = b"int nothing(void);int nothing(void){return 0;}"
+    library = factory.library("nothing", {"nothing.c": code})
+    files = dict.fromkeys(binary(2), library.read_bytes())
+    write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
+    report = check_receiver(tmp_path / "r.fmu", load=True)
+    assert complaints(report) == {
+        "binary": "error: does not load: it has no function fmi2Instantiate, fmi2DoStep"
+    }
+
+
+def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None:
+    code = b"#include <signal.h>\n__attribute__((constructor)) static void f(void){raise(SIGSEGV);}"
+    files = dict.fromkeys(binary(2), factory.library("crash", {"crash.c": code}).read_bytes())
+    write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
+    report = check_receiver(tmp_path / "r.fmu", load=True)
+    assert complaints(report) == {"binary": "error: does not load: it crashed (SIGSEGV)"}
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_the_binaries_of_our_receivers_load(fmi: Fmi) -> None:
+    assert complaints(check_receiver(factory.build("ekf", fmi), load=True)) == {}

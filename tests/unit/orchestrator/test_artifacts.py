@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -108,3 +111,65 @@ def test_plain_data_is_what_json_knows():
     assert plain == {"a": 1.5, "2": [3, None], "b": True, "c": {"d": None, "e": [1, 2]},
                      "f": None, "g": "word"}
     json.dumps(plain, allow_nan=False)
+
+
+def test_an_empty_folder_is_filled_and_stays_what_it_is(tmp_path):
+    (tmp_path / "run").mkdir(mode=0o700)
+    before = (tmp_path / "run").stat()
+    write(tmp_path / "run")
+    after = (tmp_path / "run").stat()
+    assert (after.st_ino, after.st_mode) == (before.st_ino, before.st_mode)
+    assert {p.name for p in (tmp_path / "run").iterdir()} == {"one.txt", "manifest.json"}
+    write(tmp_path / "run", "two")
+    assert (tmp_path / "run").stat().st_mode == before.st_mode
+    assert {p.name for p in (tmp_path / "run").iterdir()} == {"two.txt", "manifest.json"}
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_an_empty_folder_is_empty_again_after_an_interruption(tmp_path, monkeypatch, number):
+    (tmp_path / "run").mkdir()
+    rename, calls = Path.rename, count()
+
+    def interrupted(self, target):
+        if next(calls) == number:
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    def fill():
+        with artifacts.folder(tmp_path / "run", {}) as folder:
+            (folder / "a.txt").write_text("a")
+            (folder / "b.txt").write_text("b")
+            monkeypatch.setattr(Path, "rename", interrupted)
+
+    with pytest.raises(KeyboardInterrupt):
+        fill()
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+def test_the_place_is_checked_without_touching_it(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("a file")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("mine")
+    for place, message in {
+        "file": "must be a folder or not exist yet",
+        "file/below/it": "can be made and written to, got Not a directory",
+        "full": "must be empty",
+    }.items():
+        with pytest.raises(ConfigurationError, match=message):
+            artifacts.check(tmp_path / place)
+    artifacts.check(tmp_path / "deep" / "run")
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    with pytest.raises(ConfigurationError, match="got Permission denied"):
+        artifacts.check(tmp_path / "deep" / "run")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "full"]
+
+
+def test_a_failure_to_write_is_told_in_one_line(tmp_path):
+    def full():
+        with artifacts.folder(tmp_path / "run", {}):
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(ConfigurationError, match=r"got No space left on device$"):
+        full()
+    assert list(tmp_path.iterdir()) == []

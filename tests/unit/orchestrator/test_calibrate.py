@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -128,3 +130,8 @@ def test_saved_folder_holds_table_figure_and_manifest(noisy, tmp_path):
 def test_bad_argument_is_refused_by_name(argument, value):
     with pytest.raises(ConfigurationError, match=f"^calibrate {argument}: must be"):
         calibrate(**{argument: value})
+
+
+def test_what_takes_long_to_import_waits_until_it_is_used():
+    code = "import sys, sblcosim.calibrate; sys.exit('statsmodels' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

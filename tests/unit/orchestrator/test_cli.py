@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import pytest
 import sblcosim.api
@@ -90,7 +95,12 @@ def test_run_takes_receivers_keys_and_fmi_version(cli: Callable[..., Result]) ->
     )  # fmt: skip
     assert done.exit_code == 0
     manifest = json.loads(Path("runs/paper-scenario-1/manifest.json").read_text())
-    assert manifest["receivers"] == ["sequential", "ekf", "raw"]
+    (first, second, third) = manifest["receivers"]
+    assert (first["label"], first["type"]) == ("sequential", "sequential")
+    assert (second["label"], second["fmu"]) == ("ekf", "ekf.fmu")
+    assert second["sha256"] == hashlib.sha256(build("ekf").read_bytes()).hexdigest()
+    assert (third["label"], third["type"]) == ("raw", "multilateration")
+    assert first["parameters"]["update_interval"] == 0.1
     assert manifest["scenario"]["platform"]["arm_length_m"] == 0.4
 
 
@@ -98,6 +108,43 @@ def test_the_scenario_that_is_written_can_be_run(cli: Callable[..., Result]) -> 
     first = cli("run", "harbour-random", *SHORT, "--json", "--out", "one")
     again = cli("run", "one/scenario.toml", "--no-figures", "--json", "--out", "two")
     assert json.loads(first.stdout)["errors"] == json.loads(again.stdout)["errors"]
+
+
+@pytest.mark.parametrize("keys", [(), ("--set", "receiver.gate=3", "--fmi", "3")])
+@pytest.mark.parametrize("receiver", ["sequential", "mine/sequential.fmu"])
+def test_the_scenario_that_is_written_has_the_receiver_of_the_run(
+    cli: Callable[..., Result], tmp_path: Path, receiver: str, keys: tuple[str, ...]
+) -> None:
+    Path("mine").mkdir()
+    shutil.copy(build("sequential"), "mine/sequential.fmu")
+    choice = ("--receiver", receiver, "--receiver", "ekf", *keys)
+    first = cli("run", "harbour-random", *SHORT, *choice, "--json", "--out", "one")
+    assert first.exit_code == 0
+    again = cli("run", "one/scenario.toml", "--no-figures", "--json", "--out", "two")
+    before, after = json.loads(first.stdout)["errors"], json.loads(again.stdout)["errors"]
+    assert after.keys() == {"sequential", "raw"}
+    assert after == {name: before[name] for name in after}
+    assert json.loads(Path("two/manifest.json").read_text())["scenario"]["fmi"] == (
+        3 if keys else 2
+    )
+    for file in ("manifest.json", "scenario.toml"):
+        for folder in ("one", "two"):
+            assert str(tmp_path) not in Path(folder, file).read_text()
+
+
+def test_a_run_that_ends_before_its_time_says_so(cli: Callable[..., Result]) -> None:
+    run = ("run", "paper-scenario-1", "--no-figures", "--set", "time.ekf_ratio=600")
+    line = "simulated 60 of 94.2 s: a run ends with the last common multiple of all"
+    assert line in cli(*run).stdout
+    assert json.loads(cli(*run, "--json").stdout)["remarks"][0].startswith(line)
+    assert json.loads(cli("run", "paper-scenario-1", *SHORT, "--json").stdout)["remarks"] == []
+
+
+def test_plan_takes_a_seed(cli: Callable[..., Result]) -> None:
+    lines = cli("plan", "paper-scenario-1", "--seed", 77).stdout.splitlines()
+    assert ["acoustics.seed", "Int32", "77"] in [
+        [word for i, word in enumerate(line.split()) if i != 2] for line in lines
+    ]
 
 
 def test_plan_prints_components_and_connections_and_writes_nothing(
@@ -114,6 +161,18 @@ def test_new_writes_a_scenario_that_can_be_run(cli: Callable[..., Result]) -> No
     assert cli("run", "mine.toml", *SHORT).stdout.endswith("written to runs/mine\n")
     assert cli("new", "walk.toml", "--from", "harbour-square").exit_code == 0
     assert load("walk.toml").target.side_m == 15.0
+
+
+def test_new_completes_the_name_and_prints_a_command_for_the_shell(
+    cli: Callable[..., Result],
+) -> None:
+    assert cli("new", "my dive").stdout.endswith(": sblcosim run 'my dive.toml'\n")
+    assert load("my dive.toml").name == "my dive"
+    for name in (".toml", ".hidden.toml"):
+        refused = cli("new", name)
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert refused.stderr.startswith(f"error: {name}: must have a name that begins with")
+        assert not Path(name).exists()
 
 
 def test_new_replaces_a_file_only_by_force(cli: Callable[..., Result]) -> None:
@@ -141,6 +200,18 @@ def test_check_says_whether_an_fmu_can_be_a_receiver(cli: Callable[..., Result])
     assert "update_count" in bad.stdout
 
 
+def test_check_loads_the_binary(cli: Callable[..., Result]) -> None:
+    with ZipFile(build("ekf")) as source, ZipFile("broken.fmu", "w") as broken:
+        for name in source.namelist():
+            broken.writestr(name, b"" if name.startswith("binaries/") else source.read(name))
+    done = cli("check", "broken.fmu")
+    assert done.exit_code == 1
+    assert re.search(r"^binary +error +does not load: ", done.stdout, re.M)
+    refused = cli("run", "paper-scenario-1", *SHORT, "--receiver", "broken.fmu").stderr
+    assert "must load and instantiate" in refused
+    assert tempfile.gettempdir() not in refused
+
+
 def test_calibrate_prints_the_speed_of_sound_and_writes_the_range_test(
     cli: Callable[..., Result],
 ) -> None:
@@ -166,6 +237,13 @@ def test_calibrate_prints_the_speed_of_sound_and_writes_the_range_test(
         (("new", "no/where.toml"), "must be writable"),
         (("new", "mine.toml", "--from", "harbour"), "harbour-square"),
         (("calibrate", "--pings", "1"), "pings: must be 2 or more"),
+        (("run", "nosuch.toml"), "nosuch.toml: no such file"),
+        (("run", "full"), "full: is a folder, not a scenario file"),
+        (("run", "paper-scenario-1", "--set", "time.sampling_time_s=1e-6"), "of the memory), got"),
+        (("plan", "paper-scenario-1", "--set", "time.sampling_time_s=1e-6"), "of the memory), got"),
+        (("run", "paper-scenario-1", "--set", "time.duration_s=1e9"), "of the memory), got"),
+        (("run", "paper-scenario-1", "--set", "time.duration_s=1e12"), "must be less than 4e+09"),
+        (("run", "paper-scenario-1", "--set", "time.duration_s=1e308"), "must be less than 4e+09"),
     ],
 )
 def test_an_error_is_one_line_and_the_exit_code_is_2(
@@ -181,6 +259,53 @@ def test_an_error_is_one_line_and_the_exit_code_is_2(
     assert line.startswith("error: ")
     assert message in line
     assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize("out", ["full", "broken.toml", "broken.toml/below"])
+@pytest.mark.parametrize("command", [("run", "paper-scenario-1"), ("calibrate",)])
+def test_the_folder_is_checked_before_anything_is_simulated(
+    cli: Callable[..., Result],
+    monkeypatch: pytest.MonkeyPatch,
+    command: tuple[str, ...],
+    out: str,
+) -> None:
+    def simulated(*arguments: Any, **options: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("sblcosim.api.run", simulated)
+    monkeypatch.setattr("sblcosim.calibrate.calibrate", simulated)
+    Path("broken.toml").write_text("[target\n")
+    Path("full").mkdir()
+    Path("full/thesis.tex").write_text("precious")
+    done = cli(*command, "--out", out)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_cache_that_cannot_be_used_is_named(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("SBLCOSIM_CACHE", str(tmp_path / "file"))
+    done = cli("run", "paper-scenario-1", *SHORT)
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "error: SBLCOSIM_CACHE: must be a folder that can be written to, got "
+        f"{tmp_path / 'file'} (Not a directory)\n"
+    )
+
+
+def test_too_little_memory_is_one_line(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exhausted(*arguments: Any, **options: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("sblcosim.api.run", exhausted)
+    done = cli("run", "paper-scenario-1")
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: the memory of this machine must be enough")
 
 
 def test_several_problems_are_several_lines(cli: Callable[..., Result]) -> None:
@@ -212,4 +337,23 @@ def test_an_interrupted_run_says_so_and_leaves_nothing(
     monkeypatch.setattr("sblcosim.artifacts.write_table", interrupted)
     done = cli("run", "paper-scenario-1", *SHORT, "--out", "here")
     assert (done.exit_code, done.stderr) == (130, "interrupted; nothing was written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_terminated_run_leaves_nothing(tmp_path: Path) -> None:
+    code = (
+        "import os, signal, time\n"
+        "import sblcosim.artifacts\n"
+        "from sblcosim.cli import main\n"
+        "def write_table(*arguments):\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    time.sleep(60)\n"
+        "sblcosim.artifacts.write_table = write_table\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "run", "paper-scenario-1", *SHORT, "--out", "here"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (143, "terminated; nothing was written\n")
     assert list(tmp_path.iterdir()) == []

@@ -1,11 +1,12 @@
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 from python_components import Arrays, Clock, Relay, Sampler, Source, Updater
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
-from sblcosim.plan import resolve
-from sblcosim.system import ComponentSpec, Connection, System
+from sblcosim.plan import check_size, resolve
+from sblcosim.system import MAX_SECONDS, ComponentSpec, Connection, System
 
 MS = 1_000_000
 T = 100 * MS
@@ -219,3 +220,36 @@ def test_all_outputs_of_one_type_are_read_by_one_call(fmu: Path):
         ("Int32", 1),
         ("Boolean", 1),
     ]
+
+
+@pytest.mark.parametrize("intervals", [(4,), (4, 6), (4, 8, 2), (6, 10, 15), (4, 6, 9, 12)])
+def test_instants_are_counted_without_being_listed(intervals):
+    parts = {f"c{i}": ComponentSpec(Clock, n) for i, n in enumerate(intervals)}
+    plan = resolve(system(parts, start_ns=3, stop_ns=1000))
+    assert plan.count == len(plan.instants)
+
+
+def test_a_record_that_the_memory_cannot_hold_is_refused():
+    plan = resolve(system({"clock": ComponentSpec(Clock, 1)}, stop_ns=4_000_000 * MS))
+    with pytest.raises(ConfigurationError) as caught:
+        check_size(plan, memory=8_000_000_000)
+    assert str(caught.value).startswith(
+        "record: must take at most 2 GB (25% of the memory), got 84000 GB for "
+        "4000000000001 communication instants"
+    )
+    small = resolve(system({"clock": Clock}))
+    assert small.row_size == 8 + 4 + 8 + 1
+    check_size(small, memory=4 * small.row_size * small.count)
+    with pytest.raises(ConfigurationError):
+        check_size(small, memory=4 * small.row_size * small.count - 1)
+
+
+def test_a_run_beyond_the_times_of_the_engine_is_refused():
+    assert refusal({"clock": Clock}, stop_ns=4 * 10**18) == (
+        "system: the stop must be before 4e+09 s, got 4e+09 s"
+    )
+
+
+def test_the_limit_of_times_is_that_of_the_engine():
+    header = (resources.files("sblcosim.fmus") / "c" / "engine.h").read_text()
+    assert f"#define MAX_SECONDS {MAX_SECONDS:g}".replace("e+0", "e") in header

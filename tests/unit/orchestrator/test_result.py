@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from sblcosim import style
 from sblcosim.errors import ConfigurationError
 from sblcosim.record import Record
 from sblcosim.result import Result
+from sblcosim.scenario import shipped
 from synthetic_record import make_record
 
 FIGURES = ("path_xy", "path_xyz", "axes", "errors", "inclination")
@@ -203,3 +205,22 @@ def test_plain_scenario_without_a_title_goes_by_its_name():
     result = Result("dive", {"speed_m_s": 0.5}, make_record(), ("ekf",))
     assert str(result).startswith("dive\n")
     assert np.isnan(result.summary.loc["ekf", "update_share"])
+
+
+def test_example_of_the_docstring_names_a_scenario_that_exists():
+    (name,) = re.findall(r'run\("([^"]+)"\)', Result.__doc__)
+    assert name in shipped()
+
+
+def test_manifest_and_file_tell_what_the_receivers_were(result, tmp_path):
+    result.origins = {"ekf": {"python": "Mine", "parameters": {}}, "raw": {"type": "multi"}}
+    result.remarks = ("simulated half of it",)
+    folder = result.save(tmp_path / "run", figures=False)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["receivers"] == [
+        {"label": "ekf", "python": "Mine", "parameters": {}},
+        {"label": "raw", "type": "multi"},
+    ]
+    assert (folder / "scenario.toml").read_text().startswith("# The receiver of the run, Mine, was")
+    for text in (str(result), result._repr_html_(), json.dumps(result.to_json())):
+        assert "simulated half of it" in text

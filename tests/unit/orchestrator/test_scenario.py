@@ -320,8 +320,16 @@ def test_the_realistic_dive() -> None:
         ),
         (
             {"target": {"trajectory": "waypoints"}},
+            "scenario: [target] waypoint_m: must have at least 2 rows, got 0",
+        ),
+        (
+            {"target": {"trajectory": "waypoints", "waypoint_count": 3, "waypoint_m": [1, 2, 3]}},
             "scenario: [target] waypoint_m: must have at least 2 rows, and as many as "
-            "waypoint_count (2), got 0",
+            "waypoint_count (3), got 1",
+        ),
+        (
+            {"time": {"duration_s": 4e9}},
+            "scenario: [time] duration_s: must be less than 4e+09, got 4000000000.0",
         ),
         (
             {"time": {"duration_s": "forever"}},
@@ -376,6 +384,13 @@ def test_a_wrong_override_is_named_as_such() -> None:
     assert problems({}, ["platform.arm_length_m=1 m"]) == [
         "override platform.arm_length_m: must be a value in TOML, got '1 m'"
     ]
+    assert problems({}, ["receiver.update_interval_s=0.25"]) == [
+        "override receiver.update_interval_s: must be a whole multiple of the sampling time (0.1), "
+        "got 0.25"
+    ]
+    assert problems({"receiver": {"type": "ekf"}}, {"receiver.fmu": "/a.fmu"}) == [
+        "override receiver.fmu: must have type or fmu, got both (ekf, /a.fmu)"
+    ]
     assert problems({}, ["arm"]) == ["override: must be table.key=value, got 'arm'"]
     assert problems({"seed": 3}, {"seed.x": 1}) == ["override seed.x: seed must be a table"]
 
@@ -394,8 +409,66 @@ def test_a_file_is_named_in_its_problems(tmp_path: Path) -> None:
     ]
     file.write_text("[platform]\narm_length_m = \n")
     assert problems(file) == [f"{file}, line 2, column 16: Invalid value"]
-    file.write_bytes(b"\xff\xfe\x00")
-    assert "must be a text file" in problems(file)[0]
+    file.write_bytes(b"a\xff\xfe\x00")
+    assert problems(file) == [f"{file}: must be a text file in UTF-8, got the byte 0xff at 1"]
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n", 'name = "x"\n'])
+def test_a_file_without_a_table_is_refused(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "dive.toml"
+    file.write_text(text)
+    (line,) = problems(file)
+    assert line.startswith(f"{file}: must have at least one table ([time], [target], ")
+
+
+def test_what_is_no_scenario_file_is_told_in_the_words_of_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "harbor-random.toml"
+    assert problems(file) == [f"{file}: no such file; did you mean 'harbour-random'?"]
+    assert problems("nosuch.toml") == ["nosuch.toml: no such file"]
+    assert problems(tmp_path) == [f"{tmp_path}: is a folder, not a scenario file"]
+
+    def denied(*_: Any, **__: Any) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    file.write_text("[time]\n")
+    monkeypatch.setattr(Path, "read_text", denied)
+    assert problems(file) == [f"{file}: must be a file that can be read, got Permission denied"]
+
+
+@pytest.mark.parametrize(
+    ("source", "overrides", "message"),
+    [
+        (3, (), "scenario: must be a name, a TOML file, tables or a loaded scenario, got 3"),
+        (None, (), "scenario: must be a name, a TOML file, tables or a loaded scenario, got None"),
+        (object(), (), "scenario: must be .*, got an instance of object"),
+        ({}, 5, "overrides: must be keys with values, or texts like table.key=value, got 5"),
+        ({}, [5], "override: must be a text like table.key=value, got 5"),
+    ],
+)
+def test_arguments_of_a_wrong_kind_are_refused(source: Any, overrides: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{message}$"):
+        load(source, overrides)
+
+
+def test_a_file_of_a_scenario_names_fmus_from_where_it_lies(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    scenario = load({"receiver": {"fmu": str(tmp_path / "mine.fmu")}})
+    text = scenario.dump_toml(tmp_path / "here")
+    assert 'fmu = "../mine.fmu"\n' in text
+    (tmp_path / "here" / "dive.toml").write_text(text)
+    (tmp_path / "mine.fmu").touch()
+    again = load(tmp_path / "here" / "dive.toml")
+    assert Path(again.receiver.fmu).samefile(tmp_path / "mine.fmu")
+
+
+def test_keys_that_were_filled_in_are_not_written_for_a_foreign_fmu(tmp_path: Path) -> None:
+    text = load({"target": {"fmu": "/mine.fmu", "speed_m_s": 0.7}}).dump_toml()
+    target = text.partition("[target]")[2].partition("[platform]")[0]
+    assert "speed_m_s = 0.7\n" in target
+    assert "sampling_time_s = " in target
+    assert "radius_m" not in target
 
 
 def test_a_file_gives_its_name_and_finds_fmus_beside_it(tmp_path: Path) -> None:

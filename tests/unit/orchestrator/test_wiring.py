@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from math import pi
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.factory import build
 from sblcosim.models.declaration import input_, parameter
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
 from sblcosim.scenario import load
 from sblcosim.system import System
+from sblcosim.wiring import applied
 
 PAPER = load("paper-scenario-1")
 
@@ -93,6 +95,8 @@ def test_receivers_run_side_by_side_under_their_labels() -> None:
     ekf = build("ekf")
     system = PAPER.system(["sequential", "ekf", ekf, Deaf])
     assert list(system.components)[3:] == ["sequential", "ekf", "ekf_2", "Deaf", "raw"]
+    assert list(PAPER.system([ekf, "ekf"]).components)[3:] == ["ekf_2", "ekf", "raw"]
+    assert PAPER.system([ekf, "ekf"]).components["ekf_2"].fmu == ekf
     assert list(PAPER.system({"a": "ekf", "b": Deaf}).components)[3:] == ["a", "b", "raw"]
 
 
@@ -100,8 +104,8 @@ def test_the_raw_fix_that_is_asked_for_is_not_there_twice() -> None:
     assert list(PAPER.system("multilateration").components)[3:] == ["multilateration"]
 
 
-@pytest.mark.parametrize("label", ["target", "a.b", ""])
-def test_a_label_must_be_a_free_name(label: str) -> None:
+@pytest.mark.parametrize("label", ["target", "a.b", "", 5])
+def test_a_label_must_be_a_free_name(label: Any) -> None:
     with pytest.raises(ConfigurationError, match="label must be a name"):
         PAPER.system({label: "ekf"})
 
@@ -138,8 +142,11 @@ def test_a_key_that_the_scenarios_own_fmu_does_not_have_is_refused() -> None:
 
 def test_a_key_that_no_receiver_of_the_run_has_is_refused() -> None:
     scenario = load(PAPER, {"receiver.gate": 3.0})
-    with pytest.raises(ConfigurationError, match=r"gate: .* \(ekf, multilateration\)"):
+    match = r"^override receiver.gate: .* \(ekf, multilateration\)"
+    with pytest.raises(ConfigurationError, match=match):
         scenario.system()
+    with pytest.raises(ConfigurationError, match=r"^scenario: \[receiver\] gate: must be a key"):
+        load({"receiver": {"gate": 3.0}}).system()
     assert scenario.system("sequential").components["sequential"].parameters["gate"] == 3.0
 
 
@@ -170,3 +177,91 @@ def test_a_missing_fmu_of_the_scenario_is_named() -> None:
 def test_only_the_fixed_components_can_be_replaced_by_name() -> None:
     with pytest.raises(ConfigurationError, match="did you mean 'target'"):
         PAPER.system(components={"targt": Deaf})
+
+
+class Silent(Deaf):
+    """Lacks what every receiver must have."""
+
+    variables = Deaf.variables[:-2]
+
+
+class Wrong(Deaf):
+    """Has a port that is not as agreed."""
+
+    variables = (*Deaf.variables, input_("range", "", "m", shape=(3,)))
+
+
+class Curious(Deaf):
+    """Has an input that nothing feeds."""
+
+    variables = (*Deaf.variables, input_("ranges", "", "m", shape=(4,)))
+
+
+class Choosy(Deaf):
+    """Cannot be made without an argument."""
+
+    def __init__(self, gain: float) -> None:
+        self.gain = gain
+
+
+class Bare:
+    """Is no component."""
+
+
+class Vague(Deaf):
+    """Declares by name only."""
+
+    variables = ("position",)  # type: ignore[assignment]
+
+
+@pytest.mark.parametrize(
+    ("receiver", "message"),
+    [
+        (Deaf(), "receiver: must be a name, an FMU file, or a class or function that makes the "
+                 "component, got an instance of Deaf"),
+        (5, "receiver: must be a name, an FMU file, or a class or function that makes the "
+            "component, got 5"),
+        ({"a": Deaf()}, "receiver: must be a name, an FMU file, or a class or function that makes "
+                        "the component, got an instance of Deaf"),
+        (Bare, "Bare: must make a component, got Bare, whose object has no variables and no "
+               "initialise and no do_step"),
+        (Choosy, "Choosy: must make the component without arguments, got Choosy (missing a "
+                 "required argument: 'gain')"),
+        (Vague, "Vague: variables must be a sequence of Variable, got 'position' in it"),
+        (Silent, "Silent: must honour the plug contract of a receiver, got epoch: must be an "
+                 "output, got none (and 1 more)"),
+        (Wrong, "Wrong: must honour the plug contract of a receiver, got range: must be an array "
+                "of 4, got an array of 3"),
+    ],
+)  # fmt: skip
+def test_a_python_receiver_is_refused_before_the_run(receiver: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        PAPER.system(receiver)
+    assert str(caught.value) == message
+
+
+def test_an_input_that_nothing_feeds_is_a_warning() -> None:
+    match = r"^Curious.ranges: nothing feeds this input, .*; did you mean 'range'\?$"
+    with pytest.warns(ConfigurationWarning, match=match):
+        PAPER.system(Curious)
+
+
+def test_arguments_can_be_written_into_the_scenario() -> None:
+    scenario = load(PAPER, {"receiver.gate": 3.0, "platform.fmi": 2})
+    changed = applied(scenario, ["sequential", "ekf"], fmi=3)
+    assert (changed.receiver.type, changed.receiver.gate) == ("sequential", 3.0)
+    assert (changed.fmi, changed.platform.fmi) == (3, None)
+    assert applied(scenario, ["ekf", "sequential"]).receiver.gate is None
+    assert applied(PAPER).model_dump() == PAPER.model_dump()
+
+
+def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> None:
+    fmu = build("sequential")
+    scenario = load(PAPER, {"receiver.measurement_noise": "variance"})
+    changed = applied(scenario, fmu)
+    assert (changed.receiver.type, changed.receiver.fmu) == (None, str(fmu))
+    again = load(tomllib.loads(changed.dump_toml()))
+    assert again.system().components["sequential"] == scenario.system(fmu).components["sequential"]
+    target = build("target")
+    assert applied(PAPER, components={"target": target}).target.fmu == str(target)
+    assert applied(PAPER, Deaf).model_dump() == PAPER.model_dump()

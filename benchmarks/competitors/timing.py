@@ -1,0 +1,32 @@
+"""How long the competitors take per step and run, on one core."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import numpy_study
+from check_statistics import octave_runs
+
+SAMPLING_TIME = 0.1
+LOW = {"baseline": 3.0, "gps_std": 0.1, "imu_std": 0.0174533, "depth_std": 0.01,
+       "range_std": 0.1, "loss": 0.25, "sampling_time": SAMPLING_TIME}
+
+
+def numpy_ns_per_step(quick: bool = False) -> float:
+    """Median over repeats, the levels of Table 3 mixed."""
+    factors = numpy_study.design(numpy_study.BATCH)
+    runs = len(factors["baseline"])
+    steps = numpy_study.epochs(SAMPLING_TIME) * runs
+    figures = []
+    for _ in range(3 if quick else 5):
+        started = time.perf_counter()
+        numpy_study.study(SAMPLING_TIME, factors)
+        figures.append((time.perf_counter() - started) / steps * 1e9)
+    return statistics.median(figures)
+
+
+def octave_ns_per_step(quick: bool = False) -> float:
+    """Least over some runs."""
+    _, microseconds, _ = octave_runs(LOW, 2 if quick else 5)
+    return microseconds * 1e3
