@@ -47,7 +47,7 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
     path = Path(path).resolve()
     _refuse_foreign(path)
     part, old = (path.with_name(f".{path.name}.{uuid.uuid4().hex}") for _ in range(2))
-    filled = path.is_dir() and not any(path.iterdir())
+    filled = os.path.isdir(path) and not any(path.iterdir())
     if filled:  # somebody's own folder, perhaps with rights of its own: it stays
         part = path / part.name
     try:
@@ -100,9 +100,9 @@ def check(path: str | Path) -> None:
     above = path.parent
     while not os.path.lexists(above):
         above = above.parent
-    if path.is_dir() and not any(path.iterdir()):
+    if os.path.isdir(path) and not any(path.iterdir()):
         above = path
-    if not above.is_dir():
+    if not os.path.isdir(above):
         raise _refusal(path, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
     if not os.access(above, os.W_OK | os.X_OK):
         raise _refusal(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
@@ -118,7 +118,7 @@ def _refuse_foreign(path: Path, ours: str | None = None) -> None:
     """Only what an earlier run wrote, all of it listed in its manifest, may be replaced."""
     if not os.path.lexists(path):
         return
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise ConfigurationError(f"{path}: must be a folder or not exist yet, got a file")
     try:
         present = {file.name for file in path.iterdir()} - {ours}

@@ -149,7 +149,9 @@ def run(
     master: Annotated[
         str | None,
         typer.Option(
-            "--master", metavar="native|python|lanes", help="What runs it [default: native if it can]."
+            "--master",
+            metavar="native|python|lanes",
+            help="What runs it [default: native if it can].",
         ),
     ] = None,
     step_timeout: Annotated[
@@ -333,7 +335,7 @@ def build(
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu")]) -> None:
+def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)]) -> None:
     """Say whether an FMU can be a receiver.
 
     Lists its variables against the contract and loads it; the exit code is 1 if either fails.

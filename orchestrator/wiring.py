@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,11 +17,11 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
 from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
-from .fmu import ports_of, read
+from .fmu import Port, ports_of, read
 from .master import initial_outputs
 from .plan import variables_of
 from .scenario import Receivers, Scenario, Source, load
-from .system import SECOND, ComponentSpec, Connection, System, Value
+from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, Value
 from .tables import ANYWHERE, PATH, TRUE, in_si, nanoseconds
 
 FIXED = ("target", "platform", "acoustics")
@@ -141,6 +142,10 @@ def applied(
 
 
 def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
+    if components is not None and not isinstance(components, Mapping):
+        raise ConfigurationError(
+            f"components: must be a mapping with {', '.join(FIXED)}, got {instance(components)}"
+        )
     replaced = dict(components or {})
     for name in replaced:
         if name not in FIXED:
@@ -170,7 +175,7 @@ def _foreign(
     If the scenario itself names the FMU (``own``), whatever the scenario gives must be there.
     """
     fmu = Path(source) if isinstance(source, str | Path) else source
-    ports = read(fmu).ports if isinstance(fmu, Path) else ports_of(variables_of(table_name, fmu))
+    ports = _ports(table_name, fmu)
     has = {port.name for port in ports.values() if port.causality == "parameter"}
     given = {
         table.variables[key].name: key for key in table.variables if key in table.model_fields_set
@@ -195,6 +200,12 @@ def _foreign(
     inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
     spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
     return _Part(spec, frozenset(ports), inputs)
+
+
+def _ports(where: str, source: Path | Callable[[], PythonComponent]) -> Mapping[str, Port]:
+    if isinstance(source, Path):
+        return read(source).ports
+    return ports_of(variables_of(where, source))
 
 
 def _check_contract(label: str, source: Source) -> None:
@@ -279,7 +290,7 @@ def _source(source: Source) -> Source:
     if source in RECEIVERS:
         return source
     path = Path(source)
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     if path.suffix == ".fmu":
         raise ConfigurationError(f"receiver: must be an existing file, got {str(source)!r}")
@@ -309,6 +320,10 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         return  # the FMU itself is asked
     names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
     known = {v.key for name in names for v in RECEIVERS[name].of("parameter")}
+    for label, source in chosen.items():
+        if not isinstance(source, str):
+            has = _ports(label, source)
+            known |= {key for key, v in table.variables.items() if v.name in has}
     for key in table.variables:
         if key in table.model_fields_set and key not in known:
             have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]

@@ -13,6 +13,9 @@
 
 #include <stdint.h>
 #include <string.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #ifndef LANES
 #define LANES 1
@@ -191,14 +194,28 @@ R_INLINE real r_if_else_zero(real c, real x) { return r_keep(m_true(c), x); }
 /* c != 0 ? a : b */
 R_INLINE real r_select(real c, real a, real b) { return r_blend(m_true(c), a, b); }
 
-/* Is c nonzero in any lane? */
-R_INLINE int r_any(real c)
+/* Is the mask set in any lane? Asked before every loop and draw, so worth the processor's own
+ * instruction. */
+R_INLINE int m_any(mask64 m)
 {
-    int any = 0;
+#if LANES == 1
+    return m != 0;
+#elif LANES == 8 && defined(__AVX512F__)
+    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#elif LANES == 4 && defined(__AVX__)
+    return _mm256_movemask_pd((__m256d)m) != 0;
+#elif LANES == 2 && defined(__SSE2__)
+    return _mm_movemask_pd((__m128d)m) != 0;
+#else
+    int64_t any = 0;
     for (int i = 0; i < LANES; i++)
-        any |= r_get(c, i) != 0.0;
-    return any;
+        any |= m[i];
+    return any != 0;
+#endif
 }
+
+/* Is c nonzero in any lane? */
+R_INLINE int r_any(real c) { return m_any(m_true(c)); }
 
 /* ---- sign, extrema, rounding ---- */
 

@@ -98,18 +98,17 @@ static real nees_of(const real e[3], const real *P, real *usable)
     const real a = P[0], b = P[2], c = P[4], d = P[14], f = P[16], g = P[28];
     const real zero = r_set1(0.0), one = r_set1(1.0);
     *usable = r_lt(zero, a);
-    const real l11 = r_sqrt(r_select(*usable, a, one));
-    const real l21 = b / l11, l31 = c / l11;
+    const real i11 = one / r_sqrt(r_select(*usable, a, one));
+    const real l21 = b * i11, l31 = c * i11;
     const real s2 = d - l21 * l21;
     *usable = both(*usable, r_lt(r_set1(1e-14) * d, s2));
-    const real l22 = r_sqrt(r_select(*usable, s2, one));
-    const real l32 = (f - l31 * l21) / l22;
+    const real i22 = one / r_sqrt(r_select(*usable, s2, one));
+    const real l32 = (f - l31 * l21) * i22;
     const real s3 = g - l31 * l31 - l32 * l32;
     *usable = both(*usable, r_lt(r_set1(1e-14) * g, s3));
-    const real l33 = r_sqrt(r_select(*usable, s3, one));
-    const real y1 = e[0] / l11, y2 = (e[1] - l21 * y1) / l22;
-    const real y3 = (e[2] - l31 * y1 - l32 * y2) / l33;
-    return y1 * y1 + y2 * y2 + y3 * y3;
+    const real y1 = e[0] * i11, y2 = (e[1] - l21 * y1) * i22;
+    const real y3 = e[2] - l31 * y1 - l32 * y2;
+    return y1 * y1 + y2 * y2 + y3 * y3 / r_select(*usable, s3, one);
 }
 
 static inline void add(real *sum, real condition, real value)

@@ -19,7 +19,7 @@ def refusal(path: Path) -> str:
         read(path)
     message = str(caught.value)
     assert "\n" not in message
-    assert message.startswith(f"{path}: must ") or message.startswith(f"{path}: modelDesc")
+    assert message.startswith(tuple(f"{path}: {how}" for how in ("must ", "is not ", "modelDesc")))
     return message
 
 

@@ -265,3 +265,24 @@ def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> N
     target = build("target")
     assert applied(PAPER, components={"target": target}).target.fmu == str(target)
     assert applied(PAPER, Deaf).model_dump() == PAPER.model_dump()
+
+
+@pytest.mark.parametrize(
+    ("components", "message"),
+    [
+        (5, "components: must be a mapping with target, platform, acoustics, got 5"),
+        ({"target": 5}, "target: must be a class or function that makes the component, got 5"),
+        ({"target": Bare}, "target: must make a component, got Bare, whose object has no variables "
+                           "and no initialise and no do_step"),
+    ],
+)  # fmt: skip
+def test_a_replacement_that_is_no_component_is_refused(components: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        PAPER.system(components=components)
+    assert str(caught.value) == message
+
+
+def test_a_key_that_only_a_chosen_file_has_is_accepted() -> None:
+    scenario = load(PAPER, {"receiver.gate": 3.0})
+    system = scenario.system(["ekf", build("sequential")])
+    assert system.components["sequential"].parameters["gate"] == 3.0
