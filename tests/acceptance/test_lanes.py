@@ -19,7 +19,7 @@ from sblcosim.system import ComponentSpec, Connection, System
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
 NOISY = ("target", "platform", "acoustics")
-NUMBERS = [n for n in (1, 2, 4, 8)]
+NUMBERS = (1, 2, 4, 8)
 
 
 def plan_of(name: str, fmi: int = 2, seed: int = 1, **overrides: Any) -> Plan:
