@@ -100,10 +100,13 @@ def licence() -> str:
     BuildError
         The package was installed without it.
     """
-    text = metadata.distribution(PACKAGE).read_text("licenses/LICENSE")
-    if text is None:
-        raise BuildError(f"{PACKAGE}: the licence must be installed with the package, got none")
-    return text
+    for distribution in metadata.distributions(name=PACKAGE):
+        # Installed, or (started in the source folder) what a build has left there.
+        for place in ("licenses/LICENSE", "../LICENSE"):
+            text = distribution.read_text(place)
+            if text is not None:
+                return text
+    raise BuildError(f"{PACKAGE}: the licence must be installed with the package, got none")
 
 
 def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
