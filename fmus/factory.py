@@ -115,32 +115,9 @@ def _caching() -> Iterator[None]:
         ) from error
 
 
-def driver(name: str, source: bytes) -> Path:
-    """A shared library compiled from one source once per number of lanes, and cached.
-
-    Parameters
-    ----------
-    name
-        File name of the source; it may include the headers of the engine.
-
-    Raises
-    ------
-    BuildError
-        There is no compiler, or it fails.
-    """
-    compiler = compilers.find()
-    sources = {**_c_files([*_HEADERS, *_LANES]), name: source}
-    units = [Unit(name, unit.flags) for unit in lane_units()]
-    digest = _digest([compiler.command, compiler.identity, [u.flags for u in units]])
-    for file in sorted(sources):
-        digest.update(sources[file])
-    path = cache() / digest.hexdigest()[:32] / Path(name).with_suffix(".so").name
-    if not os.path.isfile(path):
-        _make_folder(path)
-        binary = compile_shared(sources, units, compiler)
-        with _caching():
-            write_file(path, binary)
-    return path
+def engine_headers() -> dict[str, bytes]:
+    """The headers of the engine and of its lanes, by file name."""
+    return _c_files([*_HEADERS, "lanes.h"])
 
 
 def engine_sources(model: Model) -> dict[str, bytes]:
@@ -148,37 +125,6 @@ def engine_sources(model: Model) -> dict[str, bytes]:
     from .generator import model_source
 
     return {**_c_files(_HEADERS), "model.h": model_source(model).encode()}
-
-
-def library(name: str, sources: Mapping[str, bytes]) -> Path:
-    """Return a shared library for this process; it is compiled if it has changed.
-
-    Parameters
-    ----------
-    sources
-        C files by name; those that end in ``.c`` are compiled, the rest are included.
-
-    Raises
-    ------
-    BuildError
-        There is no compiler, or it fails.
-    """
-    compiler = compilers.find()
-    digest = hashlib.sha256(
-        json.dumps(
-            [compiler.command, compiler.identity, compilers.FLAGS, compilers.LINK_FLAGS]
-        ).encode()
-    )
-    for file in sorted(sources):
-        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
-    path = cache() / digest.hexdigest()[:32] / f"{name}.so"
-    if not os.path.isfile(path):
-        units = [Unit(file) for file in sources if file.endswith(".c")]
-        _make_folder(path)
-        binary = compile_shared(sources, units, compiler)
-        with _caching():
-            write_file(path, binary)
-    return path
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,12 +135,39 @@ class Unit:
     flags: tuple[str, ...] = ()
 
 
-def lane_units() -> tuple[Unit, ...]:
-    """What makes the engine for many simulations: one build per number of lanes worth having."""
+def lane_units(source: str) -> tuple[Unit, ...]:
+    """One build of a source per number of lanes worth having on this kind of machine."""
     sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
     if platform.machine().lower() in ("x86_64", "amd64"):
         sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
-    return tuple(Unit("lanes.c", (f"-DLANES={n}", *flags)) for n, flags in sets.items())
+    return tuple(Unit(source, (f"-DLANES={n}", *flags)) for n, flags in sets.items())
+
+
+def library(name: str, sources: Mapping[str, bytes], units: Sequence[Unit]) -> Path:
+    """Return a shared library for this process; it is compiled if it has changed.
+
+    Parameters
+    ----------
+    sources
+        All C files by name, those that are only included, too.
+
+    Raises
+    ------
+    BuildError
+        There is no compiler, or it fails.
+    """
+    compiler = compilers.find()
+    compiled = [(unit.source, unit.flags) for unit in units]
+    digest = _digest([compiler.command, compiler.identity, compiled])
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
+    path = cache() / digest.hexdigest()[:32] / f"{name}.so"
+    if not os.path.isfile(path):
+        _make_folder(path)
+        binary = compile_shared(sources, units, compiler)
+        with _caching():
+            write_file(path, binary)
+    return path
 
 
 def compile_shared(
@@ -252,7 +225,7 @@ def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
     from ..models.equations import load
 
     sources = {**engine_sources(load(name)), **_c_files(_LANES)}
-    return compile_objects(sources, [Unit("dispatch.c"), *lane_units()], compiler)
+    return compile_objects(sources, [Unit("dispatch.c"), *lane_units("lanes.c")], compiler)
 
 
 def fmi_headers() -> Path:

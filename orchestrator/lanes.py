@@ -15,12 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import drivers
 from .errors import ConfigurationError, FmuError, nearest
 from .fmu import Fmu, binary_of
 from .plan import Plan, PlannedComponent
@@ -348,7 +348,7 @@ class _Campaign:
         return self._outcome(sums, history)
 
     def _drive(self) -> Any:
-        drive = _driver()[f"sblcosim_drive_{self.lanes}"]
+        drive = drivers.load("lanes_master", lanes=True)[f"sblcosim_drive_{self.lanes}"]
         drive.restype = ctypes.c_int64
         return drive
 
@@ -469,15 +469,6 @@ def _entry(fmu: Fmu) -> Any:
         entry.restype = ctypes.POINTER(_Lanes)
         entry.argtypes = (ctypes.c_uint32,)
     return entry
-
-
-@cache
-def _driver() -> ctypes.CDLL:
-    """The C driver, compiled when it is first needed."""
-    from sblcosim.fmus.factory import driver
-
-    source = (resources.files("sblcosim") / "c" / "lanes_master.c").read_bytes()
-    return ctypes.CDLL(str(driver("lanes_master.c", source)))
 
 
 __all__ = ["Outcome", "execute", "foreign"]

@@ -14,15 +14,12 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sblcosim.fmus import compiler as compilers
-from sblcosim.fmus import factory
 
-from .errors import BuildError, ConfigurationError
+from . import drivers
+from .errors import ConfigurationError
 from .fmu import DTYPES, Fmu, Instance, Vector
 from .master import PROGRESS_INTERVAL, chosen, initialised
 from .plan import Column, Plan, PlannedComponent
@@ -72,10 +69,7 @@ class _Run(ctypes.Structure):
 
 def available() -> bool:
     """Whether the loop is there or can be compiled."""
-    try:
-        return _ready().is_file() or bool(compilers.find())
-    except BuildError:
-        return False
+    return drivers.available("native")
 
 
 def foreign(plan: Plan) -> PlannedComponent | None:
@@ -134,18 +128,8 @@ def execute(
     return program.record
 
 
-def _ready() -> Path:
-    """The loop, if it came compiled."""
-    return Path(__file__).with_name("c") / "native.so"
-
-
-@cache
 def _driver() -> ctypes.CDLL:
-    path = _ready()
-    if not path.is_file():
-        source = path.with_suffix(".c")
-        path = factory.library("native", {source.name: source.read_bytes()})
-    driver = ctypes.CDLL(str(path))
+    driver = drivers.load("native")
     driver.native_run.argtypes, driver.native_run.restype = (ctypes.POINTER(_Run),), None
     driver.native_guard.argtypes, driver.native_guard.restype = (ctypes.c_int,), None
     return driver

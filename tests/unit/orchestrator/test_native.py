@@ -411,10 +411,10 @@ def test_an_unknown_master_is_refused_with_the_nearest_name(stranger):
 SANITIZED = """
 import sys
 from pathlib import Path
-from sblcosim import master, native
+from sblcosim import drivers, master, native
 from test_native import CRASH, assert_equal, failing, plan_of, ring
 two, three, driver = map(Path, sys.argv[1:])
-native._ready = lambda: driver
+drivers.load = lambda name: __import__("ctypes").CDLL(str(driver))
 plan = ring(two, three, 20, 30, stop_ns=6000)
 assert_equal(native.execute(plan), master.execute(plan))
 native.execute(plan, record=("b.y", "a.was_on"))
