@@ -13,7 +13,7 @@ FOLDER = Path(__file__).with_name("c")
 
 
 @cache
-def load(name: str, lanes: bool = False) -> ctypes.CDLL:
+def load(name: str, lanes: bool = False, header: str = "") -> ctypes.CDLL:
     """Load a driver.
 
     Parameters
@@ -22,6 +22,8 @@ def load(name: str, lanes: bool = False) -> ctypes.CDLL:
         Of its source in ``c/``, without the suffix.
     lanes
         Whether it is built once per number of lanes, with the engine's headers.
+    header
+        Text of its generated header, of the same name.
 
     Raises
     ------
@@ -32,6 +34,8 @@ def load(name: str, lanes: bool = False) -> ctypes.CDLL:
     if not path.is_file():
         file = f"{name}.c"
         sources = {file: (FOLDER / file).read_bytes()}
+        if header:
+            sources[f"{name}.h"] = header.encode()
         if lanes:
             sources |= factory.engine_headers()
         units = factory.lane_units(file) if lanes else (factory.Unit(file),)

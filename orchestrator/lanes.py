@@ -30,8 +30,7 @@ from .system import Connection
 
 Floats = NDArray[np.float64]
 ENTRY = "sblcosim_lanes"
-VERSION = 1
-_MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16  # as in c/lanes_master.c
+_MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16
 _GROUPS_PER_CALL = 16
 
 
@@ -186,7 +185,9 @@ class _Campaign:
         self.runs, self.varied = self._varied(variations)
         self.receivers = [
             c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()
-        ][:_MAX_RECEIVERS]
+        ]
+        if len(self.receivers) > _MAX_RECEIVERS:
+            raise ConfigurationError(f"system: must have at most {_MAX_RECEIVERS} receivers")
         self._translate(handovers, record, settling_ns)
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
@@ -348,7 +349,7 @@ class _Campaign:
         return self._outcome(sums, history)
 
     def _drive(self) -> Any:
-        drive = drivers.load("lanes_master", lanes=True)[f"sblcosim_drive_{self.lanes}"]
+        drive = _driver()[f"sblcosim_drive_{self.lanes}"]
         drive.restype = ctypes.c_int64
         return drive
 
@@ -438,6 +439,15 @@ def _starts(component: PlannedComponent, engine: _Lanes) -> Floats:
     return values
 
 
+def _driver() -> ctypes.CDLL:
+    names = ", ".join(name.upper() for name in SUMS)
+    header = (
+        f"enum sum {{ {names}, SUMS }}; /* sums per receiver and run */\n"
+        f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS} }};\n"
+    )
+    return drivers.load("lanes_master", lanes=True, header=header)
+
+
 def _engine(component: PlannedComponent, lanes: int) -> Any:
     assert isinstance(component.source, Fmu)
     entry = _entry(component.source)
@@ -445,9 +455,10 @@ def _engine(component: PlannedComponent, lanes: int) -> Any:
     engine = entry(lanes)
     if not engine:
         raise FmuError(f"{component.name}: this processor must be able to do {lanes} lanes")
-    if engine.contents.version != VERSION:
+    version = ctypes.c_uint32.in_dll(_driver(), "sblcosim_lanes_version").value
+    if engine.contents.version != version:
         raise FmuError(
-            f"{component.name}: must have version {VERSION} of the engine, got "
+            f"{component.name}: must have version {version} of the engine, got "
             f"{engine.contents.version}; build the FMU again"
         )
     return engine

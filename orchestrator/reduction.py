@@ -29,7 +29,7 @@ SUMS = (
     "updates",
     "broken",
 )
-"""Sums over the estimates of a run, in the order of ``enum sum`` in ``c/lanes_master.c``."""
+"""Sums over the estimates of a run; ``enum sum`` of the C driver is made of these names."""
 
 
 def responses(sums: Floats, duration_ns: int) -> pd.DataFrame:

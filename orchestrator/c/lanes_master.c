@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lanes.h"
+#include "lanes_master.h" /* enum sum and the limits, generated from lanes.py and reduction.py */
 #include "real.h"
 
 #define PASTE_(a, b) a##b
@@ -40,22 +41,6 @@ struct plan {
     const struct span *spans;   /* what is recorded, if anything */
     const int64_t *instants_ns; /* the start first */
     int64_t settling_ns;        /* errors count from this time after the start */
-};
-
-/* Sums per receiver and run; ../reduction.py names them in the same order. */
-enum sum {
-    ESTIMATES,
-    ERROR_X, ERROR_Y, ERROR_Z, ERROR_TOTAL,
-    SQUARE_X, SQUARE_Y, SQUARE_Z,
-    RELATIVE_X, RELATIVE_Y, RELATIVE_Z, RELATIVE_TOTAL,
-    RELATIVE_SQUARE_X, RELATIVE_SQUARE_Y, RELATIVE_SQUARE_Z,
-    NEES, NEES_ESTIMATES,
-    NIS, NIS_DEGREES, NIS_ESTIMATES,
-    LATE_ESTIMATES, LATE_ERROR_SQUARE, LATE_DISTANCE_SQUARE,
-    AVAILABLE_NS,
-    UPDATES,
-    BROKEN, /* estimates that are not finite, or of an epoch that is not remembered */
-    SUMS
 };
 
 /* Truth at the newest instants. An epoch of a receiver is one of these. */
@@ -188,6 +173,11 @@ static inline int due(const struct plan *p, int component, int64_t elapsed_ns)
     return elapsed_ns % p->interval_ns[component] == 0;
 }
 
+#if LANES == 1
+API extern const uint32_t sblcosim_lanes_version;
+const uint32_t sblcosim_lanes_version = LANES_VERSION;
+#endif
+
 /* Run groups one after another.
  *
  * blocks: memory of each component, aligned to 64; held: for a component that is not due at every
@@ -207,13 +197,13 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
     const int64_t stop = p->instants_ns[p->n_instants - 1];
     const double settled = (double)(start + p->settling_ns) / 1e9;
     const double late = (double)stop / 1e9 - ((double)stop / 1e9 - (double)start / 1e9) / 4;
-    const real *shown[64];
+    const real *shown[MAX_COMPONENTS];
     for (int c = 0; c < p->n_components; c++)
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
         struct memory memory;
         memory.next = memory.count = 0;
-        real counted[16], total[16][SUMS];
+        real counted[MAX_RECEIVERS], total[MAX_RECEIVERS][SUMS];
         for (int r = 0; r < p->n_receivers; r++) {
             counted[r] = r_set1(0.0);
             for (int i = 0; i < SUMS; i++)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +15,7 @@ import pytest
 import sblcosim
 from sblcosim import lanes
 from sblcosim.errors import ConfigurationError, FmuError
+from sblcosim.fmus import compiler, factory
 from sblcosim.master import execute
 from sblcosim.plan import Plan, resolve
 from sblcosim.reduction import responses
@@ -227,3 +232,74 @@ def test_a_single_run_may_use_it_too() -> None:
     side = sblcosim.run("harbour-random", overrides=changes, master="lanes").record
     alone = sblcosim.run("harbour-random", overrides=changes, master="python").record
     assert side.equals(alone)
+
+
+def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
+    """Sizes and places of all members, as the compiler sees them."""
+    source = (Path(lanes.__file__).with_name("c") / "lanes_master.c").read_text()
+    structures = {
+        "lanes": lanes._Lanes, "plan": lanes._Plan, "link": lanes._Link,
+        "receiver": lanes._Receiver, "truth": lanes._Truth, "span": lanes._Span,
+    }
+    expected, places = [], []
+    for name, structure in structures.items():
+        expected.append(ctypes.sizeof(structure))
+        places.append(f"sizeof(struct {name})")
+        for field, *_ in structure._fields_:
+            expected.append(getattr(structure, field).offset)
+            places.append(f"offsetof(struct {name}, {field.rstrip('_')})")
+    source += f"API size_t places[] = {{{', '.join(places)}}};\n"
+    header = "enum sum { " + ", ".join(name.upper() for name in lanes.SUMS) + ", SUMS };\n"
+    header += "enum { MAX_COMPONENTS = 1, MAX_RECEIVERS = 1 };\n"
+    sources = {
+        "places.c": source.encode(), "lanes_master.h": header.encode(),
+        **factory.engine_headers(),
+    }
+    library = tmp_path / "places.so"
+    library.write_bytes(
+        factory.compile_shared(sources, [factory.Unit("places.c")], compiler.find())
+    )
+    found = (ctypes.c_size_t * len(places)).in_dll(ctypes.CDLL(str(library)), "places")
+    assert list(found) == expected
+
+
+SANITIZED = """
+import numpy as np
+from sblcosim.fmus import compiler
+checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+compiler.FLAGS = (*(f for f in compiler.FLAGS if f != "-O2"), "-O1", *checks)
+compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
+import sblcosim
+from sblcosim import lanes
+from sblcosim.plan import resolve
+from sblcosim.system import Connection
+scenario = sblcosim.load("harbour-random", {"time.duration_s": 6.0})
+plan = resolve(scenario.system(("ekf", "sequential")))
+seeds = {f"{name}.seed": np.arange(1, 12) for name in ("target", "platform", "acoustics")}
+for number in (1, 2, 0):
+    outcome = lanes.execute(
+        plan, seeds, record=["ekf.position", "raw.nis_degrees"], lanes=number, threads=2,
+        handovers=[Connection("target.position", "ekf.prior_position")],
+    )
+    assert np.isfinite(outcome.values["ekf.position"]).all()
+print("clean")
+"""
+
+
+@pytest.mark.slow
+def test_engine_and_driver_touch_no_memory_that_is_not_theirs(tmp_path: Path) -> None:
+    """Under AddressSanitizer and UndefinedBehaviourSanitizer; builds everything for it."""
+    asan = subprocess.run(
+        ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
+    )
+    if asan.returncode:
+        pytest.skip("there is no gcc with AddressSanitizer")
+    done = subprocess.run(
+        [sys.executable, "-c", SANITIZED],
+        env=os.environ | {
+            "LD_PRELOAD": asan.stdout.strip(), "ASAN_OPTIONS": "detect_leaks=0",
+            "PYTHONMALLOC": "malloc", "SBLCOSIM_CACHE": str(tmp_path), "SBLCOSIM_CC": "gcc",
+        },
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout == "clean\n", done.stderr[-3000:]
