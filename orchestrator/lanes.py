@@ -71,7 +71,7 @@ class _Plan(ctypes.Structure):
 
     _fields_ = (
         *((n, ctypes.c_int32) for n in ("n_components", "n_links", "n_handovers", "n_receivers",
-                                        "n_spans", "n_instants")),
+                                        "n_spans", "n_instants", "remembered", "padding")),
         *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
                                          "receivers", "truth", "spans", "instants_ns")),
         ("settling_ns", ctypes.c_int64),
@@ -266,6 +266,12 @@ class _Campaign:
             self.spans.append((number, place, self.plan.components[number].ports[variable].size))
         self.recorded = list(record)
         truth = self._truth()
+        base = int(np.diff(self.instants).min())
+        # An estimate is of the newest sample before its update and is seen one update later.
+        updates = [
+            c.tick_ns or c.interval_ns for c in self.plan.components if c.name in self.receivers
+        ]
+        self.remembered = 2 * max(updates, default=base) // base + 2
         arrays = (
             (ctypes.POINTER(_Lanes) * len(self.engines))(*self.engines),
             (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),
@@ -278,12 +284,11 @@ class _Campaign:
         self._kept = arrays
         self.c_plan = _Plan(
             len(self.names), len(links), len(given), len(judged) if truth else 0, len(self.spans),
-            len(self.instants),
+            len(self.instants), self.remembered, 0,
             *(None if a is None else ctypes.addressof(a) for a in arrays),
             self.instants.ctypes.data, settling_ns,
         )
         same = len({c.interval_ns for c in self.plan.components}) == 1
-        base = np.diff(self.instants).min()
         self.needs_holding = [
             not same and c.interval_ns != base for c in self.plan.components
         ]
@@ -319,6 +324,7 @@ class _Campaign:
             values = self._values(first, last)
             status = self._drive()(
                 ctypes.byref(self.c_plan), local.memory.blocks, local.memory.held,
+                ctypes.c_void_p(local.memory.moments),
                 ctypes.c_int64(last - first),
                 (ctypes.c_void_p * len(values))(*(v.ctypes.data for v in values)),
                 ctypes.c_void_p(sums[first:].ctypes.data),
@@ -411,6 +417,7 @@ class _Memory:
             blocks.append(self._aligned(k.block_size))
             size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
             held.append(self._aligned(size) if holds else None)
+        self.moments = self._aligned(campaign.remembered * 8 * campaign.lanes * 8)
         self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
         self.held = (ctypes.c_void_p * len(held))(*held)
 

@@ -33,6 +33,7 @@ struct span {
 
 struct plan {
     int32_t n_components, n_links, n_handovers, n_receivers, n_spans, n_instants;
+    int32_t remembered, padding; /* how many instants an epoch can be behind */
     const struct lanes *const *components;
     const int64_t *interval_ns;
     const struct link *links, *handovers;
@@ -43,12 +44,15 @@ struct plan {
     int64_t settling_ns;        /* errors count from this time after the start */
 };
 
-/* Truth at the newest instants. An epoch of a receiver is one of these. */
-#define REMEMBERED 64
+/* Truth at an instant. */
+struct moment {
+    real time, position[3], platform_error[3], distance_square;
+};
+
+/* The newest moments, as many as an epoch can be behind; few, so that they stay in the cache. */
 struct memory {
-    real time[REMEMBERED], position[REMEMBERED][3], platform_error[REMEMBERED][3];
-    real distance_square[REMEMBERED];
-    int next, count;
+    struct moment *moments;
+    int size, next, count;
 };
 
 static inline real both(real a, real b) { return r_and(a, b); }
@@ -60,20 +64,21 @@ static void remember(struct memory *m, const struct truth *t, const real *const 
     const real *platform = values[t->platform] + t->platform_position;
     const real *beacon = values[t->platform] + t->beacon;
     const real *reported = values[t->platform] + t->reported;
-    const int place = m->next;
-    m->time[place] = r_set1((double)now_ns / 1e9);
-    m->distance_square[place] = r_set1(0.0);
+    struct moment *const moment = &m->moments[m->next];
+    real distance_square = r_set1(0.0);
+    moment->time = r_set1((double)now_ns / 1e9);
     for (int i = 0; i < 3; i++) {
         real sum = r_set1(0.0);
         for (int j = 0; j < t->beacons; j++)
             sum = sum + (reported[3 * j + i] - beacon[3 * j + i]);
-        m->platform_error[place][i] = sum / r_set1((double)t->beacons);
-        m->position[place][i] = target[i];
+        moment->platform_error[i] = sum / r_set1((double)t->beacons);
+        moment->position[i] = target[i];
         const real d = target[i] - platform[i];
-        m->distance_square[place] = m->distance_square[place] + d * d;
+        distance_square = distance_square + d * d;
     }
-    m->next = (place + 1) % REMEMBERED;
-    if (m->count < REMEMBERED)
+    moment->distance_square = distance_square;
+    m->next = (m->next + 1) % m->size;
+    if (m->count < m->size)
         m->count++;
 }
 
@@ -118,13 +123,13 @@ static void reduce(const struct receiver *r, const real *v, const struct memory 
     for (int i = 0; i < 3; i++)
         position[i] = platform[i] = zero;
     for (int age = 1; age <= m->count && r_any(missing); age++) {
-        const int place = (m->next - age + REMEMBERED) % REMEMBERED;
-        const real here = both(missing, r_eq(epoch, m->time[place]));
+        const struct moment *const moment = &m->moments[(m->next - age + m->size) % m->size];
+        const real here = both(missing, r_eq(epoch, moment->time));
         for (int i = 0; i < 3; i++) {
-            position[i] = r_select(here, m->position[place][i], position[i]);
-            platform[i] = r_select(here, m->platform_error[place][i], platform[i]);
+            position[i] = r_select(here, moment->position[i], position[i]);
+            platform[i] = r_select(here, moment->platform_error[i], platform[i]);
         }
-        distance_square = r_select(here, m->distance_square[place], distance_square);
+        distance_square = r_select(here, moment->distance_square, distance_square);
         missing = both(missing, r_not(here));
     }
     real e[3], relative[3];
@@ -181,14 +186,16 @@ const uint32_t sblcosim_lanes_version = LANES_VERSION;
 /* Run groups one after another.
  *
  * blocks: memory of each component, aligned to 64; held: for a component that is not due at every
- * instant, memory for what it showed when it was due last, else NULL. values[c]: parameters and
+ * instant, memory for what it showed when it was due last, else NULL. moments: room for
+ * p->remembered moments of 8 values each, aligned to 64. values[c]: parameters and
  * inputs of component c at the start, (groups, elements, LANES). sums: (groups, receivers, SUMS,
  * LANES). record: (groups, instants, elements of all spans, LANES) or NULL. done counts instants.
  *
  * Returns 0; -1 if *cancel became nonzero; else 1-based component + (1-based element << 16) of a
  * parameter that cannot be run side by side. */
 API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blocks,
-                                          double *const *held, int64_t groups,
+                                          double *const *held, void *moments,
+                                          int64_t groups,
                                           const double *const *values, double *sums,
                                           double *record, const volatile int32_t *cancel,
                                           volatile int64_t *done)
@@ -201,8 +208,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
     for (int c = 0; c < p->n_components; c++)
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
-        struct memory memory;
-        memory.next = memory.count = 0;
+        struct memory memory = {moments, p->remembered, 0, 0};
         real counted[MAX_RECEIVERS], total[MAX_RECEIVERS][SUMS];
         for (int r = 0; r < p->n_receivers; r++) {
             counted[r] = r_set1(0.0);
