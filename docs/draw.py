@@ -5,8 +5,8 @@ from pathlib import Path
 import sblcosim
 from matplotlib.figure import Figure
 
-result = sblcosim.run("paper-scenario-1")
-for theme, name in (("light", "scenario-1.png"), ("dark", "scenario-1-dark.png")):
+result = sblcosim.run("harbour-square", receiver=["ekf", "sequential"])
+for theme, name in (("light", "harbour-square.png"), ("dark", "harbour-square-dark.png")):
     figure = result.plot_path(theme=theme).figure
     assert isinstance(figure, Figure)
     figure.savefig(Path(__file__).with_name(name), dpi=110)
