@@ -249,6 +249,135 @@ def calibrate(
 
 
 @app.command()
+def study(
+    source: Annotated[
+        str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results; what is there already is not run again "
+            "[default: studies/NAME].",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, help="Threads [default: all cores].")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would run, and how long; write nothing.")
+    ] = False,
+    master: Annotated[
+        str | None,
+        typer.Option(
+            "--master",
+            metavar="native|python|lanes",
+            help="What runs it [default: lanes if it can].",
+        ),
+    ] = None,
+) -> None:
+    """Run a factorial study, or what is missing of it.
+
+    The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    """
+    with _waiting(remaining=True) as progress:
+        from . import campaign
+        from . import study as studies
+
+        settled = studies.load(source)
+        if replicates is not None:
+            settled = settled.with_replicates(replicates)
+        out = out or Path("studies", settled.name)
+        if not dry_run:
+            try:
+                runs = settled.run(out, threads=threads, master=master, progress=progress)
+            except KeyboardInterrupt as stop:
+                _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
+                terminated = isinstance(stop, _Terminated)
+                raise typer.Exit(128 + signal.SIGTERM if terminated else 130) from None
+        else:
+            prepared = campaign.prepare(settled, master)
+            seconds = campaign.estimate(prepared, threads, master)
+    if dry_run:
+        typer.echo(
+            f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
+            f"runs, {prepared.steps} steps; {_duration(seconds)} on this machine; nothing was run"
+        )
+        return
+    typer.echo(_summary(runs))
+    typer.echo(f"\nwritten to {out}")
+
+
+def _say_how_to_resume(out: Path, runs: int) -> None:
+    from . import campaign
+
+    done = len(campaign.finished(out))
+    command = shlex.join(["sblcosim", *sys.argv[1:]])
+    typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"about {max(seconds, 1):.0f} s"
+    minutes = seconds / 60
+    return f"about {minutes:.0f} min" if minutes < 90 else f"about {minutes / 60:.1f} h"
+
+
+def _summary(runs: Any) -> str:
+    """What came out of a study, for each receiver over all its runs."""
+    failed = runs[runs["error"].notna()]
+    lines = [f"{len(runs)} runs, {len(failed)} failed"]
+    lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
+    suffix = ".absolute_total_rms_m"
+    for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        name = column.removesuffix(suffix)
+        lines.append(
+            f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
+            f"{runs[f'{name}.inconsistent'].mean():.0%} of them inconsistent, "
+            f"{runs[f'{name}.lost'].mean():.0%} lost"
+        )
+    return "\n".join(lines)
+
+
+@app.command()
+def replay(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    run_id: Annotated[str, typer.Argument(metavar="RUN_ID", help="From the study's table.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+    ] = False,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Do one run of a study again, with a full record."""
+    with _waiting() as progress:
+        from . import artifacts, campaign
+
+        out = out or Path("runs", re.sub(r"\W", "_", run_id))
+        artifacts.check(out)
+        result = campaign.replay(results, run_id, progress=progress)
+        folder = result.save(out, figures=not no_figures)
+    _report(result, folder, as_json)
+
+
+@app.command()
+def studies() -> None:
+    """List the studies that come with the project."""
+    from .study import load, shipped
+
+    _table([(name, load(name).title) for name in shipped()])
+
+
+@app.command()
 def scenarios() -> None:
     """List the scenarios that come with the project."""
     from .scenario import load, shipped
@@ -366,18 +495,33 @@ def _table(rows: list[tuple[str, str]]) -> None:
 
 
 @contextmanager
-def _waiting(what: str = "preparing") -> Iterator[Callable[[float], None]]:
-    """Show progress on a terminal's stderr, as soon as it takes longer than two seconds."""
+def _waiting(
+    what: str = "preparing", *, remaining: bool = False
+) -> Iterator[Callable[[float], None]]:
+    """Show progress on a terminal's stderr, as soon as it takes longer than two seconds.
+
+    Parameters
+    ----------
+    remaining
+        Show the remaining time, too.
+    """
     if not sys.stderr.isatty():
         yield lambda share: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     display = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
+        *((TimeRemainingColumn(),) if remaining else ()),
         console=Console(stderr=True),
         transient=True,
     )

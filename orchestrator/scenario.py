@@ -329,22 +329,28 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
     if name in shipped() and not os.path.isfile(path):
         path, text = Path(f"{name}.toml"), shipped_text(name)
     else:
-        text = _text(path)
+        text = read_text(path, shipped())
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(_toml_problem(str(path), error)) from None
+        raise ConfigurationError(toml_problem(str(path), error)) from None
     if tables.keys() <= {key for key in Scenario.model_fields if not _is_table(key)}:
         names = ", ".join(f"[{key}]" for key in Scenario.model_fields if _is_table(key))
         raise ConfigurationError(f"{path}: must have at least one table ({names}), got none")
     return str(path), tables, path.resolve().parent
 
 
-def _text(path: Path) -> str:
-    """Text of a scenario file."""
-    close = nearest(path.name.removesuffix(".toml"), shipped())
+def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
+    """Text of a file that somebody names, in place of one of the names that come with the project.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read.
+    """
+    close = nearest(path.name.removesuffix(".toml"), names)
     if os.path.isdir(path):
-        raise ConfigurationError(f"{path}: is a folder, not a scenario file")
+        raise ConfigurationError(f"{path}: is a folder, not a {what} file")
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -356,15 +362,14 @@ def _text(path: Path) -> str:
         if path.suffix == ".toml" or len(path.parts) > 1:
             raise ConfigurationError(f"{path}: no such file{close}") from None
         raise ConfigurationError(
-            f"scenario: must be a TOML file or one of {', '.join(shipped())}, got {str(path)!r}"
-            + close
+            f"{what}: must be a TOML file or one of {', '.join(names)}, got {str(path)!r}" + close
         ) from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         reason = getattr(error, "strerror", None) or error
         raise ConfigurationError(f"{path}: must be a file that can be read, got {reason}") from None
 
 
-def _toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
+def toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
     message = str(error)
     place = re.search(r" \(at line (\d+), column (\d+)\)$", message)
     if place is None:
@@ -433,10 +438,10 @@ def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> It
     if error["type"] == "extra_forbidden":
         yield f"{where}: {_unknown(location)}"
         return
-    requirement, choices = _requirement(error)
+    must, choices = requirement(error)
     got = error["input"]
     close = nearest(got, choices) if isinstance(got, str) else ""
-    yield f"{place}{_element(location)}: {requirement}, got {toml(got)}{close}"
+    yield f"{place}{_element(location)}: {must}, got {toml(got)}{close}"
 
 
 def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
@@ -450,7 +455,7 @@ def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
     return f"{where}: {line}"
 
 
-def _requirement(error: ErrorDetails) -> tuple[str, list[str]]:
+def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
     """What must hold, and the valid names if it is a choice."""
     context = error.get("ctx", {})
     kind = error["type"]

@@ -1,0 +1,444 @@
+"""Study files, and campaigns small enough for a unit test."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim import campaign, lanes, study
+from sblcosim.errors import BuildError, ConfigurationError, FmuError
+
+ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
+GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
+TICK = {"keys": ["time.sampling_time_s"], "levels": [0.1, 0.5]}
+
+
+def small(**changes: Any) -> study.Study:
+    """Two factors at two levels, two replicates, runs of 5 s."""
+    return study.load(
+        {
+            "name": "small",
+            "scenario": "paper-scenario-1",
+            "fixed": {"time": {"duration_s": 5.0}},
+            "replicates": 2,
+            "factors": {"arm": ARM, "tick": TICK},
+            **changes,
+        }
+    )
+
+
+@pytest.mark.parametrize("name", study.shipped())
+def test_the_shipped_studies_are_the_papers_table_3(name: str) -> None:
+    loaded = study.load(name)
+    assert loaded.base.name == loaded.scenario == name
+    assert loaded.replicates * len(loaded.plan.points) == 6400
+    levels = {factor: f.levels for factor, f in loaded.factors.items()}
+    assert levels == {
+        "baseline": (0.4, 3.0), "gps": (0.1, 3.5), "imu": (1.0, 10.0), "depth_sensor": (0.01, 0.1),
+        "range": (0.1, 1.0), "sampling_time": (0.1, 1.0), "packet_loss": (0.0, 0.25),
+    }  # fmt: skip
+    assert loaded.overrides(5)["platform.imu_tilt_std_deg"] == 10.0
+    assert loaded.overrides(5)["platform.imu_heading_std_deg"] == 10.0
+    # The first combination of levels is the scenario's own run, all but the baseline.
+    assert loaded.base.override(loaded.overrides(2)) == loaded.base
+
+
+def test_no_run_of_the_shipped_studies_shares_its_seed_with_another() -> None:
+    seeds = [
+        loaded.run_seed(point, replicate)
+        for loaded in map(study.load, study.shipped())
+        for replicate in range(1, 51)
+        for point in range(1, 129)
+    ]
+    assert len(set(seeds)) == 3 * 6400
+
+
+def test_common_seeds_are_shared_by_the_points_of_a_replicate() -> None:
+    common = small(seeding="common", seed=7)
+    assert [common.run_seed(p, 2) for p in (1, 2, 3, 4)] == [8, 8, 8, 8]
+    independent = small(seed=7)
+    assert [independent.run_seed(p, 2) for p in (1, 2, 3, 4)] == [11, 12, 13, 14]
+
+
+def test_a_study_file_names_its_scenario_relative_to_itself(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(sblcosim.load("harbour-square").dump_toml())
+    (tmp_path / "mine.toml").write_text(
+        'scenario = "own.toml"\n[fixed]\n"time.duration_s" = 7.0\n'
+        '[factors.loss]\nkeys = ["acoustics.loss_probability"]\nlevels = [0, 0.5]\n'
+    )
+    loaded = study.load(tmp_path / "mine.toml")
+    assert loaded.name == "mine"
+    assert loaded.base.time.duration_s == 7.0
+    assert loaded.base.target.trajectory == sblcosim.load("harbour-square").target.trajectory
+
+
+def test_a_sweep_holds_the_other_factors_where_the_scenario_has_them() -> None:
+    loaded = small(
+        factors={"arm": {**ARM, "levels": [0.4, 1, 2]}, "gps": GPS}, design={"kind": "sweep"}
+    )
+    assert loaded.plan.points == ((3.0, 0.1), (0.4, 0.1), (1, 0.1), (2, 0.1), (3.0, 3.5))
+
+
+PROBLEMS: list[tuple[dict[str, Any], str]] = [
+    (
+        {"factors": {"arm": {"keys": ["platform.arm_lenght_m"], "levels": [1, 2]}}},
+        r"\[factors.arm\] keys: there is no key 'platform.arm_lenght_m'; "
+        "did you mean 'platform.arm_length_m'",
+    ),
+    (
+        {"factors": {"arm": {"keys": ["arm_length_m"], "levels": [1, 2]}}},
+        "did you mean 'platform.arm_length_m'",
+    ),
+    ({"factors": {"arm": {**ARM, "levels": [1, 1.0]}}}, r"levels that differ, got 1 twice"),
+    ({"factors": {"arm": {**ARM, "levels": [1]}}}, "must have at least two levels, got 1"),
+    ({"factors": {"arm": {**ARM, "levels": [1, -1]}}}, "levels: platform.arm_length_m: must be at"),
+    ({"factors": {"arm": {**ARM, "levels": ["a", 1]}}}, "must be an array of numbers"),
+    ({"factors": {"arm": {**ARM, "keys": []}}}, "keys: must have at least one key"),
+    ({"factors": {"arm": {**ARM, "level": 1}}}, "there is no key 'level'; did you mean 'levels'"),
+    ({"factors": {"arm": ARM, "length": ARM}}, "must belong to one factor, got arm, too"),
+    ({"factors": {"error": ARM}}, "must have a name of letters"),
+    ({"factors": {"a-b": ARM}}, "must have a name of letters"),
+    ({"factors": {}}, "factors: must have at least one, got none"),
+    ({"factors": {"s": {"keys": ["target.seed"], "levels": [1, 2]}}}, "no key 'target.seed'"),
+    (
+        {"factors": {"s": {"keys": ["target.trajectory"], "levels": [1, 2]}}},
+        "levels: target.trajectory: must be ",
+    ),
+    ({"fixed": {"platform.arm_length_m": 1.0}}, "must not be among the fixed keys, too"),
+    ({"fixed": {"seed": 1}}, "fixed: must not have seed"),
+    ({"fixed": {"platform.arm_lenght_m": 1.0}}, "scenario: override platform.arm_lenght_m|no key"),
+    ({"scenario": "paper-scenario-4"}, "scenario: .* did you mean"),
+    ({"scenario": 4}, "scenario: must be a name, a file or a table, got 4"),
+    ({"replicates": 0}, "replicates: must be at least 1, got 0"),
+    ({"seeding": "same"}, "seeding: must be 'independent' or 'common'"),
+    ({"seed": 2**31 - 4}, "seed: must leave room for all runs"),
+    ({"settling_time": 1}, "there is no key 'settling_time'; did you mean 'settling_time_s'"),
+    ({"design": {"kind": "half"}}, r"\[design\] kind: must be 'full', 'fraction' or 'sweep'"),
+    ({"design": {"kind": "fraction"}}, "must have generators or a resolution"),
+    ({"design": {"resolution": 3}}, "must be 'fraction' with generators or a resolution"),
+    ({"design": {"kind": "fraction", "generators": ["B=A"]}}, "got arm aliased with tick"),
+    ({"design": {"kind": "sweep", "centre_points": 1}}, "must be 0 for a sweep"),
+    ({"design": {"centre_points": 2}, "seeding": "common"}, "must be at most 1 with seeding"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), PROBLEMS)
+def test_a_study_that_cannot_be_carried_out_is_refused_in_one_line(
+    changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        small(**changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="study: must be a TOML file or one of"):
+        study.load("nothing")
+    with pytest.raises(ConfigurationError, match=r"no such file"):
+        study.load(tmp_path / "nothing.toml")
+    (tmp_path / "bad.toml").write_text("a = 1\nb =\n")
+    with pytest.raises(ConfigurationError, match=r"bad.toml, line 2"):
+        study.load(tmp_path / "bad.toml")
+
+
+def test_the_table_has_a_row_per_run(tmp_path: Path) -> None:
+    table = small(receivers=["ekf", "multilateration"]).run(tmp_path / "out")
+    assert table["point"].tolist() == [1, 2, 3, 4] * 2
+    assert table["replicate"].tolist() == [1] * 4 + [2] * 4
+    assert sorted(table["run_order"]) == list(range(1, 9))
+    assert table["arm"].tolist() == [0.4, 3.0] * 4
+    assert table["tick"].tolist() == [0.1, 0.1, 0.5, 0.5] * 2
+    assert table["seed"].tolist() == list(range(1, 9))
+    assert table["run_id"].is_unique
+    assert table["error"].isna().all()
+    for receiver in ("ekf", "multilateration"):
+        assert np.isfinite(table[f"{receiver}.absolute_total_rms_m"]).all()
+    assert not any(name.startswith("raw.") for name in table)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "out" / "runs.parquet"), table)
+
+
+def test_a_row_is_what_the_run_gives_alone(tmp_path: Path) -> None:
+    made = small(settling_time_s=1.0)
+    table = made.run(tmp_path / "out")
+    for i in (1, 6):
+        row = table.iloc[i]
+        scenario = made.base.override({**made.overrides(int(row.point)), "seed": int(row.seed)})
+        track = sblcosim.run(scenario).estimates["ekf"]
+        error = track[track["epoch_s"] >= 1.0]["error_total_m"]
+        assert row["ekf.estimates"] == len(error)
+        assert row["ekf.absolute_total_mean_m"] == pytest.approx(error.mean(), rel=1e-12)
+
+
+def test_the_table_is_the_same_for_all_masters_and_numbers_of_threads(tmp_path: Path) -> None:
+    made = small(receivers=["ekf", "sequential"], scenario="realistic-dive", factors={
+        "arm": ARM, "tick": TICK, "loss": {"keys": ["acoustics.loss_probability"],
+                                           "levels": [0.0, 0.3]},
+    })  # fmt: skip
+    (tmp_path / "lanes").mkdir()
+    reference = made.run(tmp_path / "lanes", threads=1)
+    for threads in (2, 4):
+        again = made.run(tmp_path / f"threads {threads}", threads=threads)
+        pd.testing.assert_frame_equal(again, reference, check_exact=True)
+    bytes_ = (tmp_path / "lanes" / "runs.parquet").read_bytes()
+    for master in ("native", "python"):
+        made.run(tmp_path / master, master=master, threads=2)
+        assert (tmp_path / master / "runs.parquet").read_bytes() == bytes_, master
+
+
+def test_the_true_prior_is_that_of_each_run(tmp_path: Path) -> None:
+    """The random path starts elsewhere with each seed; every master hands the start over."""
+    made = small(scenario="paper-scenario-3", factors={"arm": ARM})
+    assert made.base.true_prior
+    tables = [made.run(tmp_path / m, master=m) for m in ("lanes", "native")]
+    pd.testing.assert_frame_equal(*tables, check_exact=True)
+    row = tables[0].iloc[3]
+    scenario = made.base.override({**made.overrides(int(row.point)), "seed": int(row.seed)})
+    expected = sblcosim.run(scenario).errors.loc["ekf", "absolute", "total"].rms_m
+    assert row["ekf.absolute_total_rms_m"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_more_replicates_leave_those_before_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = small().run(tmp_path / "out")
+    counted = counting(monkeypatch)
+    longer = small(replicates=4).run(tmp_path / "out")
+    assert sum(counted) == 8
+    pd.testing.assert_frame_equal(longer.iloc[:8], first, check_exact=True)
+    small(replicates=4).run(tmp_path / "at once")
+    assert sum(counted) == 24
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == (
+        tmp_path / "at once" / "runs.parquet"
+    ).read_bytes()
+    pd.testing.assert_frame_equal(small().run(tmp_path / "out"), first, check_exact=True)
+    assert sum(counted) == 24
+
+
+def counting(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of runs that are simulated from now on."""
+    counted: list[int] = []
+    original = campaign._simulated
+
+    def simulated(made: Any, runs: Any, *rest: Any) -> Any:
+        counted.append(len(runs))
+        return original(made, runs, *rest)
+
+    monkeypatch.setattr(campaign, "_simulated", simulated)
+    return counted
+
+
+def test_a_missing_part_is_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "BATCH", 4)
+    table = small().run(tmp_path / "out")
+    whole = (tmp_path / "out" / "runs.parquet").read_bytes()
+    parts = sorted((tmp_path / "out" / "parts").iterdir())
+    assert len(parts) == 2
+    parts[0].unlink()
+    counted = counting(monkeypatch)
+    pd.testing.assert_frame_equal(small().run(tmp_path / "out"), table, check_exact=True)
+    assert counted == [4]
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == whole
+
+
+def test_the_identity_of_a_run_is_that_of_what_is_run(tmp_path: Path) -> None:
+    ids = small().run(tmp_path / "a")["run_id"]
+    renamed = small(name="other", title="Other", factors={"x": ARM, "y": TICK})
+    assert renamed.run(tmp_path / "b")["run_id"].tolist() == ids.tolist()
+    for i, changes in enumerate((
+        {"seed": 100},
+        {"settling_time_s": 1.0},
+        {"fixed": {"time.duration_s": 5.0, "acoustics.range_std_m": 0.2}},
+        {"receivers": ["sequential"]},
+    )):
+        other = small(**changes).run(tmp_path / str(i))["run_id"]  # type: ignore[arg-type]
+        assert not set(other) & set(ids), changes
+
+
+def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    small().run(out)
+    before = sorted(p.name for p in out.rglob("*"))
+    with pytest.raises(ConfigurationError, match=r"got those of 'small' with other seed$"):
+        small(seed=5).run(out)
+    with pytest.raises(ConfigurationError, match=r"with other factors$"):
+        small(factors={"arm": ARM}).run(out)
+    with pytest.raises(ConfigurationError, match=r"with other scenario$"):
+        small(fixed={"time.duration_s": 6.0}).run(out)
+    assert sorted(p.name for p in out.rglob("*")) == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").touch()
+    with pytest.raises(ConfigurationError, match=r"got 'letter.txt' in it"):
+        small().run(tmp_path / "mine")
+    with pytest.raises(ConfigurationError, match="got a file"):
+        small().run(tmp_path / "mine" / "letter.txt")
+
+
+def test_a_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "BATCH", 4)
+    written: list[Path] = []
+    original = campaign.write_file
+
+    def full(path: Path, content: bytes) -> None:
+        if len(written) == 2:
+            raise OSError(28, "No space left on device")
+        written.append(path)
+        original(path, content)
+
+    monkeypatch.setattr(campaign, "write_file", full)
+    with pytest.raises(ConfigurationError, match="must be writable, got No space left on device"):
+        small().run(tmp_path / "out")
+    assert len(campaign.finished(tmp_path / "out")) == 4
+    monkeypatch.setattr(campaign, "write_file", original)
+    small().run(tmp_path / "out")
+    small().run(tmp_path / "other")
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == (
+        tmp_path / "other" / "runs.parquet"
+    ).read_bytes()
+
+
+def test_a_run_without_finite_estimates_is_a_row_with_its_error(tmp_path: Path) -> None:
+    made = small(
+        fixed={"time.duration_s": 5.0, "receiver.range_std_m": 0.1},
+        factors={"range": {"keys": ["acoustics.range_std_m"], "levels": [0.1, 1e300]}, "arm": ARM},
+    )
+    table = made.run(tmp_path / "out")
+    bad = table["range"] > 1
+    assert (table["error"].notna() == bad).all()
+    assert table["error"][bad].str.match(r"ekf: fmi2DoStep at 0\.\d s must succeed").all()
+    assert table.loc[bad, "ekf.absolute_total_rms_m"].isna().all()
+    assert np.isfinite(table.loc[~bad, "ekf.absolute_total_rms_m"]).all()
+    for master in ("native", "python"):
+        again = made.run(tmp_path / master, master=master)
+        pd.testing.assert_frame_equal(again, table, check_exact=True)
+
+
+def test_components_that_are_not_ours_run_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small().run(tmp_path / "lanes")
+    monkeypatch.setattr(lanes, "foreign", lambda plan: "ekf")
+    monkeypatch.setattr(campaign, "_PART", 1)
+    small().run(tmp_path / "alone", threads=2)
+    assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
+    assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (
+        tmp_path / "lanes" / "runs.parquet"
+    ).read_bytes()
+    with pytest.raises(ConfigurationError, match="ekf: must be a component of ours"):
+        small(seed=50).run(tmp_path / "refused", master="lanes")
+
+
+def test_a_run_that_fails_does_not_end_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reference = small().run(tmp_path / "reference")
+    original = lanes.execute
+
+    def execute(plan: Any, variations: Any, **rest: Any) -> Any:
+        if 3 in variations["target.seed"]:
+            raise FmuError("target: has\nfailed")
+        return original(plan, variations, **rest)
+
+    monkeypatch.setattr(lanes, "execute", execute)
+    table = small().run(tmp_path / "out")
+    assert table["error"].dropna().to_dict() == {2: "target: has failed"}
+    assert np.isnan(table["ekf.absolute_total_rms_m"][2])
+    others = [i for i in range(8) if i != 2]
+    pd.testing.assert_frame_equal(table.iloc[others], reference.iloc[others], check_exact=True)
+
+    def broken(*_: Any, **__: Any) -> Any:
+        raise BuildError("no compiler")
+
+    monkeypatch.setattr(lanes, "execute", broken)
+    with pytest.raises(BuildError):
+        small().run(tmp_path / "no compiler")
+
+
+def test_a_point_that_cannot_be_run_is_named_before_anything_runs(tmp_path: Path) -> None:
+    made = small(
+        factors={
+            "tick": TICK,
+            "receiver": {"keys": ["receiver.update_interval_s"], "levels": [0.1, 0.5]},
+        }
+    )
+    with pytest.raises(ConfigurationError, match=r"small: point 2 \(tick = 0.5, receiver = 0.1\)"):
+        made.run(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(ConfigurationError, match="settling_time_s: must be less than the length"):
+        small(settling_time_s=5.0).run(tmp_path / "out")
+    with pytest.raises(ConfigurationError, match=r"\[factors.sea\]: must change something"):
+        small(
+            factors={"sea": {"keys": ["platform.beaufort"], "levels": [2, 4]}},
+            scenario=plain_sea(),
+        ).run(tmp_path / "out")
+    seeds = {f"{name}.seed": 3 for name in ("target", "platform", "acoustics")}
+    with pytest.raises(ConfigurationError, match="seed: must be left to the study"):
+        small(fixed={"time.duration_s": 5.0, **seeds}).run(tmp_path / "out")
+    with pytest.raises(ConfigurationError, match="master: must be python or native or lanes"):
+        small().run(tmp_path / "out", master="fast")
+
+
+def plain_sea() -> dict[str, Any]:
+    """A scenario that gives all keys of the waves itself."""
+    given = sblcosim.load("paper-scenario-1").given()
+    calm = sblcosim.load("paper-scenario-1", {"platform.beaufort": 2}).platform
+    rough = sblcosim.load("paper-scenario-1", {"platform.beaufort": 4}).platform
+    changed = {k for k, v in calm.model_dump().items() if v != getattr(rough, k)} - {"beaufort"}
+    given["platform"] |= {key: getattr(calm, key) for key in changed}
+    return given
+
+
+def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:
+    made = small(fixed={"time.duration_s": 5.0, "target.seed": 9})
+    assert campaign.prepare(made).seeded == ("platform", "acoustics")
+
+
+def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
+    table = small(scenario="paper-scenario-3").run(tmp_path / "out")
+    row = table.iloc[6]
+    result = campaign.replay(tmp_path / "out", row["run_id"])
+    assert result.seeds["acoustics"] == row["seed"]
+    assert result.errors.loc["ekf", "absolute", "total"].rms_m == pytest.approx(
+        row["ekf.absolute_total_rms_m"], rel=1e-12
+    )
+    assert "acoustics.range" in "".join(result.record.columns)
+    for wrong in ("", "zz"):
+        with pytest.raises(ConfigurationError, match="none of them"):
+            campaign.replay(tmp_path / "out", wrong)
+    with pytest.raises(ConfigurationError, match="must be a folder of a study's results"):
+        campaign.replay(tmp_path, row["run_id"])
+
+
+def test_a_run_of_other_fmus_is_not_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = small().run(tmp_path / "out")
+    original = campaign._digest
+    monkeypatch.setattr(campaign, "_digest", lambda *args: original(*args)[::-1])
+    with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
+        campaign.replay(tmp_path / "out", table["run_id"][0])
+
+
+def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
+    small(title="Small one").run(tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "study.json").read_text())
+    assert content["definition"]["fmus"].keys() == {"target", "platform", "acoustics", "ekf"}
+    assert "numpy" in content["software"]
+    again = campaign.study_of(tmp_path / "out")
+    assert again.title == "Small one"
+    assert again.plan == small().plan
+    assert campaign.prepare(again).definition() == content["definition"]
+
+
+def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
+    shares: list[float] = []
+    small().run(tmp_path / "out", progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert all(0.0 <= share <= 1.0 for share in shares)
+    small().run(tmp_path / "out", progress=shares.append)  # nothing is missing
+    assert shares[-1] == 1.0
