@@ -263,13 +263,17 @@ def _c_files(names: Sequence[str]) -> dict[str, bytes]:
 
 def _fingerprint(name: str, fmi: Fmi, compiler: compilers.Compiler) -> str:
     """A name for everything an FMU is made from; reading it needs no CasADi."""
-    versions = [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
-    digest = _digest([name, fmi, compiler.command, compiler.identity, versions])
+    digest = _digest([name, fmi, compiler.command, compiler.identity, _versions()])
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):
         for file in _files(place):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:32]
+
+
+@remember
+def _versions() -> list[str]:
+    return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
 
 
 def _digest(facts: object) -> hashlib._Hash:
