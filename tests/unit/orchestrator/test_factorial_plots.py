@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from sblcosim import factorial_plots as plots
+from sblcosim import style
+from sblcosim.factorial import Factorial, analyse
+
+ALL = (
+    plots.plot_pareto, plots.plot_interactions, plots.plot_main_effects, plots.plot_residuals
+)
+
+
+def experiment(replicates: int, order: int, centre: int = 0) -> Factorial:
+    points = pd.DataFrame(list(product((1.0, 3.0), repeat=3)), columns=["gps", "arm", "loss"])
+    runs = pd.concat([points] * replicates + [points[:1] * 0 + 2.0] * centre, ignore_index=True)
+    noise = np.random.default_rng(1).normal(0, 0.3, len(runs))
+    y = 5 + 2 * runs["gps"] - runs["arm"] * runs["gps"] + noise
+    order_of_runs = np.random.default_rng(2).permutation(len(runs)) + 1
+    table = runs.assign(y=y, run_order=order_of_runs)
+    return analyse(table, ["gps", "arm", "loss"], "y", order=order, unit="m")
+
+
+@pytest.fixture(scope="module")
+def replicated() -> Factorial:
+    return experiment(3, 2)
+
+
+def test_pareto_has_the_largest_on_top_and_the_line_at_t(replicated):
+    ax = plots.plot_pareto(replicated)
+    names = [text.get_text() for text in ax.get_yticklabels()]
+    expected = replicated.effects["t"].abs().sort_values()
+    assert names == list(expected.index)
+    widths = sorted(bar.get_width() for bar in ax.patches)
+    np.testing.assert_allclose(widths, expected)
+    assert replicated.reference in [line.get_xdata()[0] for line in ax.lines]
+
+
+def test_pareto_says_how_many_it_leaves_out(replicated):
+    ax = plots.plot_pareto(replicated, most=4)
+    assert len(ax.patches) == 4
+    assert ax.get_title("left") == "Effects on y, 4 of 6"
+
+
+def test_pareto_shows_lenth_s_margins_where_nothing_is_left_over():
+    analysis = experiment(1, 3)
+    ax = plots.plot_pareto(analysis)
+    assert analysis.lenth is not None
+    assert [line.get_xdata()[0] for line in ax.lines] == [analysis.lenth.me, analysis.lenth.sme]
+    assert max(bar.get_width() for bar in ax.patches) == pytest.approx(
+        analysis.effects["effect"].abs().max()
+    )
+
+
+def test_main_effects_are_the_means_around_the_overall_mean(replicated):
+    ax = plots.plot_main_effects(replicated)
+    mean, *lines = ax.lines
+    assert mean.get_ydata()[0] == replicated.overall_mean
+    drawn = np.concatenate([line.get_ydata() for line in lines])
+    np.testing.assert_allclose(drawn, replicated.main_effects["mean"])
+
+
+def test_centre_points_are_drawn_among_the_main_effects():
+    analysis = experiment(2, 2, centre=3)
+    centre = plots.plot_main_effects(analysis).lines[-1]
+    assert centre.get_label() == "centre points"
+    expected = analysis.table.loc[analysis.table["gps"] == 2, "y"].mean()
+    np.testing.assert_allclose(centre.get_ydata(), expected)
+
+
+def test_interaction_panels_have_the_means_of_each_pair_of_levels(replicated):
+    panels = plots.plot_interactions(replicated)
+    runs = replicated.table
+    low_arm, high_arm = panels[3].lines  # second row, first column: arm's lines over gps
+    for line, arm in ((low_arm, 1.0), (high_arm, 3.0)):
+        expected = runs[runs["arm"] == arm].groupby("gps")["y"].mean()
+        np.testing.assert_allclose(line.get_ydata(), expected)
+
+
+def test_residuals_are_drawn_against_fits_and_the_stored_run_order(replicated):
+    normal, _, fits, order = plots.plot_residuals(replicated)
+    table = replicated.residuals
+    np.testing.assert_array_equal(fits.lines[-1].get_xdata(), table["fit"])
+    np.testing.assert_array_equal(order.lines[-1].get_xdata(), table["run_order"])
+    np.testing.assert_array_equal(order.lines[-1].get_ydata(), table["residual"])
+    np.testing.assert_array_equal(normal.lines[0].get_xdata(), np.sort(table["residual"]))
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("plot", ALL)
+def test_figures_are_saved_in_both_themes(replicated, plot, theme, tmp_path):
+    drawn = plot(replicated, theme=theme)
+    first = drawn[0] if isinstance(drawn, list) else drawn
+    style.save(first, tmp_path, "figure")
+    assert (tmp_path / "figure.png").stat().st_size > 5000
+    assert first.figure.get_facecolor() == pytest.approx(
+        (1, 1, 1, 1) if theme == "light" else (0x14 / 255, 0x17 / 255, 0x1A / 255, 1)
+    )
+
+
+@pytest.mark.parametrize("plot", ALL)
+def test_figures_go_into_the_place_they_are_given(replicated, plot):
+    figure = style.new_figure(8, 4)
+    left, right = figure.subplots(1, 2)
+    drawn = plot(replicated, right)
+    panels = drawn if isinstance(drawn, list) else [drawn]
+    figure.draw_without_rendering()
+    assert all(panel.figure is figure for panel in panels)
+    assert all(panel.get_position().x0 > left.get_position().x1 - 1e-9 for panel in panels)
+
+
+@pytest.mark.parametrize("plot", ALL)
+def test_figures_of_a_saturated_design_are_drawn(plot):
+    plot(experiment(1, 3))
+
+
+@pytest.mark.parametrize("plot", ALL)
+def test_figures_of_a_single_factor_are_drawn(plot):
+    runs = pd.DataFrame({"gps": [1.0, 3.0] * 4, "y": [1.0, 2, 1.1, 2.2, 0.9, 1.9, 1.2, 2.1]})
+    plot(analyse(runs, ["gps"], "y"))
+
+
+def test_pareto_lets_a_bar_without_scatter_leave_the_figure():
+    runs = pd.DataFrame(list(product((1.0, 3.0), repeat=2)) * 3, columns=["gps", "arm"])
+    analysis = analyse(runs.assign(y=runs["gps"]), ["gps", "arm"], "y")
+    assert np.isinf(analysis.effects.loc["gps", "t"])
+    ax = plots.plot_pareto(analysis)
+    arm, gps = sorted(bar.get_width() for bar in ax.patches)[-2:]
+    assert arm == 0
+    assert gps > 0
+    ax.figure.draw_without_rendering()
