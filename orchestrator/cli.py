@@ -370,6 +370,53 @@ def replay(
 
 
 @app.command()
+def analyse(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    response: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
+    ] = None,
+    receiver: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
+    ] = None,
+    order: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+    ] = None,
+    transform: Annotated[
+        str,
+        typer.Option(
+            metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
+        ),
+    ] = "none",
+    practical: Annotated[
+        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-analysis]."),
+    ] = None,
+) -> None:
+    """Say which factor of a study matters: effects, their tests and the paper's four pictures."""
+    with _waiting("analysing"):
+        from typing import get_args
+
+        from . import analysis, artifacts, factorial
+
+        known = get_args(factorial.Transform)
+        if transform not in known:
+            raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
+        out = out or results.with_name(f"{results.resolve().name}-analysis")
+        artifacts.check(out)
+        found = analysis.of_study(
+            results, response or analysis.RESPONSE, receiver=receiver, order=order,
+            transform=transform, practical=practical,  # type: ignore[arg-type]
+        )
+        folder = analysis.save(found, out)
+    typer.echo(found)
+    typer.echo(f"\nwritten to {folder}")
+
+
+@app.command()
 def studies() -> None:
     """List the studies that come with the project."""
     from .study import load, shipped
