@@ -11,7 +11,7 @@ from typing import get_args
 from xml.sax.saxutils import quoteattr
 
 import pytest
-from sblcosim.fmus import factory
+from sblcosim.fmus import compiler, factory
 from sblcosim.fmus.archive import (
     TERMINALS,
     contents,
@@ -337,10 +337,14 @@ def test_a_binary_that_does_not_load_is_an_error_on_demand(tmp_path: Path) -> No
         assert complaints(report) == {"binary": f"error: does not load: {reason}"}
 
 
+def compiled(code: bytes) -> bytes:
+    """A shared library of some C code."""
+    return factory.compile_shared({"x.c": code}, [factory.Unit("x.c")], compiler.find())
+
+
 def test_a_library_that_is_no_fmu_is_told_so(tmp_path: Path) -> None:
     code = b"int nothing(void);int nothing(void){return 0;}"
-    library = factory.library("nothing", {"nothing.c": code})
-    files = dict.fromkeys(binary(2), library.read_bytes())
+    files = dict.fromkeys(binary(2), compiled(code))
     write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
     report = check_receiver(tmp_path / "r.fmu", load=True)
     assert complaints(report) == {
@@ -350,7 +354,7 @@ def test_a_library_that_is_no_fmu_is_told_so(tmp_path: Path) -> None:
 
 def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None:
     code = b"#include <signal.h>\n__attribute__((constructor)) static void f(void){raise(SIGSEGV);}"
-    files = dict.fromkeys(binary(2), factory.library("crash", {"crash.c": code}).read_bytes())
+    files = dict.fromkeys(binary(2), compiled(code))
     write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
     report = check_receiver(tmp_path / "r.fmu", load=True)
     assert complaints(report) == {"binary": "error: does not load: it crashed (SIGSEGV)"}
