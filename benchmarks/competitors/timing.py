@@ -6,11 +6,9 @@ import statistics
 import time
 
 import numpy_study
-from check_statistics import octave_runs
+from check_statistics import LOW, octave_runs
 
-SAMPLING_TIME = 0.1
-LOW = {"baseline": 3.0, "gps_std": 0.1, "imu_std": 0.0174533, "depth_std": 0.01,
-       "range_std": 0.1, "loss": 0.25, "sampling_time": SAMPLING_TIME}
+SAMPLING_TIME = float(LOW["sampling_time"])
 
 
 def numpy_ns_per_step(quick: bool = False) -> float:

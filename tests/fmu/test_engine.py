@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from sblcosim.fmus import compiler
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component
 
-from .engine import Array, Engine, model
+from .engine import Array, Engine
 
 STEP = 100_000_000
 RUNS, STEPS = 8, 60
@@ -175,11 +174,6 @@ def test_compiled_functions_agree_with_casadi(
     assert worst < 1e-12
 
 
-def test_zig_is_tried_where_it_is_installed() -> None:
-    assert compiler.zig() is not None or shutil.which("gcc") is not None
-
-
 def test_every_component_has_its_noise_counted_apart() -> None:
     numbers = [component.number for component in COMPONENTS.values()]
     assert len(set(numbers)) == len(numbers)
-    assert model("target").draws
