@@ -1,0 +1,191 @@
+"""What all commands share: the application, options, errors as lines, progress."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ..errors import SblcosimError
+
+PATIENCE = 2.0
+"""Seconds after which a command shows what it is doing."""
+
+
+class Group(TyperGroup):
+    """Turns our exceptions into a line per problem and an exit code, our warnings into a line."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            with warnings.catch_warnings(), _terminable():
+                warnings.showwarning = _show_warning
+                return super().invoke(ctx)
+        except SblcosimError as error:
+            for line in str(error).splitlines():
+                typer.echo(f"error: {line}", err=True)
+            raise typer.Exit(2) from None
+        except MemoryError:
+            typer.echo(
+                "error: the memory of this machine must be enough, got too large a run; make it "
+                "shorter or the sampling time longer",
+                err=True,
+            )
+            raise typer.Exit(2) from None
+        except Terminated:
+            typer.echo("terminated; nothing was written", err=True)
+            raise typer.Exit(128 + signal.SIGTERM) from None
+        except KeyboardInterrupt:
+            typer.echo("interrupted; nothing was written", err=True)
+            raise typer.Exit(130) from None
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody has asked the process to end."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command as Ctrl-C does: what is half written is removed."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    typer.echo(f"warning: {message}", err=True)
+
+
+app = typer.Typer(
+    cls=Group,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Co-simulation of a short-baseline acoustic positioning system for divers.",
+)
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="TOML file, or a name from 'sblcosim scenarios'.")
+]
+ReceiverOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--receiver",
+        metavar="NAME|FILE.fmu",
+        help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key, e.g. platform.arm_length_m=0.4."
+    ),
+]
+FmiOption = Annotated[
+    int | None, typer.Option("--fmi", min=2, max=3, help="FMI version of our components.")
+]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from .. import __version__
+
+        typer.echo(f"sblcosim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
+    return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
+
+
+def report(result: Any, folder: Path, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
+    else:
+        typer.echo(f"{result}\n\nwritten to {folder}")
+
+
+def table(rows: list[tuple[str, str]]) -> None:
+    width = max(len(first) for first, _ in rows)
+    for first, second in rows:
+        typer.echo(f"{first:{width}}  {second}")
+
+
+@contextmanager
+def waiting(
+    what: str = "preparing", *, remaining: bool = False
+) -> Iterator[Callable[[float], None]]:
+    """Show progress on a terminal's stderr, as soon as it takes longer than two seconds.
+
+    Parameters
+    ----------
+    remaining
+        Show the remaining time, too.
+    """
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    display = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        *((TimeRemainingColumn(),) if remaining else ()),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = display.add_task(what, total=None)
+    timer = threading.Timer(PATIENCE, display.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield lambda share: display.update(
+            task,
+            total=1.0,
+            completed=share,
+            description="simulating" if share < 1.0 else "writing",
+        )
+    finally:
+        timer.cancel()
+        timer.join()  # it may be starting the display just now
+        display.stop()

@@ -1,0 +1,63 @@
+"""Commands for FMUs: build ours, check anybody's."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import ConfigurationError
+from .base import app, waiting
+
+
+@app.command()
+def build(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
+    ] = None,
+    fmi: Annotated[
+        int | None, typer.Option("--fmi", min=2, max=3, help="FMI version; none: both.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
+        Path("fmus")
+    ),
+) -> None:
+    """Build our components as FMUs.
+
+    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu.
+    """
+    from sblcosim.fmus.factory import build as build_fmu
+    from sblcosim.models import COMPONENTS
+
+    with waiting("building"):
+        built = [
+            (build_fmu(name, version), out / f"fmi{version}" / f"{name}.fmu")
+            for version in ((2, 3) if fmi is None else (fmi,))
+            for name in (names or COMPONENTS)
+        ]
+        for cached, path in built:
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(cached, path)
+            except OSError as error:
+                raise ConfigurationError(
+                    f"{path}: must be writable, got {error.strerror}"
+                ) from None
+    for _, path in built:
+        typer.echo(str(path))
+
+
+@app.command()
+def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)]) -> None:
+    """Say whether an FMU can be a receiver.
+
+    Lists its variables against the contract and loads it; the exit code is 1 if either fails.
+    """
+    from sblcosim.fmus.check import check_receiver
+
+    report = check_receiver(file, load=True)
+    typer.echo(str(report))
+    if not report.ok:
+        raise typer.Exit(1)

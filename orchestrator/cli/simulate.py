@@ -1,0 +1,189 @@
+"""Commands for scenarios: simulate, look, begin a new one, calibrate."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import ConfigurationError
+from .base import (
+    FmiOption,
+    ReceiverOption,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    app,
+    overrides,
+    report,
+    table,
+    waiting,
+)
+
+
+@app.command()
+def run(
+    scenario: ScenarioArgument,
+    receiver: ReceiverOption = None,
+    set_: SetOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/NAME]."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+    ] = False,
+    fmi: FmiOption = None,
+    seed: SeedOption = None,
+    master: Annotated[
+        str | None,
+        typer.Option(
+            "--master",
+            metavar="native|python|lanes",
+            help="What runs it [default: native if it can].",
+        ),
+    ] = None,
+    step_timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--step-timeout", help="Seconds until an FMU that hangs is given up [default: 60]."
+        ),
+    ] = None,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Simulate a scenario and write its results.
+
+    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    """
+    with waiting() as progress:
+        from .. import api, artifacts
+        from ..scenario import load
+
+        settled = load(scenario, overrides(set_, seed))
+        out = out or Path("runs", settled.name)
+        artifacts.check(out)
+        result = api.run(
+            settled,
+            receiver or (),
+            fmi=fmi,
+            master=master,
+            step_timeout=step_timeout,
+            progress=progress,
+        )
+        folder = result.save(out, figures=not no_figures)
+    report(result, folder, as_json)
+
+
+@app.command()
+def plan(
+    scenario: ScenarioArgument,
+    receiver: ReceiverOption = None,
+    set_: SetOption = None,
+    fmi: FmiOption = None,
+    seed: SeedOption = None,
+) -> None:
+    """Print what would run, and how it is connected."""
+    with waiting():
+        from ..plan import check_size, resolve
+        from ..scenario import load
+        from ..wiring import connect
+
+        settled = load(scenario, overrides(set_, seed))
+        resolved = resolve(connect(settled, receiver or (), fmi))
+        check_size(resolved)
+    typer.echo(str(resolved))
+
+
+@app.command()
+def calibrate(
+    sound_speed: Annotated[float, typer.Option(help="True speed of sound in m/s.")] = 1530.0,
+    assumed_sound_speed: Annotated[
+        float, typer.Option(help="Speed with which ranges are formed, in m/s.")
+    ] = 1500.0,
+    range_std: Annotated[float, typer.Option(help="Noise of a range in m.")] = 0.1,
+    distance: Annotated[float, typer.Option(help="Known distance in m.")] = 10.0,
+    distance_std: Annotated[float, typer.Option(help="Its standard uncertainty in m.")] = 0.0,
+    clock_offset: Annotated[float, typer.Option(help="Receiver's clock error in s.")] = 0.0,
+    pings: Annotated[int, typer.Option(help="Pings per distance.")] = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
+    fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version.")] = 2,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = (
+        Path("runs", "calibration")
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else.")] = False,
+) -> None:
+    """Calibrate the speed of sound and test the ranges.
+
+    As in the paper's section 2.3: the speed of sound from a known distance, and ranges at 0 to
+    100 m in steps of 5 m against the truth, through the Acoustics FMU.
+    """
+    with waiting("calibrating"):
+        from .. import artifacts
+        from ..calibrate import calibrate as measure
+
+        artifacts.check(out)
+        result = measure(
+            sound_speed=sound_speed,
+            assumed_sound_speed=assumed_sound_speed,
+            range_std=range_std,
+            distance=distance,
+            distance_std=distance_std,
+            clock_offset=clock_offset,
+            pings=pings,
+            seed=seed,
+            fmi=3 if fmi == 3 else 2,
+        )
+        folder = result.save(out)
+    report(result, folder, as_json)
+
+
+@app.command()
+def scenarios() -> None:
+    """List the scenarios that come with the project."""
+    from ..scenario import load, shipped
+
+    table([(name, load(name).title) for name in shipped()])
+
+
+@app.command()
+def receivers() -> None:
+    """List the receivers that can be chosen by name."""
+    from sblcosim.models import RECEIVERS
+
+    table([(name, component.description) for name, component in RECEIVERS.items()])
+    typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+
+
+@app.command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="SCENARIO", help="Begin with the keys of this scenario."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+) -> None:
+    """Write a scenario file to begin with."""
+    from ..starter import starter
+
+    if not re.match(r"\w", file.name):
+        raise ConfigurationError(
+            f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
+        )
+    if file.suffix != ".toml":
+        file = file.with_name(f"{file.name}.toml")
+    text = starter(file.stem, source)
+    try:
+        with file.open("w" if force else "x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{file}: must not exist yet, got an existing file; --force replaces it"
+        ) from None
+    except OSError as error:
+        raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
+    command = shlex.join(["sblcosim", "run", str(file)])
+    typer.echo(f"written to {file}; simulate it with: {command}")

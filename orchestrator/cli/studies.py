@@ -1,0 +1,193 @@
+"""Commands for studies: carry out, replay, analyse."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import ConfigurationError
+from .base import Terminated, app, report, table, waiting
+
+
+@app.command()
+def study(
+    source: Annotated[
+        str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results; what is there already is not run again "
+            "[default: studies/NAME].",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, help="Threads [default: all cores].")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would run, and how long; write nothing.")
+    ] = False,
+    master: Annotated[
+        str | None,
+        typer.Option(
+            "--master",
+            metavar="native|python|lanes",
+            help="What runs it [default: lanes if it can].",
+        ),
+    ] = None,
+) -> None:
+    """Run a factorial study, or what is missing of it.
+
+    The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    """
+    with waiting(remaining=True) as progress:
+        from .. import campaign
+        from .. import study as studies
+
+        settled = studies.load(source)
+        if replicates is not None:
+            settled = settled.with_replicates(replicates)
+        out = out or Path("studies", settled.name)
+        if not dry_run:
+            try:
+                runs = settled.run(out, threads=threads, master=master, progress=progress)
+            except KeyboardInterrupt as stop:
+                _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
+                terminated = isinstance(stop, Terminated)
+                raise typer.Exit(128 + signal.SIGTERM if terminated else 130) from None
+        else:
+            prepared = campaign.prepare(settled, master)
+            seconds = campaign.estimate(prepared, threads, master)
+    if dry_run:
+        typer.echo(
+            f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
+            f"runs, {prepared.steps} steps; {_duration(seconds)} on this machine; nothing was run"
+        )
+        return
+    typer.echo(_summary(runs))
+    typer.echo(f"\nwritten to {out}")
+
+
+def _say_how_to_resume(out: Path, runs: int) -> None:
+    from .. import campaign
+
+    done = len(campaign.finished(out))
+    command = shlex.join(["sblcosim", *sys.argv[1:]])
+    typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"about {max(seconds, 1):.0f} s"
+    minutes = seconds / 60
+    return f"about {minutes:.0f} min" if minutes < 90 else f"about {minutes / 60:.1f} h"
+
+
+def _summary(runs: Any) -> str:
+    """What came out of a study, for each receiver over all its runs."""
+    failed = runs[runs["error"].notna()]
+    lines = [f"{len(runs)} runs, {len(failed)} failed"]
+    lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
+    suffix = ".absolute_total_rms_m"
+    for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        name = column.removesuffix(suffix)
+        lines.append(
+            f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
+            f"{runs[f'{name}.inconsistent'].mean():.0%} of them inconsistent, "
+            f"{runs[f'{name}.lost'].mean():.0%} lost"
+        )
+    return "\n".join(lines)
+
+
+@app.command()
+def replay(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    run_id: Annotated[str, typer.Argument(metavar="RUN_ID", help="From the study's table.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+    ] = False,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Do one run of a study again, with a full record."""
+    with waiting() as progress:
+        from .. import artifacts, campaign
+
+        out = out or Path("runs", re.sub(r"\W", "_", run_id))
+        artifacts.check(out)
+        result = campaign.replay(results, run_id, progress=progress)
+        folder = result.save(out, figures=not no_figures)
+    report(result, folder, as_json)
+
+
+@app.command()
+def analyse(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    response: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
+    ] = None,
+    receiver: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
+    ] = None,
+    order: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+    ] = None,
+    transform: Annotated[
+        str,
+        typer.Option(
+            metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
+        ),
+    ] = "none",
+    practical: Annotated[
+        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-analysis]."),
+    ] = None,
+) -> None:
+    """Say which factor of a study matters: effects, their tests and the paper's four pictures."""
+    with waiting("analysing"):
+        from typing import get_args
+
+        from .. import analysis, artifacts, factorial
+
+        known = get_args(factorial.Transform)
+        if transform not in known:
+            raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
+        out = out or results.with_name(f"{results.resolve().name}-analysis")
+        artifacts.check(out)
+        found = analysis.of_study(
+            results,
+            response or analysis.RESPONSE,
+            receiver=receiver,
+            order=order,
+            transform=transform,
+            practical=practical,  # type: ignore[arg-type]
+        )
+        folder = analysis.save(found, out)
+    typer.echo(found)
+    typer.echo(f"\nwritten to {folder}")
+
+
+@app.command()
+def studies() -> None:
+    """List the studies that come with the project."""
+    from ..study import load, shipped
+
+    table([(name, load(name).title) for name in shipped()])
