@@ -12,6 +12,7 @@ __all__ = [
     "SblcosimError",
     "instance",
     "nearest",
+    "one_line",
 ]
 
 
@@ -20,6 +21,11 @@ def instance(value: object) -> str:
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return repr(value)
     return f"an instance of {type(value).__qualname__}"
+
+
+def one_line(error: BaseException) -> str:
+    """What an exception says, without line breaks."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 class ConfigurationError(SblcosimError):

@@ -25,6 +25,8 @@ from .scenario import load as load_scenario
 from .tables import SEED, Table, nanoseconds, toml
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import pandas as pd
 
 RESERVED = ("point", "replicate", "run_order", "seed", "error", "run_id", "centre")
@@ -178,14 +180,19 @@ class Study(Table):
         self,
         out: str | Path,
         *,
-        threads: int | None = None,
+        workers: int | None = None,
+        executor: str | Executor = "threads",
+        scheduler: str | None = None,
         master: str | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> pd.DataFrame:
         """Do what is missing of the campaign in a folder; see `sblcosim.campaign.run`."""
         from .campaign import run
 
-        return run(self, out, threads=threads, master=master, progress=progress)
+        return run(
+            self, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
+            progress=progress,
+        )
 
 
 @cache

@@ -32,8 +32,17 @@ def study(
     replicates: Annotated[
         int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, help="Threads [default: all cores].")
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+    ] = None,
+    executor: Annotated[
+        str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
+    ] = "threads",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it instead."
+        ),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would run, and how long; write nothing.")
@@ -61,14 +70,21 @@ def study(
         out = out or Path("studies", settled.name)
         if not dry_run:
             try:
-                runs = settled.run(out, threads=threads, master=master, progress=progress)
+                runs = settled.run(
+                    out,
+                    workers=workers,
+                    executor=executor,
+                    scheduler=scheduler,
+                    master=master,
+                    progress=progress,
+                )
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
                 terminated = isinstance(stop, Terminated)
                 raise typer.Exit(128 + signal.SIGTERM if terminated else 130) from None
         else:
             prepared = campaign.prepare(settled, master)
-            seconds = campaign.estimate(prepared, threads, master)
+            seconds = campaign.estimate(prepared, workers, master)
     if dry_run:
         typer.echo(
             f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
@@ -177,8 +193,8 @@ def analyse(
             response or analysis.RESPONSE,
             receiver=receiver,
             order=order,
-            transform=transform,
-            practical=practical,  # type: ignore[arg-type]
+            transform=transform,  # type: ignore[arg-type]
+            practical=practical,
         )
         folder = analysis.save(found, out)
     typer.echo(found)

@@ -53,7 +53,7 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a campaign that nobody disturbed."""
     folder = tmp_path_factory.mktemp("whole")
-    code, out, err = finish(command(folder, "study", "gps.toml", "--threads", "1"))
+    code, out, err = finish(command(folder, "study", "gps.toml", "--workers", "1"))
     assert (code, err) == (0, "")
     assert f"{RUNS} runs, 0 failed" in out
     return folder / "studies" / "gps"

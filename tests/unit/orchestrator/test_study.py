@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import campaign, lanes, study
+from sblcosim import campaign, executors, lanes, points, store, study
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -180,13 +180,13 @@ def test_the_table_is_the_same_for_all_masters_and_numbers_of_threads(tmp_path: 
                                            "levels": [0.0, 0.3]},
     })  # fmt: skip
     (tmp_path / "lanes").mkdir()
-    reference = made.run(tmp_path / "lanes", threads=1)
-    for threads in (2, 4):
-        again = made.run(tmp_path / f"threads {threads}", threads=threads)
+    reference = made.run(tmp_path / "lanes", workers=1)
+    for workers in (2, 4):
+        again = made.run(tmp_path / f"workers {workers}", workers=workers)
         pd.testing.assert_frame_equal(again, reference, check_exact=True)
     bytes_ = (tmp_path / "lanes" / "runs.parquet").read_bytes()
     for master in ("native", "python"):
-        made.run(tmp_path / master, master=master, threads=2)
+        made.run(tmp_path / master, master=master, workers=2)
         assert (tmp_path / master / "runs.parquet").read_bytes() == bytes_, master
 
 
@@ -222,13 +222,13 @@ def test_more_replicates_leave_those_before_as_they_are(
 def counting(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of runs that are simulated from now on."""
     counted: list[int] = []
-    original = campaign._simulated
+    original = executors.simulate
 
     def simulated(made: Any, runs: Any, *rest: Any) -> Any:
         counted.append(len(runs))
         return original(made, runs, *rest)
 
-    monkeypatch.setattr(campaign, "_simulated", simulated)
+    monkeypatch.setattr(executors, "simulate", simulated)
     return counted
 
 
@@ -281,7 +281,7 @@ def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
 def test_a_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign, "BATCH", 4)
     written: list[Path] = []
-    original = campaign.write_file
+    original = store.write_file
 
     def full(path: Path, content: bytes) -> None:
         if len(written) == 2:
@@ -289,11 +289,11 @@ def test_a_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.Mon
         written.append(path)
         original(path, content)
 
-    monkeypatch.setattr(campaign, "write_file", full)
+    monkeypatch.setattr(store, "write_file", full)
     with pytest.raises(ConfigurationError, match="must be writable, got No space left on device"):
         small().run(tmp_path / "out")
     assert len(campaign.finished(tmp_path / "out")) == 4
-    monkeypatch.setattr(campaign, "write_file", original)
+    monkeypatch.setattr(store, "write_file", original)
     small().run(tmp_path / "out")
     small().run(tmp_path / "other")
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == (
@@ -323,7 +323,7 @@ def test_components_that_are_not_ours_run_one_by_one(
     small().run(tmp_path / "lanes")
     monkeypatch.setattr(lanes, "foreign", lambda plan: "ekf")
     monkeypatch.setattr(campaign, "_PART", 1)
-    small().run(tmp_path / "alone", threads=2)
+    small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
     assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (
         tmp_path / "lanes" / "runs.parquet"
@@ -417,8 +417,8 @@ def test_a_run_of_other_fmus_is_not_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = small().run(tmp_path / "out")
-    original = campaign._digest
-    monkeypatch.setattr(campaign, "_digest", lambda *args: original(*args)[::-1])
+    original = points.digest_of
+    monkeypatch.setattr(campaign, "digest_of", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
         campaign.replay(tmp_path / "out", table["run_id"][0])
 

@@ -1,0 +1,244 @@
+"""A campaign gives the same table wherever its runs are simulated."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from distributed import LocalCluster
+from sblcosim import campaign, executors, study
+from sblcosim.errors import ConfigurationError
+
+MADE = {
+    "name": "wide",
+    "scenario": "paper-scenario-3",
+    "fixed": {"time": {"duration_s": 10.0}},
+    "receivers": ["ekf", "sequential"],
+    "replicates": 5,
+    "factors": {
+        "arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]},
+        "gps": {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]},
+        "tick": {"keys": ["time.sampling_time_s"], "levels": [0.1, 0.5]},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    out = tmp_path_factory.mktemp("reference")
+    table = study.load(MADE).run(out, workers=1)
+    assert len(table) == 40
+    assert table["error"].isna().all()
+    return (out / "runs.parquet").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    with LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as made:
+        yield made
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize("executor", ["threads", "processes"])
+def test_threads_and_processes_give_the_same_table(
+    tmp_path: Path, reference: bytes, executor: str, workers: int
+) -> None:
+    study.load(MADE).run(tmp_path / "out", executor=executor, workers=workers)
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+
+
+@pytest.mark.parametrize("master", ["native", "python"])
+def test_the_other_masters_give_the_same_table_in_processes(
+    tmp_path: Path, reference: bytes, master: str
+) -> None:
+    study.load(MADE).run(tmp_path / "out", executor="processes", workers=2, master=master)
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+
+
+def test_any_executor_of_the_standard_library_will_do(tmp_path: Path, reference: bytes) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        study.load(MADE).run(tmp_path / "out", executor=pool)
+        assert pool.submit(int, "7").result() == 7  # it is left open
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_a_dask_cluster_gives_the_same_table(
+    tmp_path: Path, reference: bytes, workers: int
+) -> None:
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as made:
+        study.load(MADE).run(tmp_path / "out", scheduler=made.scheduler_address)
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+
+
+def test_workers_of_a_cluster_get_the_fmus_over_the_wire(tmp_path: Path, reference: bytes) -> None:
+    """A worker with a cache of its own, that has never seen an FMU and may not build one."""
+    drivers = executors.cache()
+    own = tmp_path / "cache"
+    own.mkdir()
+    for path in drivers.iterdir():  # the C drivers are the worker's own
+        if path.is_dir() and not list(path.glob("**/*.fmu")):
+            (own / path.name).symlink_to(path)
+    no_models = (
+        "import sys; sys.modules['casadi'] = None\n"
+        "from distributed.cli.dask_worker import main\n"
+        "if __name__ == '__main__': main()\n"
+    )
+    (tmp_path / "worker.py").write_text(no_models)
+    with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as made:
+        worker = subprocess.Popen(
+            [sys.executable, "worker.py", made.scheduler_address, "--nthreads", "2", "--no-nanny",
+             "--no-dashboard"],
+            cwd=tmp_path,
+            env={**os.environ, "SBLCOSIM_CACHE": str(own)},
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+        try:
+            study.load(MADE).run(tmp_path / "out", scheduler=made.scheduler_address)
+        finally:
+            worker.terminate()
+            worker.communicate(timeout=60)
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+    received = {p.name for p in (own / "received").glob("*/*.fmu")}
+    assert received == {
+        "target.fmu", "platform.fmu", "acoustics.fmu", "ekf.fmu", "sequential.fmu",
+    }  # fmt: skip
+
+
+def test_a_worker_that_is_killed_costs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cluster: LocalCluster
+) -> None:
+    made = study.load({**MADE, "replicates": 60})
+    made.run(tmp_path / "alone")
+    monkeypatch.setattr(campaign, "BATCH", 8)
+    killed: list[int] = []
+
+    def kill(share: float) -> None:
+        if share > 0.2 and not killed:
+            worker = next(iter(cluster.workers.values()))
+            killed.append(worker.pid)
+            os.kill(worker.pid, signal.SIGKILL)
+
+    table = made.run(tmp_path / "out", scheduler=cluster.scheduler_address, progress=kill)
+    assert killed
+    assert table["error"].isna().all()
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == (
+        tmp_path / "alone" / "runs.parquet"
+    ).read_bytes()
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
+    script = (
+        "import os, signal, multiprocessing\n"
+        "from sblcosim import study\n"
+        "def kill(share):\n"
+        "    print(*[p.pid for p in multiprocessing.active_children()], flush=True)\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+        "if __name__ == '__main__':\n"
+        "    made = study.load('paper-scenario-1')\n"
+        "    made.run('out', executor='processes', workers=2, progress=kill)\n"
+    )
+    (tmp_path / "script.py").write_text(script)
+    ended = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == -signal.SIGKILL
+    children = [int(pid) for pid in ended.stdout.split()]
+    assert len(children) == 2
+    until = time.monotonic() + 30
+    while time.monotonic() < until and any(map(_lives, children)):
+        time.sleep(0.05)
+    assert not any(map(_lives, children))
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+
+
+def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reference: bytes
+) -> None:
+    monkeypatch.setattr(campaign, "BATCH", 8)
+    import multiprocessing
+
+    def kill(share: float) -> None:
+        if share > 0.3:
+            for child in multiprocessing.active_children():
+                child.kill()
+
+    with pytest.raises(ConfigurationError, match=r"workers: must live until their runs are done"):
+        study.load(MADE).run(tmp_path / "out", executor="processes", workers=2, progress=kill)
+    kept = campaign.table(tmp_path / "out")
+    assert 0 < len(kept) < 40
+    assert (kept["point"].value_counts() == len(kept) / 8).all()  # balanced
+    study.load(MADE).run(tmp_path / "out")
+    assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
+
+
+def test_bad_workers_get_one_line_and_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executors, "PATIENCE", 1)
+    made = study.load(MADE)
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"scheduler": "tcp://127.0.0.1:1"}, r"that answers, got 'tcp://127.0.0.1:1'"),
+        ({"scheduler": "nothing://"}, r"that answers, got 'nothing://' \(unknown address scheme"),
+        ({"executor": "proceses"}, r"got 'proceses'; did you mean 'processes'\?"),
+        ({"executor": "processes", "scheduler": "tcp://127.0.0.1:1"}, "must not be given with"),
+    ]
+    with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
+        wrong.append(({"scheduler": empty.scheduler_address}, "must have workers, got none"))
+        for arguments, message in wrong:
+            with pytest.raises(ConfigurationError, match=message) as caught:
+                made.run(tmp_path / "out", **arguments)
+            assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    parcel = executors.pack(campaign.prepare(study.load(MADE)))
+    monkeypatch.setattr("sblcosim.__version__", "0.0")
+    with pytest.raises(ConfigurationError, match=r"workers: must have sblcosim .*, got 0\.0"):
+        executors.unpack(parcel)
+
+
+def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sblcosim", "study", "paper-scenario-1", "--executor", "processes"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    parts = tmp_path / "studies" / "paper-scenario-1" / "parts"
+    until = time.monotonic() + 60
+    while time.monotonic() < until and not (parts.is_dir() and list(parts.glob("*.parquet"))):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.startswith("interrupted; ")
+    assert err.count("\n") == 1
+
+
+def test_the_table_of_a_part_is_that_of_its_pieces(tmp_path: Path) -> None:
+    study.load(MADE).run(tmp_path / "one", workers=1)
+    study.load(MADE).run(tmp_path / "two", executor="processes", workers=2)
+    parts = [sorted((tmp_path / n / "parts").iterdir()) for n in ("one", "two")]
+    assert [p.name for p in parts[0]] == [p.name for p in parts[1]]
+    for one, two in zip(*parts, strict=True):
+        pd.testing.assert_frame_equal(pd.read_parquet(one), pd.read_parquet(two), check_exact=True)
