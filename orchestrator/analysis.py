@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from . import artifacts, campaign, factorial_plots, style
+from .advice import Advice, advise
 from .errors import ConfigurationError, nearest
 from .factorial import Factorial, Transform, analyse
+from .scenario import read_text, toml_problem
+from .study import Study
 
 RESPONSE = "absolute_total_rms_m"
 """The paper's: RMS of the total error."""
@@ -36,6 +44,21 @@ def of_study(
         There are no runs, no such receiver or response, or the design cannot be analysed so.
     """
     study, table = campaign.study_of(results), campaign.table(results)
+    column = column_of(table, response, receiver)
+    return analyse(
+        table, list(study.factors), column, order=order, transform=transform,
+        practical=practical, seeding=study.seeding, unit=unit_of(response),
+    )
+
+
+def column_of(table: pd.DataFrame, response: str, receiver: str | None = None) -> str:
+    """The column of a response in a table of runs, see `of_study`.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such receiver or response.
+    """
     responses = [c for c in table.columns if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
     chosen = receivers[0] if receiver is None else receiver
@@ -49,10 +72,84 @@ def of_study(
             f"response: must be one of {', '.join(known)}, got {response!r}"
             f"{nearest(response, known)}"
         )
-    return analyse(
-        table, list(study.factors), f"{chosen}.{response}", order=order, transform=transform,
-        practical=practical, seeding=study.seeding, unit="m" if response.endswith("_m") else "",
+    return f"{chosen}.{response}"
+
+
+def unit_of(response: str) -> str:
+    """Unit of a response, from its name."""
+    return "m" if response.endswith("_m") else ""
+
+
+def advice_on_study(
+    results: str | Path,
+    costs: str | Path | Mapping[str, Sequence[float]],
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    limit: float | None = None,
+    percentile: float | None = None,
+    confidence: float = 0.95,
+) -> Advice:
+    """Which design is the cheapest that is good enough; see `sblcosim.advice.advise`.
+
+    Parameters
+    ----------
+    costs
+        By factor: the cost of each of its levels, in the order of the study; a TOML file
+        (``gps = [900, 40]``) or a mapping.
+
+    Raises
+    ------
+    ConfigurationError
+        As `of_study`; or the costs do not fit the study.
+    """
+    study, table = campaign.study_of(results), campaign.table(results)
+    where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
+    prices = {}
+    for name, values in given.items():
+        if name not in study.factors:
+            raise ConfigurationError(
+                f"{where}: must be costs of factors of the study, got {name!r}"
+                f"{nearest(str(name), study.factors)}"
+            )
+        levels = study.factors[name].levels
+        if not isinstance(values, Sequence) or isinstance(values, str):
+            raise ConfigurationError(f"{where}: {name}: must be an array of costs, got {values!r}")
+        if len(values) != len(levels):
+            raise ConfigurationError(
+                f"{where}: {name}: must have a cost for each of the levels "
+                f"{', '.join(f'{x:g}' for x in levels)}, got {len(values)}"
+            )
+        for value in values:
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ConfigurationError(f"{where}: {name}: must be numbers, got {value!r}")
+        prices[name] = dict(zip(levels, values, strict=True))
+    points = table[~table["point"].isin(_centre(study))]
+    return advise(
+        points, list(study.factors), column_of(table, response, receiver), prices, limit=limit,
+        percentile=percentile, confidence=confidence, unit=unit_of(response),
     )
+
+
+def _centre(study: Study) -> list[int]:
+    """Points that have none of the levels."""
+    return [number for number, centre in enumerate(study.plan.centre, 1) if centre]
+
+
+def _read(path: Path) -> tuple[str, dict[str, Any]]:
+    try:
+        return str(path), tomllib.loads(read_text(path, (), "costs"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(toml_problem(str(path), error)) from None
+
+
+def save_advice(advice: Advice, directory: str | Path, theme: style.ThemeName = "light") -> Path:
+    """Write the table of points, the figure of cost and accuracy, and a manifest."""
+    about = {"advice": {"response": advice.response, "limit": advice.limit}}
+    with artifacts.folder(directory, about) as folder:
+        artifacts.write_table(advice.points, folder, "points")
+        style.save(factorial_plots.plot_front(advice, theme=theme), folder, "front")
+    return Path(directory)
 
 
 def save(

@@ -202,6 +202,58 @@ def analyse(
 
 
 @app.command()
+def advise(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    costs: Annotated[
+        Path,
+        typer.Option(
+            "--costs",
+            metavar="FILE.toml",
+            help="Cost of each level of a factor, in the study's order: gps = [900, 40].",
+        ),
+    ],
+    limit: Annotated[
+        float | None, typer.Option("--limit", help="Largest error that will do.")
+    ] = None,
+    percentile: Annotated[
+        float | None,
+        typer.Option("--percentile", help="So many percent of the runs [default: their mean]."),
+    ] = None,
+    confidence: Annotated[
+        float, typer.Option("--confidence", help="That the advised design is good enough.")
+    ] = 0.95,
+    response: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
+    ] = None,
+    receiver: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-advice].")
+    ] = None,
+) -> None:
+    """Find the cheapest design of a study that is good enough."""
+    with waiting("weighing"):
+        from .. import analysis, artifacts
+
+        out = out or results.with_name(f"{results.resolve().name}-advice")
+        artifacts.check(out)
+        found = analysis.advice_on_study(
+            results,
+            costs,
+            response or analysis.RESPONSE,
+            receiver=receiver,
+            limit=limit,
+            percentile=percentile,
+            confidence=confidence,
+        )
+        folder = analysis.save_advice(found, out)
+    typer.echo(found)
+    typer.echo(f"\nwritten to {folder}")
+
+
+@app.command()
 def studies() -> None:
     """List the studies that come with the project."""
     from ..study import load, shipped

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from sblcosim import analysis
+from sblcosim import analysis, campaign
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from typer.testing import CliRunner
@@ -64,3 +64,52 @@ def test_unknown_names_are_answered_with_the_valid_ones(results: Path) -> None:
         analysis.of_study(results, receiver="efk")
     done = CliRunner().invoke(app, ["analyse", str(results), "--transform", "cube"])
     assert done.exit_code == 2
+
+
+def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None:
+    """A dear GPS is bought when the limit asks for it, and not otherwise."""
+    costs = results.parent / "costs.toml"
+    costs.write_text("gps = [900, 40]  # of 0.1 and 3.5 m\ndepth = [30, 10]\n")
+    table = campaign.table(results)
+    means = table.groupby("gps")["ekf.absolute_total_rms_m"].max()
+    assert means[0.1] < means[3.5]
+    chosen = {}
+    for name, limit in (("strict", 5 * means[0.1]), ("loose", 50 * means[3.5])):
+        out = results.parent / name
+        done = CliRunner().invoke(
+            app, ["advise", str(results), "--costs", str(costs), "--limit", str(limit),
+                  "--out", str(out)],
+        )  # fmt: skip
+        assert done.exit_code == 0, done.output
+        assert done.output.startswith("The cheapest point with a mean of ")
+        assert {p.name for p in out.iterdir()} >= {"front.svg", "front.png", "points.csv"}
+        points = pd.read_parquet(out / "points.parquet")
+        chosen[name] = points[points["meets"]].iloc[0]
+    assert (chosen["strict"]["gps"], chosen["strict"]["cost"]) == (0.1, 910)
+    assert (chosen["loose"]["gps"], chosen["loose"]["cost"]) == (3.5, 50)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gsp = [1, 2]", "must be costs of factors of the study, got 'gsp'; did you mean 'gps'?"),
+        ("gps = [1]", "gps: must have a cost for each of the levels 0.1, 3.5, got 1"),
+        ("gps = 3", "gps: must be an array of costs, got 3"),
+        ("gps = [1, 'a']", "gps: must be numbers, got 'a'"),
+        ("gps = [1, ", "must be TOML: "),
+        (None, "no such file"),
+    ],
+)
+def test_costs_that_do_not_fit_are_refused_in_one_line(
+    results: Path, tmp_path: Path, text: str | None, message: str
+) -> None:
+    costs = tmp_path / "costs.toml"
+    if text is not None:
+        costs.write_text(text)
+    done = CliRunner().invoke(
+        app, ["advise", str(results), "--costs", str(costs), "--out", str(tmp_path / "out")]
+    )
+    assert done.exit_code == 2
+    assert message in done.output
+    assert done.output.count("\n") == 1
+    assert not (tmp_path / "out").exists()
