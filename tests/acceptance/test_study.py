@@ -147,6 +147,44 @@ def test_a_run_of_a_campaign_can_be_replayed(tmp_path: Path, whole: Path) -> Non
     assert (tmp_path / "again" / "record.parquet").exists()
 
 
+def mounts() -> bool:
+    """Whether this machine lets us mount a small file system of our own."""
+    ask = ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]
+    try:
+        return subprocess.run(ask, capture_output=True, check=False).returncode == 0
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not mounts(), reason="needs a file system of its own")
+def test_a_disk_that_is_full_ends_it_in_one_line_and_what_is_done_stays(
+    tmp_path: Path, whole: Path
+) -> None:
+    out = tmp_path / "studies"
+    out.mkdir()
+    (tmp_path / "gps.toml").write_text(STUDY)
+    script = (
+        f"mount -t tmpfs -o size=256k tmpfs {out} || exit 99\n"
+        f"{sys.executable} -c '{COMMAND}' study gps.toml; code=$?\n"
+        f"ls -A {out}/gps/parts | grep -v parquet$ >&2\n"  # nothing half-written
+        f"mkdir {tmp_path}/kept && cp -r {out}/gps {tmp_path}/kept/\n"
+        "exit $code\n"
+    )
+    ended = subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", script],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "must be writable, got No space left on device; runs that are finished" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    kept = tmp_path / "kept" / "gps"
+    done = [p.name for p in (kept / "parts").iterdir()]
+    assert done
+    code, _, err = finish(command(tmp_path, "study", "gps.toml", "--out", "kept/gps"))
+    assert (code, err) == (0, "")
+    assert (kept / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+
+
 def test_bad_input_gets_one_line(tmp_path: Path, whole: Path) -> None:
     shutil.copytree(whole, tmp_path / "results")
     for arguments, message in (

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import campaign, executors, lanes, points, store, study
+from sblcosim import campaign, executors, lanes, points, study
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -276,29 +276,6 @@ def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
         small().run(tmp_path / "mine")
     with pytest.raises(ConfigurationError, match="got a file"):
         small().run(tmp_path / "mine" / "letter.txt")
-
-
-def test_a_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "BATCH", 4)
-    written: list[Path] = []
-    original = store.write_file
-
-    def full(path: Path, content: bytes) -> None:
-        if len(written) == 2:
-            raise OSError(28, "No space left on device")
-        written.append(path)
-        original(path, content)
-
-    monkeypatch.setattr(store, "write_file", full)
-    with pytest.raises(ConfigurationError, match="must be writable, got No space left on device"):
-        small().run(tmp_path / "out")
-    assert len(campaign.finished(tmp_path / "out")) == 4
-    monkeypatch.setattr(store, "write_file", original)
-    small().run(tmp_path / "out")
-    small().run(tmp_path / "other")
-    assert (tmp_path / "out" / "runs.parquet").read_bytes() == (
-        tmp_path / "other" / "runs.parquet"
-    ).read_bytes()
 
 
 def test_a_run_without_finite_estimates_is_a_row_with_its_error(tmp_path: Path) -> None:
