@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from sblcosim.study import load
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md"))]
@@ -44,3 +45,18 @@ def test_code_in_the_readme_runs(
         folder.mkdir(parents=True)
         (folder / "target.fmu").write_bytes(build("target", 2).read_bytes())
     exec(compile(code, f"README block {number}", "exec"), {"__name__": "__main__"})
+
+
+def test_the_study_of_the_readme_can_be_run(tmp_path: Path) -> None:
+    readme = (ROOT / "README.md").read_text()
+    text = readme.partition("<!-- study -->\n```toml\n")[2].partition("```")[0]
+    (tmp_path / "my-study.toml").write_text(text)
+    study = load(tmp_path / "my-study.toml")
+    assert len(study.plan.points) == 8
+    for design in (
+        {"kind": "fraction", "generators": ["C=AB"]},
+        {"kind": "fraction", "resolution": 3},
+        {"kind": "full", "centre_points": 5},
+    ):
+        tables = study.model_dump(exclude_unset=True) | {"design": design}
+        assert len(load(tables).plan.points) in (4, 13)
