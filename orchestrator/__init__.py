@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import analysis, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .result import Result
@@ -22,8 +23,10 @@ __all__ = [
     "SblcosimError",
     "Scenario",
     "__version__",
+    "analysis",
     "load",
     "run",
+    "study",
 ]
 
 _HOMES = {
@@ -35,6 +38,7 @@ _HOMES = {
     "load": "scenario",
     "run": "api",
 }
+_MODULES = ("analysis", "study")
 
 
 def __getattr__(name: str) -> Any:
@@ -43,9 +47,11 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("sblcosim")
-    if name in _HOMES:
-        from importlib import import_module
+    from importlib import import_module
 
+    if name in _MODULES:
+        return import_module(f".{name}", __name__)
+    if name in _HOMES:
         return getattr(import_module(f".{_HOMES[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
