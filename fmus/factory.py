@@ -11,7 +11,7 @@ import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache as remember
 from importlib import metadata, resources
 from importlib.resources.abc import Traversable
@@ -26,6 +26,7 @@ from .errors import BuildError, nearest
 from .files import write_file
 
 if TYPE_CHECKING:
+    from ..models.declaration import Component
     from ..models.equations import Model
     from .description import Fmi
 
@@ -37,7 +38,7 @@ _LANES = ("lanes.h", "lanes.c", "dispatch.c")
 _HEADERS = ("engine.h", "elementary.h", "instance.h", "noise.h", "philox.h", "real.h")
 
 
-def build(name: str, fmi: Fmi = 2) -> Path:
+def build(name: str, fmi: Fmi = 2, baked: Component | None = None) -> Path:
     """Return the FMU of a component for this machine; it is built if it has changed.
 
     Parameters
@@ -46,6 +47,9 @@ def build(name: str, fmi: Fmi = 2) -> Path:
         A key of `sblcosim.models.COMPONENTS`.
     fmi
         Version of the standard, 2 or 3.
+    baked
+        The component's declaration with start values and a default experiment of one's own. Such
+        an FMU is for other tools: it has no engine for many simulations.
 
     Returns
     -------
@@ -65,26 +69,33 @@ def build(name: str, fmi: Fmi = 2) -> Path:
     if fmi not in _SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
     compiler = compilers.find()
-    path = cache() / _fingerprint(name, fmi, compiler) / f"{name}.fmu"
+    path = cache() / _fingerprint(name, fmi, compiler, baked) / f"{name}.fmu"
     if not os.path.isfile(path):
         _make_folder(path)
-        write(path, name, fmi, compiler)
+        write(path, name, fmi, compiler, baked)
     return path
 
 
-def write(path: Path, name: str, fmi: Fmi, compiler: compilers.Compiler) -> None:
+def write(
+    path: Path,
+    name: str,
+    fmi: Fmi,
+    compiler: compilers.Compiler,
+    baked: Component | None = None,
+) -> None:
     """Build the FMU of a component; equal sources and compiler give equal bytes."""
     # CasADi and the XML are loaded only when something has to be built.
     from ..models.equations import load
     from .archive import contents, platform_folder, this_machine, write_fmu
 
     model = load(name)
+    if baked is not None:
+        model = replace(model, component=baked)
     sources = _sources(model, fmi)
     token = _token(model, sources, fmi)
     sources["tables.h"] = _tables(model, token)
-    binary = compile_shared(
-        sources, [Unit(_SHELLS[fmi])], compiler, _lane_objects(name, compiler)
-    )
+    lanes = _lane_objects(name, compiler) if baked is None else ()
+    binary = compile_shared(sources, [Unit(_SHELLS[fmi])], compiler, lanes)
     folder = platform_folder(*this_machine(), fmi)
     files = contents(model, fmi, token, sources, {folder: binary})
     with _caching():
@@ -261,9 +272,11 @@ def _c_files(names: Sequence[str]) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in names}
 
 
-def _fingerprint(name: str, fmi: Fmi, compiler: compilers.Compiler) -> str:
+def _fingerprint(
+    name: str, fmi: Fmi, compiler: compilers.Compiler, baked: Component | None = None
+) -> str:
     """A name for everything an FMU is made from; reading it needs no CasADi."""
-    digest = _digest([name, fmi, compiler.command, compiler.identity, _versions()])
+    digest = _digest([name, fmi, compiler.command, compiler.identity, _versions(), repr(baked)])
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):
         for file in _files(place):

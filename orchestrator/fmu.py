@@ -95,6 +95,8 @@ class Port:
         Per element, row by row; ``start`` is None if the FMU gives none.
     references
         Value references: one for an array of FMI 3, one per element for scalars.
+    variables
+        Names of the FMU's variables, one per reference.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Port:
     min: tuple[float, ...] = ()
     max: tuple[float, ...] = ()
     references: tuple[int, ...] = ()
+    variables: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -283,6 +286,7 @@ def _port(variable: ModelVariable, fmi: int) -> Port:
         min=bounds("min", -math.inf),
         max=bounds("max", math.inf),
         references=(variable.valueReference,),
+        variables=(variable.name,),
     )
 
 
@@ -317,6 +321,7 @@ def _array(base: str, members: Sequence[Port]) -> Port | None:
         min=tuple(port.min[0] for port in ordered),
         max=tuple(port.max[0] for port in ordered),
         references=tuple(port.references[0] for port in ordered),
+        variables=tuple(port.name for port in ordered),
     )
 
 

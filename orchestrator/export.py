@@ -1,0 +1,492 @@
+"""A scenario as one file for other tools: an SSP package, or a single FMU.
+
+What is in a package is what other tools take (tried with FMPy, libcosim, ecos and fmucontainer):
+connections from component to component only, one parameter set per component with the short names
+of its variables, all FMUs inside, and the step sizes as annotations of OMSimulator and of the Open
+Simulation Platform. Connectors and units are those of the FMUs' model descriptions.
+
+Some tools do not look at parameter sets. For them the FMUs can be *baked*: built with the
+scenario's numbers as start values.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, cast
+from xml.etree import ElementTree as ET
+
+from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_model_description
+from sblcosim.fmus.archive import write_fmu
+from sblcosim.fmus.description import PACKAGE
+from sblcosim.fmus.factory import build
+from sblcosim.fmus.files import write_file
+from sblcosim.models import COMPONENTS
+from sblcosim.models.declaration import Number
+
+from .errors import ConfigurationError
+from .fmu import Fmu, Port
+from .plan import Plan, PlannedComponent, resolve
+from .scenario import Overrides, Receivers, Scenario, Source, load
+from .system import SECOND, System
+from .wiring import RAW, connect
+
+Version = Literal[1, 2]
+"""Major version of the SSP standard."""
+
+PARAMETER_SET = "scenario"
+"""Name of every parameter set: tools apply the sets of one name."""
+TOOLBOX = "fmu-manipulation-toolbox"
+
+_NAMESPACES = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A component of the package: what was planned, its FMU file, and its description."""
+
+    planned: PlannedComponent
+    fmu: Path
+    description: ModelDescription
+
+    @property
+    def name(self) -> str:
+        return self.planned.name
+
+
+def export_ssp(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    path: str | Path | None = None,
+    receiver: Receivers = (),
+    overrides: Overrides = (),
+    *,
+    components: Mapping[str, Source] | None = None,
+    version: Version = 1,
+    bake: bool = False,
+) -> Path:
+    """Write a scenario as an SSP package.
+
+    Parameters
+    ----------
+    path
+        The file; None: ``NAME.ssp`` in the current folder. A file that is there is replaced.
+    scenario, receiver, overrides, components
+        As in `sblcosim.run`. The raw fix is left out unless it is asked for.
+    version
+        1: SSP 1.0, FMI 2, scalars. 2: SSP 2.0, FMI 3, arrays.
+    bake
+        Build the FMUs with the scenario's numbers as start values, for tools that do not look at
+        parameter sets. Needs a C compiler.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ConfigurationError
+        Something in the scenario or the arguments is wrong, or the scenario cannot be exported: a
+        component in Python, an FMU of the wrong version, a foreign FMU to be baked. Nothing is
+        written then.
+    FmuError
+        An FMU cannot be built or read.
+    """
+    if version not in (1, 2):
+        raise ConfigurationError(f"ssp: must be 1 or 2, got {version!r}")
+    settled = load(scenario, overrides)
+    plan = _plan(settled, receiver, components, version + 1, f"SSP {version}.0")
+    parts = _parts(plan, bake)
+    document = ET.Element(
+        "ssd:SystemStructureDescription",
+        {
+            **{f"xmlns:{prefix}": uri for prefix, uri in _NAMESPACES.items()},
+            "name": settled.name,
+            "version": f"{version}.0",
+            "generationTool": PACKAGE,
+        },
+    )
+    if settled.title:
+        document.set("description", settled.title)
+    units = _units(parts)
+    _system(document, plan, parts, units, version)
+    if units:
+        group = ET.SubElement(document, "ssd:Units")
+        for name, unit in units.items():
+            element = ET.SubElement(group, "ssc:Unit", {"name": name})
+            ET.SubElement(element, "ssc:BaseUnit", _base(unit))
+    _experiment(document, plan)
+    files = {"SystemStructure.ssd": _document(document)}
+    for part in parts:
+        files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
+        if part.planned.settings:
+            files[f"resources/{part.name}.ssv"] = _document(_parameter_set(part, version))
+    return _written(Path(path or f"{settled.name}.ssp"), lambda file: write_fmu(file, files))
+
+
+def export_fmu(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    path: str | Path | None = None,
+    receiver: Receivers = (),
+    overrides: Overrides = (),
+    *,
+    components: Mapping[str, Source] | None = None,
+) -> Path:
+    """Write a scenario as a single FMU (FMI 2) that holds all others.
+
+    Its variables are the outputs of the components, ``component.variable`` (local ones where they
+    are connected inside); it has no inputs and no parameters: the FMUs inside are baked.
+
+    Parameters
+    ----------
+    path
+        The file; None: ``NAME.fmu`` in the current folder. A file that is there is replaced.
+    scenario, receiver, overrides, components
+        As in `export_ssp`.
+
+    Raises
+    ------
+    ConfigurationError
+        As `export_ssp`; or the package ``fmu-manipulation-toolbox`` is not installed.
+    FmuError
+        An FMU cannot be built or read.
+    """
+    if find_spec("fmu_manipulation_toolbox") is None:
+        raise ConfigurationError(
+            f"export fmu: must have the package {TOOLBOX}, got none; pip install {TOOLBOX}"
+        )
+    from fmu_manipulation_toolbox.assembly import Assembly, AssemblyError, AssemblyNode
+    from fmu_manipulation_toolbox.container import FMUContainerError
+
+    settled = load(scenario, overrides)
+    plan = _plan(settled, receiver, components, 2, "a single FMU")
+    parts = _parts(plan, bake=True)
+    links = list(_links(plan))
+    linked = {source for source, _ in links}
+    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+        folder = Path(name)
+        # The name of the file becomes an identifier in C.
+        whole = AssemblyNode(
+            re.sub(r"\W", "_", settled.name) + ".fmu",
+            step_size=_step(plan) / SECOND,
+            auto_link=False,
+            auto_input=False,
+            auto_output=False,
+        )
+        for part in parts:
+            (folder / f"{part.name}.fmu").write_bytes(part.fmu.read_bytes())
+            whole.add_fmu(f"{part.name}.fmu")
+            for variable in _outputs(part):
+                if (part.name, variable.name) in linked:
+                    continue  # it becomes a local variable of the same name
+                whole.add_output(f"{part.name}.fmu", variable.name, f"{part.name}.{variable.name}")
+        for (source, output), (target, input_) in links:
+            whole.add_link(f"{source}.fmu", output, f"{target}.fmu", input_)
+        assembly = Assembly(fmu_directory=folder)
+        assembly.root = whole
+        try:
+            assembly.make_fmu()
+        except (AssemblyError, FMUContainerError) as error:
+            raise ConfigurationError(
+                f"export fmu: {TOOLBOX} must take all components, got: {error.reason}"
+            ) from error
+        content = (folder / whole.name).read_bytes()
+    return _written(Path(path or f"{settled.name}.fmu"), lambda file: write_file(file, content))
+
+
+def _plan(
+    scenario: Scenario,
+    receiver: Receivers,
+    components: Mapping[str, Source] | None,
+    fmi: int,
+    what: str,
+) -> Plan:
+    """What is to be exported, known to consist of FMUs of one version."""
+    plan = resolve(_without_raw(connect(scenario, receiver, fmi, components), receiver))
+    for component in plan.components:
+        if not isinstance(component.source, Fmu):
+            raise ConfigurationError(
+                f"{component.name}: must be an FMU to be exported, got the Python component "
+                f"{component.origin}"
+            )
+        if component.source.fmi != fmi:
+            raise ConfigurationError(
+                f"{component.name}: must be FMI {fmi} for {what}, got FMI {component.source.fmi} "
+                f"({component.source.path})"
+            )
+    return plan
+
+
+def _without_raw(system: System, receiver: Receivers) -> System:
+    """The system without the raw fix that runs along for comparison."""
+    if isinstance(receiver, Mapping) and RAW in receiver:
+        return system
+    return replace(
+        system,
+        components={name: spec for name, spec in system.components.items() if name != RAW},
+        connections=tuple(c for c in system.connections if not c.target.startswith(f"{RAW}.")),
+    )
+
+
+def _parts(plan: Plan, bake: bool) -> list[_Part]:
+    parts = []
+    for component in plan.components:
+        source = cast(Fmu, component.source)
+        path = _baked(component, source, plan) if bake else source.path
+        parts.append(_Part(component, path, read_model_description(str(path), validate=False)))
+    return parts
+
+
+def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
+    """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
+    name, fmi = source.path.stem, cast(Literal[2, 3], source.fmi)
+    if name not in COMPONENTS or source.path != build(name, fmi):
+        for setting in component.settings:
+            if setting.port.start != setting.values:
+                raise ConfigurationError(
+                    f"{component.name}: cannot be baked, as it is somebody else's FMU; its "
+                    f"{setting.port.name} must start as {_words(setting.port, setting.values)}, "
+                    f"got {_words(setting.port, setting.port.start or ())}"
+                )
+        return source.path
+    values = {s.port.name: s.values for s in component.settings}
+    declared = COMPONENTS[name]
+    return build(
+        name,
+        fmi,
+        replace(
+            declared,
+            variables=tuple(
+                replace(v, start=values[v.name] if v.shape else values[v.name][0])
+                if v.name in values
+                else v
+                for v in declared
+            ),
+            step_size=component.interval_ns / SECOND,
+            stop_time=plan.stop_ns / SECOND,
+        ),
+    )
+
+
+def _links(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
+    """(component, variable) at both ends of every connection, variable by variable of the FMUs."""
+    by_name = {c.name: c for c in plan.components}
+    for target in plan.components:
+        for write in target.writes:
+            for port, connection in zip(write.ports, write.connections, strict=True):
+                source, _, variable = connection.source.partition(".")
+                outputs = by_name[source].ports[variable].variables
+                if len(outputs) != len(port.variables):
+                    raise ConfigurationError(
+                        f"{connection.target}: must be an array of FMI 3 to be exported, got "
+                        f"{len(port.variables)} scalars"
+                    )
+                for output, input_ in zip(outputs, port.variables, strict=True):
+                    yield (source, output), (target.name, input_)
+
+
+def _step(plan: Plan) -> int:
+    """The longest step in ns that divides all communication intervals."""
+    return math.gcd(*(c.interval_ns for c in plan.components))
+
+
+def _outputs(part: _Part) -> list[ModelVariable]:
+    """The numbers and switches among the outputs: libcosim, for one, drops enumerations."""
+    return [
+        v
+        for v in part.description.modelVariables
+        if v.causality == "output" and v.type not in ("Enumeration", "String", "Binary", "Clock")
+    ]
+
+
+def _connectors(part: _Part, connected: set[tuple[str, str]]) -> list[ModelVariable]:
+    """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
+    inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
+    return [*inputs, *_outputs(part)]
+
+
+# --- The system structure description -------------------------------------------------------------
+
+
+def _system(
+    document: ET.Element,
+    plan: Plan,
+    parts: list[_Part],
+    units: Mapping[str, Unit],
+    version: Version,
+) -> None:
+    system = ET.SubElement(document, "ssd:System", {"name": "system"})
+    elements = ET.SubElement(system, "ssd:Elements")
+    links = list(_links(plan))
+    connected = {target for _, target in links}
+    for part in parts:
+        component = ET.SubElement(
+            elements,
+            "ssd:Component",
+            {
+                "name": part.name,
+                "type": "application/x-fmu-sharedlibrary",
+                "source": f"resources/{part.name}.fmu",
+                "implementation": "CoSimulation",
+            },
+        )
+        if part.description.description:
+            component.set("description", part.description.description)
+        connectors = ET.SubElement(component, "ssd:Connectors")
+        for variable in _connectors(part, connected):
+            _connector(connectors, variable, part, units, version)
+        if part.planned.settings:
+            bindings = ET.SubElement(component, "ssd:ParameterBindings")
+            ET.SubElement(
+                bindings, "ssd:ParameterBinding", {"source": f"resources/{part.name}.ssv"}
+            )
+        hint = _annotation(component, "com.opensimulationplatform")
+        ET.SubElement(hint, "osp:StepSizeHint", {"value": _seconds(part.planned.interval_ns)})
+    connections = ET.SubElement(system, "ssd:Connections")
+    for (source, output), (target, input_) in links:
+        ET.SubElement(
+            connections,
+            "ssd:Connection",
+            {
+                "startElement": source,
+                "startConnector": output,
+                "endElement": target,
+                "endConnector": input_,
+            },
+        )
+    annotations = ET.SubElement(_annotation(system, "org.openmodelica"), "oms:Annotations")
+    ET.SubElement(
+        ET.SubElement(annotations, "oms:SimulationInformation"),
+        "oms:FixedStepMaster",
+        {
+            "description": "oms-ma",
+            "stepSize": _seconds(_step(plan)),
+            "absoluteTolerance": "0.0001",
+            "relativeTolerance": "0.0001",
+        },
+    )
+
+
+def _connector(
+    parent: ET.Element,
+    variable: ModelVariable,
+    part: _Part,
+    units: Mapping[str, Unit],
+    version: Version,
+) -> None:
+    connector = ET.SubElement(
+        parent, "ssd:Connector", {"name": variable.name, "kind": variable.causality}
+    )
+    kind = ET.SubElement(connector, f"ssc:{variable.type}")
+    unit = _unit(variable)
+    # A name that stands for something else in another FMU is left to the model description.
+    if unit is not None and _base(units[unit]) == _base(_defined(part)[unit]):
+        kind.set("unit", unit)
+    if version == 2:
+        for size in variable.shape or ():
+            ET.SubElement(connector, "ssc:Dimension", {"size": str(size)})
+
+
+def _experiment(document: ET.Element, plan: Plan) -> None:
+    experiment = ET.SubElement(
+        document,
+        "ssd:DefaultExperiment",
+        {"startTime": _seconds(plan.start_ns), "stopTime": _seconds(plan.stop_ns)},
+    )
+    annotation = _annotation(experiment, "com.opensimulationplatform")
+    ET.SubElement(
+        ET.SubElement(annotation, "osp:Algorithm"),
+        "osp:FixedStepAlgorithm",
+        {"baseStepSize": _seconds(_step(plan))},
+    )
+
+
+def _parameter_set(part: _Part, version: Version) -> ET.Element:
+    root = ET.Element(
+        "ssv:ParameterSet",
+        {
+            **{f"xmlns:{prefix}": _NAMESPACES[prefix] for prefix in ("ssv", "ssc")},
+            "version": f"{version}.0",
+            "name": PARAMETER_SET,
+        },
+    )
+    group = ET.SubElement(root, "ssv:Parameters")
+    types = {v.name: v.type for v in part.description.modelVariables}
+    for setting in part.planned.settings:
+        names = setting.port.variables
+        size = len(setting.values) // len(names)
+        for i, name in enumerate(names):
+            values = setting.values[i * size : (i + 1) * size]
+            ET.SubElement(
+                ET.SubElement(group, "ssv:Parameter", {"name": name}),
+                f"ssv:{types[name]}",
+                {"value": _words(setting.port, values)},
+            )
+    return root
+
+
+def _annotation(parent: ET.Element, kind: str) -> ET.Element:
+    group = ET.SubElement(parent, "ssd:Annotations")
+    return ET.SubElement(group, "ssc:Annotation", {"type": kind})
+
+
+def _units(parts: list[_Part]) -> dict[str, Unit]:
+    """Definition of every unit that a connector has, the first one if there are several."""
+    units: dict[str, Unit] = {}
+    for part in parts:
+        used = {_unit(v) for v in part.description.modelVariables}
+        for name, unit in _defined(part).items():
+            if name in used:
+                units.setdefault(name, unit)
+    return units
+
+
+def _defined(part: _Part) -> dict[str, Unit]:
+    return {unit.name: unit for unit in part.description.unitDefinitions}
+
+
+def _unit(variable: ModelVariable) -> str | None:
+    return variable.unit or getattr(variable.declaredType, "unit", None)
+
+
+def _base(unit: Unit) -> dict[str, str]:
+    """Exponents, factor and offset of a unit, as far as they are not the defaults."""
+    exponents = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+    defaults = {**dict.fromkeys(exponents, 0), "factor": 1.0, "offset": 0.0}
+    given = {key: getattr(unit.baseUnit, key, default) for key, default in defaults.items()}
+    return {key: str(value) for key, value in given.items() if value != defaults[key]}
+
+
+def _words(port: Port, values: tuple[Number, ...]) -> str:
+    """Values as XML has them; reading a number gives the same number."""
+    if port.type == "Boolean":
+        return " ".join("true" if value else "false" for value in values)
+    return " ".join(map(repr, values))
+
+
+def _seconds(time_ns: int) -> str:
+    return repr(time_ns / SECOND)
+
+
+def _document(root: ET.Element) -> bytes:
+    ET.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root) + b"\n"
+
+
+def _written(path: Path, write: Callable[[Path], None]) -> Path:
+    try:
+        write(path)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: must be writable, got {error.strerror}") from None
+    return path
