@@ -1,0 +1,36 @@
+"""Build the receiver in C as an FMU for this machine.
+
+    pip install fmpy                (it brings the FMI headers); and a C compiler, cc
+    python examples/receiver_in_c/build.py receiver.fmu
+    sblcosim check receiver.fmu
+    sblcosim run paper-scenario-1 --receiver ekf --receiver receiver.fmu
+"""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+try:
+    import fmpy
+except ImportError:
+    sys.exit("this example needs FMPy: pip install fmpy")
+
+HERE = Path(__file__).parent
+
+
+def build(fmu):
+    """Write the FMU to the file `fmu`."""
+    headers = Path(fmpy.__file__).parent / "c-code"
+    with TemporaryDirectory() as folder:
+        library = Path(folder, f"receiver{fmpy.sharedLibraryExtension}")
+        command = ["cc", "-shared", "-fPIC", "-O2", f"-I{headers}", HERE / "receiver.c", "-lm"]
+        subprocess.run([*command, "-o", library], check=True)
+        with zipfile.ZipFile(fmu, "w") as archive:
+            archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
+            archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+
+
+if __name__ == "__main__":
+    build(sys.argv[1])
