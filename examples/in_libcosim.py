@@ -33,9 +33,7 @@ def estimates(package):
         observer = CosimObserver.create_last_value()
         execution.add_observer(observer)
         ekf = execution.slave_index_from_instance_name("ekf")
-        references = {
-            variable.name.decode(): variable.reference for variable in execution.slave_variables(ekf)
-        }
+        references = {v.name.decode(): v.reference for v in execution.slave_variables(ekf)}
         names = ("epoch", "position[1]", "position[2]", "position[3]")
         found, count = [], 0
         for _ in range(round(stop / step)):

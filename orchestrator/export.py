@@ -273,7 +273,7 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
                 else v
                 for v in declared
             ),
-            step_size=component.interval_ns / SECOND,
+            step_size=_step(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
             stop_time=plan.stop_ns / SECOND,
         ),
     )

@@ -1,0 +1,150 @@
+"""The same scenario in independent tools: the same sequence of (epoch, estimate), to 1e-12.
+
+The tools run by the scripts in ``examples/``, as a user would start them.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import sblcosim
+from numpy.typing import NDArray
+from sblcosim.export import export_fmu, export_ssp
+from sblcosim.masters import MASTERS, execute
+from sblcosim.plan import resolve
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SCENARIOS = {
+    "the paper's": ("paper-scenario-1", {"time.duration_s": 40.0}),
+    # Packets are lost, and the receiver is updated less often than the rest is stepped.
+    "another": (
+        {
+            "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 40.0},
+            "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0},
+            "acoustics": {"loss_probability": 0.2, "outlier_probability": 0.05},
+            "receiver": {"prior": "true"},
+        },
+        {},
+    ),
+}
+TOOLS = {
+    "FMPy, a loop of one's own": ("in_fmpy.py", "baked.ssp"),
+    "FMPy's SSP": ("in_fmpy_ssp.py", "baked.ssp"),
+    "libcosim": ("in_libcosim.py", "plain.ssp"),
+    "ecos": ("in_ecos.py", "plain.ssp"),
+    "libcosim, baked": ("in_libcosim.py", "baked.ssp"),
+    "ecos, baked": ("in_ecos.py", "baked.ssp"),
+    "fmucontainer in FMPy": ("in_container.py", "whole.fmu"),
+}
+
+
+def start(script: str, *arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, EXAMPLES / script, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=os.environ | environment,
+        check=False,
+    )
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Folder with a scenario's packages, by the scenario's name here."""
+    folders: dict[str, Path] = {}
+
+    def folder(name: str) -> Path:
+        if name not in folders:
+            scenario, overrides = SCENARIOS[name]
+            made = folders[name] = tmp_path_factory.mktemp("packages")
+            export_ssp(scenario, made / "plain.ssp", overrides=overrides)
+            export_ssp(scenario, made / "baked.ssp", overrides=overrides, bake=True)
+            export_fmu(scenario, made / "whole.fmu", overrides=overrides)
+        return folders[name]
+
+    return folder
+
+
+def ours(name: str, master: str) -> NDArray[np.float64]:
+    """Epoch and position of each estimate."""
+    scenario, overrides = SCENARIOS[name]
+    record = execute(resolve(sblcosim.load(scenario, overrides).system()), master=master)
+    found = record.estimates("ekf")
+    return np.column_stack([found.epoch_ns / 1e9, found.position])
+
+
+def same(one: NDArray[np.float64], other: NDArray[np.float64]) -> None:
+    # Masters differ by a step in when they show an estimate.
+    assert abs(len(one) - len(other)) <= 2
+    n = min(len(one), len(other))
+    assert n > 150
+    np.testing.assert_allclose(one[:n], other[:n], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("tool", TOOLS)
+def test_every_tool_gives_our_estimates(
+    tool: str, scenario: str, packages: Callable[[str], Path]
+) -> None:
+    script, package = TOOLS[tool]
+    done = start(script, packages(scenario) / package)
+    if "libtbb.so" in done.stderr:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stderr
+    rows = [[float(word) for word in line.split()] for line in done.stdout.splitlines()]
+    reference = ours(scenario, "python")
+    same(np.array(rows), reference)
+    for master in set(MASTERS) - {"python"}:
+        np.testing.assert_array_equal(ours(scenario, master), reference)
+
+
+def test_a_master_that_steps_one_fmu_after_another_is_outside_the_contract(
+    packages: Callable[[str], Path],
+) -> None:
+    baked = packages("the paper's") / "baked.ssp"
+    module = load("in_fmpy")
+    jacobi, gauss_seidel = (
+        np.array(module.estimates(baked, gauss_seidel=chosen)) for chosen in (False, True)
+    )
+    n = min(len(jacobi), len(gauss_seidel))
+    np.testing.assert_array_equal(jacobi[:n, 0], gauss_seidel[:n, 0])
+    assert np.abs(jacobi[:n] - gauss_seidel[:n]).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("script", "package", "advice"),
+    [
+        ("in_fmpy.py", "fmpy", "pip install fmpy"),
+        ("in_fmpy_ssp.py", "fmpy", "pip install fmpy"),
+        ("in_libcosim.py", "libcosimpy", "pip install libcosimpy"),
+        ("in_ecos.py", "ecospy", "pip install ecospy, apt-get install libtbb12"),
+        ("in_container.py", "fmpy", "pip install fmpy"),
+        ("receiver_in_c/build.py", "fmpy", "pip install fmpy"),
+    ],
+)
+def test_without_its_tool_an_example_says_what_to_install(
+    script: str, package: str, advice: str, tmp_path: Path
+) -> None:
+    (tmp_path / f"{package}.py").write_text("raise ImportError('not there')")
+    done = start(script, "x", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert advice in line
