@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -106,7 +107,7 @@ def test_every_tool_gives_our_estimates(
 ) -> None:
     script, package = TOOLS[tool]
     done = start(script, packages(scenario) / package)
-    if "libtbb.so" in done.stderr:
+    if "libtbb.so" in done.stderr or (tool.startswith("libcosim") and not find_spec("libcosimpy")):
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stderr
     rows = [[float(word) for word in line.split()] for line in done.stdout.splitlines()]
