@@ -14,12 +14,12 @@ from .description import PACKAGE, Fmi, build_description, model_description, ter
 from .documentation import index_html
 from .errors import BuildError
 from .files import write_file
+from .terminals import TERMINALS
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
 DESCRIPTION = "modelDescription.xml"
-TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 
 _FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
 _MACHINES = {"amd64": "x86_64", "x64": "x86_64", "arm64": "aarch64"}

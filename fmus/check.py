@@ -3,8 +3,9 @@
 The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION` and
 `DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's name,
 causality, type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3
-array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. If the FMU has terminals of our kinds,
-they must agree. CasADi is not loaded, and the FMU's binary only on demand.
+array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where the FMU has terminals of our
+kinds, these say which variable is which port; elsewhere the names do. CasADi is not loaded, and the
+FMU's binary only on demand.
 """
 
 from __future__ import annotations
@@ -27,21 +28,15 @@ from xml.etree import ElementTree as ET
 from fmpy import extract
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from fmpy.validation import validate_fmu
-from sblcosim.models.declaration import UNITS, TerminalKind, Variable
-from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, REQUIRED_ESTIMATE, ports
+from sblcosim.models.declaration import UNITS, Variable
+from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from .archive import DESCRIPTION, TERMINALS, library_suffix, platform_folder, this_machine
-from .description import FMI2_TYPES, TERMINAL_KIND, Fmi
+from .archive import DESCRIPTION, library_suffix, platform_folder, this_machine
+from .description import FMI2_TYPES, Fmi
 from .errors import FmuError, nearest
+from .terminals import PORTS, TERMINALS, members, port_names
 
 Severity = Literal["ok", "absent", "warning", "error"]
-
-PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
-    "reception": ports(RECEPTION, "input"),
-    "depth": ports(DEPTH, "input"),
-    "estimate": ports(ESTIMATE, "output"),
-}
-"""The ports of a receiver, by the kind of terminal they belong to."""
 
 _PORTS = {port.name: port for group in PORTS.values() for port in group}
 _TYPES = {old: new for new, old in FMI2_TYPES.items()}
@@ -73,13 +68,13 @@ class Report:
     Attributes
     ----------
     names
-        Name of the FMU's variable for each port that it declares. The two differ only where a
-        terminal says so, and then there is an error.
+        Names of the FMU's variables, without indices, for each port that it declares. They differ
+        from the port's only where a terminal says so.
     """
 
     path: Path
     findings: tuple[Finding, ...]
-    names: Mapping[str, str] = field(default_factory=dict)
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -134,9 +129,9 @@ class _Declared:
         return shape if set(complete) == set(self.scalars) else None
 
     @property
-    def names(self) -> Sequence[str]:
+    def names(self) -> tuple[str, ...]:
         """Names of the FMU's variables, without indices; more than one only by a terminal."""
-        return list(dict.fromkeys(_split(v.name)[0] for v in self.scalars.values()))
+        return tuple(dict.fromkeys(_split(v.name)[0] for v in self.scalars.values()))
 
 
 def check_receiver(path: str | Path, *, load: bool = False) -> Report:
@@ -158,13 +153,15 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
     if load and not any(f.severity == "error" for f in findings):
         findings.append(_check_binary(path, description, files))
     variables = {v.name: v for v in description.modelVariables}
-    members = dict(variables)
-    for variable, member in _members(terminals, variables, findings):
-        members = {k: v for k, v in members.items() if v is not variables[variable]}
-        members[member] = variables[variable]
-    declared = _declared(members)
+    named = {}
+    if terminals is not None:
+        findings += _check_members(terminals, variables)
+        named = port_names(terminals, variables)
+    # A variable without a terminal gives way to one that has its name by a terminal.
+    own = {name: v for name, v in variables.items() if name not in {*named, *named.values()}}
+    declared = _declared(own | {named[name]: variables[name] for name in named})
     findings += _check_ports(declared, description)
-    names = {name: declared[name].names[0] for name in _PORTS if name in declared}
+    names = {name: declared[name].names for name in _PORTS if name in declared}
     return Report(path, tuple(findings), names)
 
 
@@ -315,41 +312,26 @@ def _check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator
         )
 
 
-def _members(
-    terminals: ET.Element | None,
-    variables: Mapping[str, ModelVariable],
-    findings: list[Finding],
-) -> Iterator[tuple[str, str]]:
-    """Pairs (variable, port that it is) which the terminals of our kinds declare."""
-    for terminal in () if terminals is None else terminals.iterfind("Terminals/Terminal"):
-        kind = terminal.get("terminalKind", "")
-        group = {TERMINAL_KIND + k: g for k, g in PORTS.items()}.get(kind)
-        if group is None:
-            continue
-        known = [port.name for port in group]
-        for element in terminal.iterfind("TerminalMemberVariable"):
-            variable, member = element.get("variableName", ""), element.get("memberName", "")
-            where = f"terminal {terminal.get('name')}"
-            if variable not in variables:
-                findings.append(
-                    Finding(
-                        where,
-                        "error",
-                        "must list variables of the FMU, got "
-                        f"{variable!r}{nearest(variable, variables)}",
-                    )
-                )
-            elif _split(member)[0] not in known:
-                findings.append(
-                    Finding(
-                        where,
-                        "warning",
-                        f"must list members of {kind} only, got "
-                        f"{member!r}{nearest(_split(member)[0], known)}",
-                    )
-                )
-            else:
-                yield variable, member
+def _check_members(
+    terminals: ET.Element, variables: Mapping[str, ModelVariable]
+) -> Iterator[Finding]:
+    """Are the members of the terminals of our kinds variables and ports?"""
+    for member in members(terminals):
+        where = f"terminal {member.terminal}"
+        if member.variable not in variables:
+            yield Finding(
+                where,
+                "error",
+                "must list variables of the FMU, got "
+                f"{member.variable!r}{nearest(member.variable, variables)}",
+            )
+        elif not member.is_known:
+            yield Finding(
+                where,
+                "warning",
+                f"must list members of {member.kind} only, got "
+                f"{member.port!r}{nearest(_split(member.port)[0], member.known)}",
+            )
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
@@ -360,9 +342,9 @@ def _split(name: str) -> tuple[str, tuple[int, ...]]:
     return match["base"], tuple(int(index) for index in match["indices"].split(","))
 
 
-def _declared(members: Mapping[str, ModelVariable]) -> Mapping[str, _Declared]:
+def _declared(named: Mapping[str, ModelVariable]) -> Mapping[str, _Declared]:
     groups: dict[str, dict[tuple[int, ...], ModelVariable]] = {}
-    for name, variable in members.items():
+    for name, variable in named.items():
         base, indices = _split(name)
         groups.setdefault(base, {})[indices] = variable
     return {base: _Declared(scalars) for base, scalars in groups.items()}
@@ -377,6 +359,8 @@ def _check_port(
     if not problems:
         facts = [port.causality, port.type, *(f"[{size}]" for size in port.shape)]
         text = " ".join(facts) + (f" in {port.unit}" if port.unit else "")
+        if declared.names != (port.name,):
+            text += f"; {', '.join(declared.names)} by a terminal"
         yield Finding(port.name, "ok", text)
 
 
@@ -392,10 +376,6 @@ def _problems(
         expected = FMI2_TYPES[port.type] if description.fmiVersion == "2.0" else port.type
         wrong = _list(declared.values("type") - {expected})
         yield replace(found, message=f"must be of type {expected}, got {wrong}")
-    if declared.names != [port.name]:
-        # Ports are connected by their names, which a terminal may not change.
-        other = ", ".join(declared.names)
-        yield replace(found, message=f"must be a variable of this name, got {other} by a terminal")
     if declared.shape is None:
         present = ", ".join(v.name for v in list(declared.scalars.values())[:8])
         yield replace(

@@ -10,6 +10,8 @@ from xml.etree import ElementTree as ET
 
 from sblcosim.models.declaration import UNITS, Component, Number, Unit, Variable
 
+from .terminals import TERMINAL_KIND
+
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
@@ -17,8 +19,6 @@ Fmi = Literal[2, 3]
 """Major version of the FMI standard."""
 
 PACKAGE = "sblcosim"
-TERMINAL_KIND = "org.sblcosim."
-"""What stands before the kind of a terminal: equal kinds plug into each other."""
 
 LOG_CATEGORIES: Mapping[str, str] = {
     "logStatusError": "A call that failed",

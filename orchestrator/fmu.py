@@ -19,18 +19,20 @@ import threading
 import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import count
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import fmpy
 import numpy as np
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from numpy.typing import NDArray
+from sblcosim.fmus.terminals import TERMINALS, port_names
 from sblcosim.models.declaration import Number, Variable
 
 from .errors import FmuError
@@ -84,7 +86,9 @@ class Port:
 
     Attributes
     ----------
-    name, causality, unit
+    name
+        As in the FMU, unless one of its terminals says that it is a port of another name.
+    causality, unit
         As in the FMU; a unit of ``"1"`` is none.
     type
         A type of FMI 3, in FMI 2 the one that corresponds.
@@ -169,6 +173,7 @@ def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
+            terminals = archive.read(TERMINALS) if TERMINALS in names else None
     except zipfile.BadZipFile as error:
         raise FmuError(f"{path}: is not an FMU (not a ZIP archive)") from error
     if "modelDescription.xml" not in names:
@@ -177,7 +182,11 @@ def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
         description = read_model_description(io.BytesIO(content), validate=False)
         if description.fmiMajorVersion not in (2, 3):
             raise ValueError(f"FMI version {description.fmiVersion}, not 2.0 or 3.0")
-        ports = _ports(description)
+        known = [v.name for v in description.modelVariables]
+        named = {} if terminals is None else port_names(ET.fromstring(terminals), known)
+        ports = _ports(description, named)
+    except ET.ParseError as error:
+        raise FmuError(f"{path}: {TERMINALS} must be well-formed XML, got: {error}") from error
     except Exception as error:  # FMPy and lxml raise all sorts, Exception itself included
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FmuError(f"{path}: modelDescription.xml must be readable, got: {reason}") from error
@@ -236,12 +245,17 @@ def ports_of(variables: Iterable[Variable]) -> dict[str, Port]:
     }
 
 
-def _ports(description: ModelDescription) -> dict[str, Port]:
-    """All variables, scalars ``name[i,j]`` gathered to arrays."""
+def _ports(description: ModelDescription, named: Mapping[str, str]) -> dict[str, Port]:
+    """All variables, scalars ``name[i,j]`` gathered to arrays.
+
+    ``named`` has the names of ports for variables that have another name. A variable that has such
+    a name without being the port cannot be reached.
+    """
+    shadowed = set(named.values()) - named.keys()
     single = [
-        _port(v, description.fmiMajorVersion)
+        replace(_port(v, description.fmiMajorVersion), name=named.get(v.name, v.name))
         for v in description.modelVariables
-        if v.causality != "independent"
+        if v.causality != "independent" and v.name not in shadowed
     ]
     groups: dict[str, list[Port]] = {}
     for port in single:

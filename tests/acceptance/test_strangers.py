@@ -6,10 +6,12 @@ import importlib.util
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 from sblcosim.cli import app
+from sblcosim.export import export_ssp
 from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -61,3 +63,43 @@ def test_a_stranger_passes_the_check(receivers: dict[str, Path]) -> None:
     for file in receivers.values():
         done = CliRunner().invoke(app, ["check", str(file)])
         assert done.exit_code == 0, done.stdout
+
+
+def test_a_receiver_may_call_its_variables_what_it_likes_if_terminals_say_what_they_are(
+    receivers: dict[str, Path], tmp_path: Path
+) -> None:
+    names = {"position[1]": "north", "position[2]": "east", "position[3]": "down",
+             "epoch": "when", "depth": "below", "update_count": "fixes"}  # fmt: skip
+    kinds = {"depth": "depth"}
+    other = tmp_path / "other.fmu"
+    with zipfile.ZipFile(receivers["C"]) as old, zipfile.ZipFile(other, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                for port, variable in names.items():
+                    before, after = (f'name="{word}"'.encode() for word in (port, variable))
+                    assert before in content
+                    content = content.replace(before, after)
+            new.writestr(name, content)
+        terminals = "".join(
+            f'<Terminal name="{variable}" matchingRule="plug" '
+            f'terminalKind="org.sblcosim.{kinds.get(port, "estimate")}">'
+            f'<TerminalMemberVariable variableName="{variable}" memberName="{port}" '
+            'variableKind="signal"/></Terminal>'
+            for port, variable in names.items()
+        )
+        new.writestr(
+            "terminalsAndIcons/terminalsAndIcons.xml",
+            '<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>'
+            f"{terminals}</Terminals></fmiTerminalsAndIcons>",
+        )
+    done = CliRunner().invoke(app, ["check", str(other)])
+    assert done.exit_code == 0, done.stdout
+    assert "output Float64 [3] in m; north, east, down by a terminal" in done.stdout
+    found = [
+        run("--receiver", file, folder=tmp_path / file.stem)["errors"][file.stem]
+        for file in (receivers["C"], other)
+    ]
+    assert found[0] == found[1]
+    package = zipfile.ZipFile(export_ssp("paper-scenario-1", tmp_path / "x.ssp", other))
+    assert b'endElement="other" endConnector="below"' in package.read("SystemStructure.ssd")

@@ -13,7 +13,6 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from sblcosim.fmus import compiler, factory
 from sblcosim.fmus.archive import (
-    TERMINALS,
     contents,
     library_suffix,
     platform_folder,
@@ -23,6 +22,7 @@ from sblcosim.fmus.archive import (
 from sblcosim.fmus.check import Report, check_receiver
 from sblcosim.fmus.description import Fmi
 from sblcosim.fmus.errors import FmuError
+from sblcosim.fmus.terminals import TERMINALS
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model
 
@@ -97,7 +97,7 @@ def test_own_receivers_honour_the_contract(
     assert report.ok
     assert {f.severity for f in report.findings} == {"ok"}
     ports = {v.name for v in RECEIVERS[name] if v.causality != "parameter"}
-    assert report.names == {port: port for port in ports}
+    assert report.names == {port: (port,) for port in ports}
 
 
 def test_a_component_that_is_no_receiver_is_told_what_is_missing(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_the_required_outputs_are_enough(tmp_path: Path) -> None:
     report = checked(tmp_path, fmi2(REQUIRED | {"mood": "Real output"}))
     assert report.ok
     assert complaints(report) == {}
-    assert report.names == {name: name for name in ("epoch", "position", "update_count")}
+    assert report.names == {name: (name,) for name in ("epoch", "position", "update_count")}
     assert {f.variable for f in report.of("absent")} > {"range", "depth", "covariance", "nis"}
     assert "honours the plug contract of a receiver (0 errors, 0 warnings)" in str(report)
 
@@ -227,15 +227,14 @@ def terminals(kind: str, members: Mapping[str, str]) -> dict[str, bytes]:
     }
 
 
-def test_a_terminal_cannot_give_ports_other_names(tmp_path: Path) -> None:
+def test_a_terminal_gives_ports_other_names(tmp_path: Path) -> None:
     members = {f"fix.{name}": name for name in REQUIRED}
     description = fmi2({variable: REQUIRED[name] for variable, name in members.items()})
     files = binary(2) | terminals("org.sblcosim.estimate", members)
     report = checked(tmp_path, description, files)
-    assert complaints(report)["position"] == (
-        "error: must be a variable of this name, got fix.position by a terminal"
-    )
-    assert report.names["position"] == "fix.position"
+    assert complaints(report) == {}
+    assert report.names["position"] == ("fix.position",)
+    assert ("position", "ok", "output Float64 [3] in m; fix.position by a terminal") in report.rows
     other_kind = binary(2) | terminals("org.example.estimate", members)
     assert complaints(checked(tmp_path, description, other_kind)).keys() == {
         "epoch",
@@ -255,14 +254,23 @@ def test_a_terminal_with_unknown_variables_or_members_is_reported(tmp_path: Path
     }
 
 
-def test_an_array_put_together_from_several_variables_is_refused(tmp_path: Path) -> None:
+def test_the_types_of_ports_by_a_terminal_are_checked(tmp_path: Path) -> None:
+    members = {"fix.epoch": "epoch"}
+    description = fmi2(REQUIRED | {"fix.epoch": "Real output m"})  # and one without a terminal
+    files = binary(2) | terminals("org.sblcosim.estimate", members)
+    assert complaints(checked(tmp_path, description, files)) == {
+        "epoch": "error: must be in s, got m",
+    }
+
+
+def test_an_array_put_together_from_several_variables_is_a_port(tmp_path: Path) -> None:
     members = {"north": "position[1]", "east": "position[2]", "down": "position[3]"}
     variables = {k: v for k, v in REQUIRED.items() if "position" not in k}
     description = fmi2(variables | dict.fromkeys(members, "Real output m"))
     files = binary(2) | terminals("org.sblcosim.estimate", members)
-    assert complaints(checked(tmp_path, description, files)) == {
-        "position": "error: must be a variable of this name, got north, east, down by a terminal",
-    }
+    report = checked(tmp_path, description, files)
+    assert complaints(report) == {}
+    assert report.names["position"] == ("north", "east", "down")
 
 
 def test_an_fmu_for_other_machines_says_which(tmp_path: Path) -> None:

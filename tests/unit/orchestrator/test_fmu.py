@@ -42,9 +42,10 @@ def test_scalars_of_fmi_2_and_arrays_of_fmi_3_look_the_same(stranger):
 
 def test_elements_are_ordered_by_index_not_by_their_place_in_the_file(stranger):
     y = read(stranger(2)).ports["y"]
-    assert y == Port(
-        "y", "output", "Float64", (2, 2), "m", None, (-INF,) * 4, (INF,) * 4, (500, 501, 502, 503)
-    )
+    names = ("y[1,1]", "y[1,2]", "y[2,1]", "y[2,2]")
+    bounds = (-INF,) * 4, (INF,) * 4
+    references = (500, 501, 502, 503)
+    assert y == Port("y", "output", "Float64", (2, 2), "m", None, *bounds, references, names)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,72 @@
+"""The terminals of an FMU, which may say by another name which of its variables is which port."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+from sblcosim.models.declaration import TerminalKind, Variable
+from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, ports
+
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+"""Name of the file in an FMU."""
+TERMINAL_KIND = "org.sblcosim."
+"""What stands before the kind of a terminal: equal kinds plug into each other."""
+
+PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
+    "reception": ports(RECEPTION, "input"),
+    "depth": ports(DEPTH, "input"),
+    "estimate": ports(ESTIMATE, "output"),
+}
+"""The ports of a receiver, by the kind of terminal they belong to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A variable of the FMU and the port that it is, or an element of it, ``position[1]``.
+
+    Attributes
+    ----------
+    terminal, kind
+        Name of the terminal, and its kind with everything that stands before it.
+    known
+        Names that the port may have in a terminal of this kind.
+    """
+
+    terminal: str
+    kind: str
+    variable: str
+    port: str
+    known: tuple[str, ...]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is such a port."""
+        return self.port.partition("[")[0] in self.known
+
+
+def members(document: ET.Element) -> Iterator[Member]:
+    """The members of the terminals of our kinds."""
+    groups = {TERMINAL_KIND + kind: group for kind, group in PORTS.items()}
+    for terminal in document.iterfind("Terminals/Terminal"):
+        kind = terminal.get("terminalKind", "")
+        for element in terminal.iterfind("TerminalMemberVariable") if kind in groups else ():
+            yield Member(
+                terminal=terminal.get("name", ""),
+                kind=kind,
+                variable=element.get("variableName", ""),
+                port=element.get("memberName", ""),
+                known=tuple(port.name for port in groups[kind]),
+            )
+
+
+def port_names(document: ET.Element, variables: Collection[str]) -> Mapping[str, str]:
+    """Names of ports by the names of the variables that are these ports.
+
+    Parameters
+    ----------
+    variables
+        Names of the FMU's variables; a member that is none of them is left out.
+    """
+    return {m.variable: m.port for m in members(document) if m.is_known and m.variable in variables}
