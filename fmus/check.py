@@ -153,7 +153,7 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
     if load and not any(f.severity == "error" for f in findings):
         findings.append(_check_binary(path, description, files))
     variables = {v.name: v for v in description.modelVariables}
-    named = {}
+    named: Mapping[str, str] = {}
     if terminals is not None:
         findings += _check_members(terminals, variables)
         named = port_names(terminals, variables)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import analysis, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
+    from .export import export_fmu, export_ssp
     from .result import Result
     from .scenario import Scenario, load
 
@@ -24,6 +25,8 @@ __all__ = [
     "Scenario",
     "__version__",
     "analysis",
+    "export_fmu",
+    "export_ssp",
     "load",
     "run",
     "study",
@@ -35,6 +38,8 @@ _HOMES = {
     "Result": "result",
     "SblcosimError": "errors",
     "Scenario": "scenario",
+    "export_fmu": "export",
+    "export_ssp": "export",
     "load": "scenario",
     "run": "api",
 }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,13 +19,15 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
+from sblcosim.cli import app
 from sblcosim.export import export_fmu, export_ssp
 from sblcosim.masters import MASTERS, execute
 from sblcosim.plan import resolve
+from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENARIOS = {
-    "the paper's": ("paper-scenario-1", {"time.duration_s": 40.0}),
+    "the paper's": ("paper-scenario-1", {}),
     # Packets are lost, and the receiver is updated less often than the rest is stepped.
     "another": (
         {
@@ -100,6 +103,12 @@ def same(one: NDArray[np.float64], other: NDArray[np.float64]) -> None:
     np.testing.assert_allclose(one[:n], other[:n], rtol=0, atol=1e-12)
 
 
+def skip_without(complaint: str) -> None:
+    """Skip a test whose tool cannot be installed on this machine, by what the example said."""
+    if "libtbb.so" in complaint or ("libcosimpy" in complaint and not find_spec("libcosimpy")):
+        pytest.skip(complaint.strip())
+
+
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("tool", TOOLS)
 def test_every_tool_gives_our_estimates(
@@ -107,8 +116,7 @@ def test_every_tool_gives_our_estimates(
 ) -> None:
     script, package = TOOLS[tool]
     done = start(script, packages(scenario) / package)
-    if "libtbb.so" in done.stderr or (tool.startswith("libcosim") and not find_spec("libcosimpy")):
-        pytest.skip(done.stderr.strip())
+    skip_without(done.stderr)
     assert done.returncode == 0, done.stderr
     rows = [[float(word) for word in line.split()] for line in done.stdout.splitlines()]
     reference = ours(scenario, "python")
@@ -128,6 +136,38 @@ def test_a_master_that_steps_one_fmu_after_another_is_outside_the_contract(
     n = min(len(jacobi), len(gauss_seidel))
     np.testing.assert_array_equal(jacobi[:n, 0], gauss_seidel[:n, 0])
     assert np.abs(jacobi[:n] - gauss_seidel[:n]).max() > 0.01
+
+
+def steps_in_the_readme() -> dict[str, tuple[str, str]]:
+    """What to export and what to run, by the name of the tool."""
+    text = (EXAMPLES.parent / "README.md").read_text()
+    _, _, table = text.partition("| tool | install | export | run |\n")
+    steps: dict[str, tuple[str, str]] = {}
+    export = ""
+    for line in table.partition("\n\n")[0].splitlines()[1:]:
+        tool, _, exported, run = (cell.strip() for cell in line.strip("|").split(" | "))
+        export = export if exported == "the same" else exported.strip("`")
+        steps[tool.strip()] = export, run.strip("`")
+    return steps
+
+
+def test_the_readme_has_the_steps_for_every_example() -> None:
+    scripts = {run.split()[1] for _, run in steps_in_the_readme().values()}
+    assert scripts == {f"examples/{path.name}" for path in EXAMPLES.glob("in_*.py")}
+
+
+@pytest.mark.parametrize("tool", steps_in_the_readme())
+def test_the_steps_in_the_readme_work(
+    tool: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    export, run = (shlex.split(command) for command in steps_in_the_readme()[tool])
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, export[1:], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    shown = start(Path(run[1]).name, *run[2:])
+    skip_without(shown.stderr)
+    assert shown.returncode == 0, shown.stderr
+    assert len(shown.stdout.splitlines()) > 900
 
 
 @pytest.mark.parametrize(
