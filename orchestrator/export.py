@@ -388,7 +388,7 @@ def _connector(
     connector = ET.SubElement(
         parent, "ssd:Connector", {"name": variable.name, "kind": variable.causality}
     )
-    kind = ET.SubElement(connector, f"ssc:{variable.type}")
+    kind = ET.SubElement(connector, f"ssc:{_type(variable, version)}")
     unit = _unit(variable)
     # A name that stands for something else in another FMU is left to the model description.
     if unit is not None and _base(units[unit]) == _base(_defined(part)[unit]):
@@ -422,7 +422,7 @@ def _parameter_set(part: _Part, version: Version) -> ET.Element:
         },
     )
     group = ET.SubElement(root, "ssv:Parameters")
-    types = {v.name: v.type for v in part.description.modelVariables}
+    types = {v.name: _type(v, version) for v in part.description.modelVariables}
     for setting in part.planned.settings:
         names = setting.port.variables
         size = len(setting.values) // len(names)
@@ -434,6 +434,13 @@ def _parameter_set(part: _Part, version: Version) -> ET.Element:
                 {"value": _words(setting.port, values)},
             )
     return root
+
+
+def _type(variable: ModelVariable, version: Version) -> str:
+    """A variable's type; in place of an enumeration that of its numbers."""
+    if variable.type == "Enumeration":
+        return "Integer" if version == 1 else "Int64"
+    return str(variable.type)
 
 
 def _annotation(parent: ET.Element, kind: str) -> ET.Element:
