@@ -148,8 +148,8 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
         There is no such file, or it cannot be read as an FMU.
     """
     path = Path(path)
-    description, files, terminals = _read(path)
-    findings = list(_check_kind(description, files))
+    description, files, terminals = read_fmu(path)
+    findings = list(check_kind(description, files))
     if load and not any(f.severity == "error" for f in findings):
         findings.append(_check_binary(path, description, files))
     variables = {v.name: v for v in description.modelVariables}
@@ -193,7 +193,7 @@ def _check_ports(
             yield Finding(name, "warning", f"is not a port: will keep its start value{hint}")
 
 
-def _read(path: Path) -> tuple[ModelDescription, Sequence[str], ET.Element | None]:
+def read_fmu(path: Path) -> tuple[ModelDescription, Sequence[str], ET.Element | None]:
     """Model description, names of all files, and terminals of an FMU."""
     if not os.path.isfile(path):
         got = "a folder" if os.path.isdir(path) else "no file"
@@ -235,7 +235,7 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _binaries(description: ModelDescription) -> dict[str, str]:
+def binary_files(description: ModelDescription) -> dict[str, str]:
     """Where the binary for this machine may be, by the name of its folder."""
     assert description.coSimulation is not None
     identifier = description.coSimulation.modelIdentifier
@@ -264,7 +264,7 @@ _FUNCTIONS = {
 
 def _check_binary(path: Path, description: ModelDescription, files: Sequence[str]) -> Finding:
     """Does the binary load, and is it one of an FMU? Asked in another process: it may crash."""
-    name = next(name for name in _binaries(description).values() if name in files)
+    name = next(name for name in binary_files(description).values() if name in files)
     with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as folder:
         try:
             extract(path, folder)
@@ -293,12 +293,12 @@ def _check_binary(path: Path, description: ModelDescription, files: Sequence[str
     return Finding("binary", "error", f"does not load: {problem}")
 
 
-def _check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator[Finding]:
+def check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator[Finding]:
     """Is it for Co-Simulation and for this machine?"""
     if description.coSimulation is None:
         yield Finding("FMU", "error", "must be for Co-Simulation, got another interface")
         return
-    binaries = _binaries(description)
+    binaries = binary_files(description)
     folder = next(iter(binaries))
     if any(binary in files for binary in binaries.values()):
         yield Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")

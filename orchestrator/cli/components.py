@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -59,5 +60,28 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=Fals
 
     report = check_receiver(file, load=True)
     typer.echo(str(report))
+    if not report.ok:
+        raise typer.Exit(1)
+
+
+@app.command()
+def conformance(
+    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", metavar="SECONDS", min=0.1, help="Time that a call may take."),
+    ] = 30.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
+) -> None:
+    """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
+
+    Crashes and calls that do not return are findings. The exit code is 1 if a check fails, and 2
+    if FILE.fmu cannot be checked.
+    """
+    from sblcosim.fmus.conformance.kit import examine
+
+    with waiting("checking"):
+        report = examine(file, patience=timeout)
+    typer.echo(json.dumps(report.to_json(), indent=2) if as_json else str(report))
     if not report.ok:
         raise typer.Exit(1)
