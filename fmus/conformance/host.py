@@ -132,7 +132,8 @@ class Trace:
 
 def read_trace(path: Path) -> tuple[str, int | None, str]:
     """Count, probe and call of a trace; the count changes as long as the process goes on."""
-    count, probe, what = (path.read_bytes().strip(b"\0") or b"0 - its start").split(b" ", 2)
+    text = path.read_bytes().strip(b"\0") if path.is_file() else b""
+    count, probe, what = (text or b"0 - its start").split(b" ", 2)
     return count.decode(), None if probe == b"-" else int(probe), what.decode(errors="replace")
 
 

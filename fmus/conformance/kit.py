@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -29,7 +29,7 @@ from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .. import check as plug
 from ..archive import DESCRIPTION
-from ..errors import FmuError
+from ..errors import FmuError, nearest
 from ..factory import fmi_headers
 from .checks import CHECKS, Check
 from .host import read_trace
@@ -110,23 +110,36 @@ class Report:
         return "\n".join([*lines, f"{self.path.name}, FMI {self.fmi}: {counts}"])
 
 
-def examine(path: str | Path, *, patience: float = PATIENCE) -> Report:
+def examine(
+    path: str | Path, *, only: Collection[str] = (), patience: float = PATIENCE
+) -> Report:
     """Check an FMU for Co-Simulation.
 
     Parameters
     ----------
+    only
+        Names of checks, of `NAMES`; none: all. The life cycle is part of all dynamic ones.
     patience
         Seconds after which a call that has not returned counts as hanging.
 
     Raises
     ------
     FmuError
-        There is no such file, or it is not an FMU of FMI 2.0 or 3.0 for Co-Simulation with a
-        binary for this machine.
+        There is no such file or no such check, or it is not an FMU of FMI 2.0 or 3.0 for
+        Co-Simulation with a binary for this machine.
     """
-    path = Path(path)
+    path, chosen = Path(path), set(only or NAMES)
+    for name in chosen.difference(NAMES):
+        raise FmuError(
+            f"a check must be one of {', '.join(NAMES)}; got {name!r}{nearest(name, NAMES)}"
+        )
     description, files = _read(path)
-    results = [Result(name, what, *static(path)) for name, what, static in _STATIC]
+    results = [
+        Result(name, what, *static(path)) for name, what, static in _STATIC if name in chosen
+    ]
+    checks = [c for c in CHECKS if c.name in chosen]
+    if checks and "life cycle" not in chosen:
+        checks.insert(checks[0].name == "functions", _LIFE_CYCLE)
     with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as place:
         folder = Path(place)
         try:
@@ -136,7 +149,7 @@ def examine(path: str | Path, *, patience: float = PATIENCE) -> Report:
         subject = _subject(description, folder / "fmu", files)
         (folder / "subject").write_bytes(pickle.dumps(subject))
         alive = True
-        for check in CHECKS:
+        for check in checks:
             state, reason = (
                 _run(folder, check, patience) if alive else ("not run", "there is no life cycle")
             )
@@ -203,6 +216,12 @@ _STATIC: tuple[tuple[str, str, Callable[[Path], tuple[State, str]]], ...] = (
 )
 
 
+NAMES = (*(name for name, _, _ in _STATIC), *(check.name for check in CHECKS))
+"""Names of all checks, in their order."""
+
+_LIFE_CYCLE = next(check for check in CHECKS if check.name == "life cycle")
+
+
 # ---- dynamic checks ----
 
 
@@ -234,6 +253,7 @@ def _run(folder: Path, check: Check, patience: float) -> tuple[State, str]:
 def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:
     """Run one step; None if it has left a result, else how it has ended instead."""
     arguments = [str(folder), check.name, str(step), str(first)]
+    (folder / "trace").unlink(missing_ok=True)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", f"{__package__}.child", *arguments],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
@@ -263,7 +283,7 @@ def _wait(process: subprocess.Popen[bytes], folder: Path, patience: float) -> by
         try:
             return process.communicate(timeout=patience)[0]
         except subprocess.TimeoutExpired:
-            count = read_trace(folder / "trace")[0] if (folder / "trace").is_file() else ""
+            count = read_trace(folder / "trace")[0]
             if count == seen:
                 return None
             seen = count
@@ -280,7 +300,8 @@ def _subject(description: ModelDescription, folder: Path, files: list[str]) -> S
     experiment = description.defaultExperiment
     start = _number(experiment and experiment.startTime) or 0.0
     stop = _number(experiment and experiment.stopTime)
-    step = _number(experiment and experiment.stepSize) or kind.fixedInternalStepSize or _STEP
+    internal = _number(kind.fixedInternalStepSize)
+    step = _number(experiment and experiment.stepSize) or internal or _STEP
     whole = math.inf if stop is None else math.floor((stop - start) / step * (1 + 1e-9))
     serialises = kind.canGetAndSetFMUstate and kind.canSerializeFMUstate
     return Subject(
@@ -299,7 +320,7 @@ def _subject(description: ModelDescription, folder: Path, files: list[str]) -> S
         step=step,
         steps=int(max(4, min(_STEPS, whole))),
         tolerance=_number(experiment and experiment.tolerance) or _TOLERANCE,
-        internal_step=kind.fixedInternalStepSize,
+        internal_step=internal,
         variables=tuple(variables),
         dependencies=tuple(_dependencies(description, places)),
     )
@@ -350,6 +371,7 @@ def _variable(variable: ModelVariable, description: ModelDescription) -> Variabl
         max=_number(attribute("max")),
         unit=attribute("unit"),
         choice=variable.type == "Enumeration",
+        clocked=bool(variable.clocks),
     )
 
 
@@ -363,7 +385,8 @@ def _start(text: str | None, kind: str, size: int) -> tuple[Number, ...] | None:
         values = [float(word) for word in words]
     else:
         values = [int(word) for word in words]
-    return tuple(values * size if len(values) == 1 else values)
+    values = values * size if len(values) == 1 else values
+    return tuple(values) if len(values) == size else None
 
 
 def _functions(description: ModelDescription) -> tuple[str, ...]:

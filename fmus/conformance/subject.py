@@ -23,6 +23,8 @@ class Variable:
         Per element; None if the FMU gives none.
     choice
         Whether it is an enumeration.
+    clocked
+        Whether it belongs to a clock: it has values at the clock's ticks only.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Variable:
     max: float | None
     unit: str | None
     choice: bool
+    clocked: bool
 
     @property
     def number(self) -> bool:
@@ -89,8 +92,8 @@ class Subject:
     dependencies: tuple[tuple[int, tuple[int, ...]], ...]
 
     def of(self, *causalities: str) -> tuple[Variable, ...]:
-        """The variables of these causalities."""
-        return tuple(v for v in self.variables if v.causality in causalities)
+        """The variables of these causalities that are always there."""
+        return tuple(v for v in self.variables if v.causality in causalities and not v.clocked)
 
     @property
     def observed(self) -> tuple[Variable, ...]:

@@ -67,6 +67,10 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=Fals
 @app.command()
 def conformance(
     file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    checks: Annotated[
+        list[str] | None,
+        typer.Option("--check", metavar="NAME", help="One check only; repeat it for several."),
+    ] = None,
     timeout: Annotated[
         float,
         typer.Option("--timeout", metavar="SECONDS", min=0.1, help="Time that a call may take."),
@@ -81,7 +85,7 @@ def conformance(
     from sblcosim.fmus.conformance.kit import examine
 
     with waiting("checking"):
-        report = examine(file, patience=timeout)
+        report = examine(file, only=checks or (), patience=timeout)
     typer.echo(json.dumps(report.to_json(), indent=2) if as_json else str(report))
     if not report.ok:
         raise typer.Exit(1)

@@ -1,4 +1,9 @@
-"""Every FMI call, right, wrong, out of order and at random, under the sanitizers."""
+"""Every FMI call, right, wrong, out of order and at random, under the sanitizers.
+
+A million random calls of each FMU, with a seed of one's own (else always the same):
+
+    SBLCOSIM_FUZZ_SEED=7 pytest -m slow -s tests/fmu/test_calls.py
+"""
 
 from __future__ import annotations
 
@@ -14,7 +19,10 @@ from sblcosim.fmus.compiler import FLAGS
 from sblcosim.models import COMPONENTS
 
 HERE = Path(__file__).parent
-SEED, CALLS = 20210123, 200_000
+SEED = int(os.environ.get("SBLCOSIM_FUZZ_SEED", "20210123"))
+CALLS = pytest.mark.parametrize(
+    "calls", [200_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
+)
 LIBRARY_ONLY = {"-shared", "-s", "-O2", "-fvisibility=hidden"}
 SANITIZE = (
     "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O0",
@@ -32,7 +40,10 @@ def sources_of(name: str, fmi: int, folder: Path) -> None:
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
 @pytest.mark.parametrize("name", COMPONENTS)
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_every_call_is_answered_or_refused(name: str, fmi: int, tmp_path: Path) -> None:
+@CALLS
+def test_every_call_is_answered_or_refused(
+    name: str, fmi: int, calls: int, tmp_path: Path
+) -> None:
     sources_of(name, fmi, tmp_path)
     program = tmp_path / "calls"
     flags = [flag for flag in FLAGS if flag not in LIBRARY_ONLY]
@@ -42,7 +53,7 @@ def test_every_call_is_answered_or_refused(name: str, fmi: int, tmp_path: Path) 
         check=True,
     )
     done = subprocess.run(
-        [program, str(SEED), str(CALLS)], capture_output=True, text=True, check=False,
+        [program, str(SEED), str(calls)], capture_output=True, text=True, check=False,
         env={**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"},
     )
     print(done.stdout)

@@ -1,0 +1,257 @@
+"""The conformance kit: it passes our FMUs and finds what is planted in others."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shutil
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sblcosim.cli import app
+from sblcosim.fmus import factory
+from sblcosim.fmus.conformance import kit
+from sblcosim.fmus.conformance.checks import CHECKS
+from sblcosim.fmus.conformance.kit import Report, examine
+from sblcosim.models import COMPONENTS, RECEIVERS
+from typer.testing import CliRunner
+
+from .planted.planted import DEFECTS, build_planted
+from .stranger.stranger import build_stranger
+
+BOTH = pytest.mark.parametrize("fmi", [2, 3])
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+
+
+def failed(report: Report) -> set[str]:
+    return {result.name for result in report.results if result.state == "failed"}
+
+
+def others(report: Report) -> set[str]:
+    """The checks that did not apply or were not run."""
+    return {r.name for r in report.results if r.state in ("does not apply", "not run")}
+
+
+@BOTH
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_own_fmus_keep_every_promise(name: str, fmi: int) -> None:
+    report = examine(factory.build(name, fmi))  # type: ignore[arg-type]
+    assert failed(report) == set(), str(report)
+    expected = set() if name in RECEIVERS else {"plug contract"}
+    if name != "range_model":
+        expected |= {"derivatives"}
+    assert others(report) == expected
+    # Nothing is shown by runs in which nothing happens.
+    assert " 0 of " not in report["life cycle"].reason
+
+
+@BOTH
+def test_the_fmu_without_a_defect_passes_everything(fmi: int, tmp_path: Path) -> None:
+    report = examine(build_planted(fmi, tmp_path))
+    assert {r.state for r in report.results} == {"passed"}, str(report)
+    assert {r.name for r in report.results} >= {c.name for c in CHECKS}
+
+
+FOUND: dict[str, tuple[str, set[str], str]] = {
+    "STATE_NOT_RESTORED": (
+        "save and restore", {"serialise", "new process"}, "after going back: position[1] must be",
+    ),
+    "SHARED_GLOBAL": (
+        "instances",
+        {"reset", "save and restore", "serialise", "new process", "step sizes", "threads"},
+        "a second instance: position[1] must be 0 at 0 s",
+    ),
+    "WRONG_DERIVATIVE": ("derivatives", set(), "derivative of position[3] along depth"),
+    "CRASH_ON_NULL": ("null pointers", set(), "with NULL for the values"),
+    "LEAK": ("leaks", set(), "each of 10,000 instances leaves"),
+    "RESET_FORGETS": ("reset", set(), "a reset half-way: position[1]"),
+    "STEP_SIZE_MATTERS": ("step sizes", set(), "cut into 2: position[1]"),
+    "POINTER_IN_STATE": ("new process", set(), ""),
+    "CRASH_OUT_OF_ORDER": ("illegal calls", set(), "in a step before initialisation"),
+    "CRASH_ON_REFERENCE": ("unknown references", set(), "of 2147483647"),
+    "HANG_ON_NAN": ("invalid values", set(), "has not returned after 2 s from depth = nan"),
+    "FUNCTION_MISSING": (
+        "functions",
+        {"save and restore", "serialise", "new process", "illegal calls", "null pointers", "leaks"},
+        "FMU",
+    ),
+    "THREADS_CLASH": ("threads", set(), "4 threads at once: position[1]"),
+    "EXITS": ("life cycle", set(), "ends the process (exit code 0x3) in fmi"),
+}  # fmt: skip
+"""By defect: the check that finds it, others that may, and a part of the reason."""
+
+ASKED = {"STATE_NOT_RESTORED", "SHARED_GLOBAL", "WRONG_DERIVATIVE", "CRASH_ON_NULL", "LEAK"}
+"""Defects that are planted in FMUs of both versions and run through all checks."""
+
+
+def test_every_planted_defect_has_a_finding() -> None:
+    assert set(DEFECTS) == FOUND.keys() | {"NONE", "STEP_DISCARDED", "NEVER_THE_SAME"}
+
+
+@pytest.mark.parametrize(
+    ("defect", "fmi"),
+    [(d, fmi) for i, d in enumerate(FOUND) for fmi in (2, 3) if d in ASKED or fmi == 2 + i % 2],
+)
+def test_planted_defect_is_found(defect: str, fmi: int, tmp_path: Path) -> None:
+    check, others, reason = FOUND[defect]
+    patience = 2.0 if defect == "HANG_ON_NAN" else kit.PATIENCE
+    only = () if defect in ASKED else {check, *others}
+    report = examine(build_planted(fmi, tmp_path, defect), only=only, patience=patience)
+    assert reason in report[check].reason, str(report)
+    assert check in failed(report) <= {check} | others, str(report)
+
+
+@BOTH
+def test_wrong_unit_is_found(fmi: int, tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return "\n".join(
+            line.replace('unit="m"', 'unit="mm"') if 'name="position' in line else line
+            for line in text.splitlines()
+        )
+
+    report = examine(build_planted(fmi, tmp_path, edit=edit), only=["plug contract", "functions"])
+    assert failed(report) == {"plug contract"}
+    assert report["plug contract"].reason == "position must be in m, got mm"
+
+
+def test_a_crash_tells_the_signal_and_does_not_hide_the_next_one(tmp_path: Path) -> None:
+    fmu = build_planted(2, tmp_path, "CRASH_ON_NULL")
+    reason = examine(fmu, only=["null pointers"])["null pointers"].reason
+    assert reason.count("crashes (SIGSEGV) in fmi2") > 1
+    assert "fmi2GetReal" in reason
+    assert "fmi2SetReal" in reason
+
+
+def test_steps_that_are_discarded_are_no_finding(tmp_path: Path) -> None:
+    report = examine(build_planted(3, tmp_path, "STEP_DISCARDED"), only=["step sizes"])
+    assert report.ok
+    assert others(report) == {"step sizes"}
+    assert "got Discard" in report["step sizes"].reason
+
+
+def test_an_fmu_that_never_does_the_same_is_not_judged_by_it(tmp_path: Path) -> None:
+    names = ("reset", "save and restore", "step sizes", "instances")
+    report = examine(build_planted(2, tmp_path, "NEVER_THE_SAME"), only=names)
+    assert report.ok
+    for name in names:
+        assert report[name].state == "does not apply"
+        assert "in another process" in report[name].reason
+
+
+def test_without_a_life_cycle_nothing_else_is_run(tmp_path: Path) -> None:
+    report = examine(build_planted(2, tmp_path, "EXITS"))
+    after = [c.name for c in CHECKS if c.name not in ("functions", "life cycle")]
+    assert [r.name for r in report.results if r.state == "not run"] == after
+    assert not report.ok
+
+
+def test_what_is_not_claimed_does_not_apply(tmp_path: Path) -> None:
+    flags = ("variable", "GetAndSet", "canSerialize", "providesDirectional")
+
+    def edit(text: str) -> str:
+        for flag in flags:
+            head, _, tail = text.partition(f" {flag}" if flag != "variable" else " canHandle")
+            if flag == "GetAndSet":
+                head, _, tail = text.partition(" canGetAndSet")
+            text = head + tail.split('"', 2)[2]
+        return text
+
+    names = {"save and restore", "serialise", "new process", "step sizes", "derivatives"}
+    report = examine(build_planted(3, tmp_path, edit=edit), only={*names, "illegal calls"})
+    assert report.ok
+    assert others(report) == names
+
+
+@BOTH
+def test_an_fmu_of_a_stranger_is_judged_by_what_it_does(fmi: int, tmp_path: Path) -> None:
+    """The stranger of the other tests checks no pointer and counts its steps."""
+    report = examine(build_stranger(fmi, tmp_path))
+    assert "null pointers" in failed(report)
+    assert "steps must be" in report["step sizes"].reason
+    for name in ("life cycle", "reset", "instances", "threads", "leaks"):
+        assert report[name].state == "passed", str(report)
+
+
+def test_an_invalid_description_is_found_by_both_validators(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return text.replace('causality="output" variability="discrete"', 'causality="output"')
+
+    report = examine(build_planted(2, tmp_path, edit=edit), only=["description", "fmutool"])
+    assert failed(report) == {"description", "fmutool"}
+    assert "update_count" in report["description"].reason
+    assert "update_count" in report["fmutool"].reason
+
+
+def test_without_fmutool_its_check_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    report = examine(build_planted(2, tmp_path), only=["fmutool"])
+    assert report["fmutool"].state == "not run"
+    assert "pip install 'sblcosim[conformance]'" in report["fmutool"].reason
+    assert report.ok
+
+
+def call(*arguments: Any) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["conformance", *map(str, arguments)])
+    return result.exit_code, result.output
+
+
+def test_command_prints_a_table_and_ends_by_the_result(tmp_path: Path) -> None:
+    code, text = call(build_planted(2, tmp_path / "intact"))
+    assert code == 0
+    assert "planted2.fmu, FMI 2.0: 18 passed" in text
+    leaking = build_planted(2, tmp_path / "leak", "LEAK")
+    code, text = call(leaking, "--check", "leaks", "--check", "functions")
+    assert code == 1
+    assert "planted2.fmu, FMI 2.0: 2 passed, 1 failed" in text
+
+
+def test_command_prints_json(tmp_path: Path) -> None:
+    code, text = call(
+        build_planted(3, tmp_path, "WRONG_DERIVATIVE"), "--check", "derivatives", "--json"
+    )
+    assert code == 1
+    report = json.loads(text)
+    assert report["fmi"] == "3.0"
+    assert report["ok"] is False
+    (bad,) = (check for check in report["checks"] if check["state"] == "failed")
+    assert bad["name"] == "derivatives"
+    assert bad.keys() == {"name", "what", "state", "reason"}
+
+
+def rewritten(source: Path, target: Path, change: Any) -> Path:
+    """A copy of an FMU with another name or content for some files."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            for other, content in change(name, old.read(name)):
+                new.writestr(other, content)
+    return target
+
+
+def test_what_cannot_be_checked_is_said_and_ends_with_2(tmp_path: Path) -> None:
+    good = build_planted(2, tmp_path)
+    (tmp_path / "text.fmu").write_text("not an archive")
+
+    def exchange(name: str, content: bytes) -> Any:
+        return [(name, content.replace(b"CoSimulation", b"ModelExchange"))]
+
+    def elsewhere(name: str, content: bytes) -> Any:
+        return [(name.replace("linux64", "win32").replace(".so", ".dll"), content)]
+
+    for path, reason in {
+        tmp_path / "none.fmu": "must be an FMU, got no file",
+        tmp_path / "text.fmu": "is not an FMU (not a ZIP archive)",
+        rewritten(good, tmp_path / "me.fmu", exchange): "must be for Co-Simulation",
+        rewritten(good, tmp_path / "win.fmu", elsewhere): "must have a binary for this machine",
+    }.items():
+        code, text = call(path, "--json")
+        assert code == 2, text
+        assert text.startswith(f"error: {path}: {reason}")
+        assert text.count("\n") == 1
+    code, text = call(good, "--check", "leak")
+    assert code == 2
+    assert "a check must be one of description, fmutool, plug contract" in text
+    assert text.endswith("got 'leak'; did you mean 'leaks'?\n")
