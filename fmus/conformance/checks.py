@@ -143,19 +143,21 @@ def _within(variable: Variable, value: Number) -> Number:
 
 def begin(instance: Instance, level: str, number: int = 0) -> Instance:
     """From instantiated to ready for steps, perhaps with real parameters changed a little."""
-    parameters = instance.subject.of("parameter") if level == _ALL else ()
-    for v in parameters:
-        if v.real and v.start is not None:
-            share = 0.1 * (number + 1) / INSTANCES
-            instance.set(v, [_within(v, x + share * (abs(x) or 1.0)) for x in v.start])
+    if level == _ALL:
+        share = 0.1 * (number + 1) / INSTANCES
+        parameters = (
+            (v, [_within(v, x + share * (abs(x) or 1.0)) for x in v.start])
+            for v in instance.subject.of("parameter")
+            if v.real and v.start is not None
+        )
+        instance.set_all(instance.library.settings(parameters))
     return instance.begin()
 
 
 def advance(instance: Instance, level: str, step: int, number: int = 0, cut: int = 1) -> Values:
     """Set the inputs, take a step, perhaps in parts, and return the outputs."""
     subject = instance.subject
-    for variable, values in stimulus(subject, level, step, number):
-        instance.set(variable, values)
+    instance.set_all(instance.library.settings(stimulus(subject, level, step, number)))
     for part in range(cut):
         time = subject.start + (step + part / cut) * subject.step
         instance.step(time, subject.step / cut)
@@ -601,8 +603,8 @@ def _settable(subject: Subject) -> list[Variable]:
 
 def _set(variable: Variable, values: Sequence[Any]) -> Act:
     def act(instance: Instance) -> None:
-        arguments = instance.set_arguments(variable, values)
-        instance.try_(f"Set{variable.kind}", *arguments)
+        for function, arguments in instance.library.settings([(variable, values)]):
+            instance.try_(function, *arguments)
 
     return act
 
@@ -736,7 +738,7 @@ def unknown_references(bench: Bench) -> str:
 def _access(name: str, reference: int, c_type: Any) -> Act:
     def act(instance: Instance) -> None:
         buffer = (c_type * 64)()  # with room for more than is asked for
-        instance.try_(name, *instance.access([reference], buffer))
+        instance.try_(name, *instance.library.access([reference], buffer))
 
     return act
 
@@ -773,8 +775,8 @@ def _live_with(variable: Variable, value: Number, mode: int) -> Act:
 
     def act(instance: Instance) -> None:
         subject = instance.subject
-        values = [value] * variable.size
-        if instance.try_(f"Set{variable.kind}", *instance.set_arguments(variable, values)) > 1:
+        ((function, arguments),) = instance.library.settings([(variable, [value] * variable.size)])
+        if instance.try_(function, *arguments) > 1:
             return
         if mode == _NEW and (instance.try_enter() > 1 or instance.try_(leave) > 1):
             return
@@ -860,14 +862,13 @@ def null_pointers(bench: Bench) -> str:
 
 def leaks(bench: Bench) -> str:
     subject, level = bench.subject, bench.facts["level"]
-    first = list(stimulus(subject, level, 0))
+    inputs = bench.library.settings(stimulus(subject, level, 0))
     sizes: list[tuple[int, ...]] = []
     for life in range(LIVES + 1):
         if life in _MEASURED:
             sizes.append(_memory())
         instance = begin(bench.instance(), level)
-        for variable, values in first:
-            instance.set(variable, values)
+        instance.set_all(inputs)
         if subject.saves:
             instance.free_state(instance.state())
         instance.step(subject.start, subject.step)

@@ -92,6 +92,10 @@ _LOGGER2 = ctypes.CFUNCTYPE(None, _P, _S, _I, _S, _S)
 _LOGGER3 = ctypes.CFUNCTYPE(None, _P, _I, _S, _S)
 
 
+Setting = tuple[str, tuple[Any, ...]]
+"""A function that sets, and its arguments after the instance."""
+
+
 class RefusedError(Exception):
     """A call that must succeed has returned a status worse than a warning."""
 
@@ -203,6 +207,24 @@ class Library:
         """The version's spelling of a function for states."""
         return _FMI2_STATE[name] if self.fmi == 2 else name
 
+    def access(self, references: Sequence[int], buffer: Any) -> tuple[Any, ...]:
+        """The arguments of a function that gets or sets, after the instance."""
+        array = (ctypes.c_uint32 * len(references))(*references)
+        size = (len(buffer),) if self.fmi == 3 else ()
+        return array, len(references), buffer, *size
+
+    def settings(self, values: Iterable[tuple[Variable, Sequence[Number]]]) -> list[Setting]:
+        """The calls that set variables, of any instance; one per kind."""
+        kinds: dict[str, tuple[list[int], list[Number]]] = {}
+        for variable, elements in values:
+            references, numbers = kinds.setdefault(variable.kind, ([], []))
+            references.append(variable.reference)
+            numbers.extend(elements)
+        return [
+            (f"Set{kind}", self.access(refs, (C_TYPES[self.fmi][kind] * len(numbers))(*numbers)))
+            for kind, (refs, numbers) in kinds.items()
+        ]
+
     def instantiate(
         self, name: bytes | None, token: bytes | None, logger: bool = True
     ) -> int | None:
@@ -300,15 +322,16 @@ class Instance:
         result: list[Any] = []
         for v in variables:
             buffer = (C_TYPES[self.library.fmi][v.kind] * v.size)()
-            self.do(f"Get{v.kind}", *self.access([v.reference], buffer))
+            self.do(f"Get{v.kind}", *self.library.access([v.reference], buffer))
             result.extend(buffer)
         return result
 
     def outputs(self) -> list[Any]:
         """The values of what is observed, kind by kind; `output_names` are their names."""
         if self._read is None:
+            access = self.library.access
             self._read = [
-                (f"Get{kind}", buffer, self.access([v.reference for v in variables], buffer))
+                (f"Get{kind}", buffer, access([v.reference for v in variables], buffer))
                 for kind, variables in _by_kind(self.subject.observed)
                 for buffer in [(C_TYPES[self.library.fmi][kind] * _size(variables))()]
             ]
@@ -320,18 +343,12 @@ class Instance:
 
     def set(self, variable: Variable, values: Sequence[Number]) -> None:
         """Set all elements of a variable."""
-        self.do(f"Set{variable.kind}", *self.set_arguments(variable, values))
+        self.set_all(self.library.settings([(variable, values)]))
 
-    def set_arguments(self, variable: Variable, values: Sequence[Number]) -> tuple[Any, ...]:
-        """The arguments of the function that sets a variable after the instance."""
-        kind = C_TYPES[self.library.fmi][variable.kind]
-        return self.access([variable.reference], (kind * variable.size)(*values))
-
-    def access(self, references: Sequence[int], buffer: Any) -> tuple[Any, ...]:
-        """The arguments of a function that gets or sets after the instance."""
-        array = (ctypes.c_uint32 * len(references))(*references)
-        size = (len(buffer),) if self.library.fmi == 3 else ()
-        return array, len(references), buffer, *size
+    def set_all(self, settings: Iterable[Setting]) -> None:
+        """Set what `Library.settings` has prepared."""
+        for function, arguments in settings:
+            self.do(function, *arguments)
 
     def state(self) -> ctypes.c_void_p:
         """A copy of the state, to be given back with `free_state`."""
