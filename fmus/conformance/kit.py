@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -178,7 +178,7 @@ def _description(path: Path) -> tuple[State, str]:
 
 def _fmutool(path: Path) -> tuple[State, str]:
     if importlib.util.find_spec("fmu_manipulation_toolbox") is None:
-        return "not run", "it needs a package: pip install 'sblcosim[conformance]'"
+        return "not run", "it needs a package: pip install fmu-manipulation-toolbox"
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
     done = subprocess.run(
         [sys.executable, "-P", "-c", code, "-input", os.path.abspath(path), "-check"],
@@ -229,7 +229,7 @@ def _run(folder: Path, check: Check, patience: float) -> tuple[State, str]:
     state: State = "passed"
     reason = ""
     for step in range(len(check.steps)):
-        crashes: list[str] = []
+        crashes: list[tuple[str, str]] = []
         first = 0
         while len(crashes) < _CRASHES:
             (folder / "result").unlink(missing_ok=True)
@@ -238,16 +238,23 @@ def _run(folder: Path, check: Check, patience: float) -> tuple[State, str]:
                 state, reason = json.loads((folder / "result").read_text())
                 break
             _, probe, what = read_trace(folder / "trace")
-            crashes.append(f"{ending} {what}")
+            crashes.append((ending, what))
             if probe is None:
                 break
             first = probe + 1  # the others may be answered
         if crashes:
-            given_up = ["other calls were not tried"] * (len(crashes) == _CRASHES)
-            return "failed", "; ".join([*dict.fromkeys(crashes), *given_up])
+            return "failed", _crashed(crashes)
         if state != "passed":
             break
     return state, reason
+
+
+def _crashed(crashes: Sequence[tuple[str, str]]) -> str:
+    calls: dict[str, dict[str, None]] = {}
+    for ending, what in crashes:
+        calls.setdefault(ending, {})[what] = None
+    parts = [f"{ending} {', '.join(whats)}" for ending, whats in calls.items()]
+    return "; ".join([*parts, *["other calls were not tried"] * (len(crashes) == _CRASHES)])
 
 
 def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:
