@@ -206,6 +206,19 @@ def test_without_fmutool_its_check_is_not_run(
     assert report.ok
 
 
+@pytest.mark.parametrize(("module", "foreign"), [
+    ("kit", {"casadi"}),
+    ("child", {"casadi", "numpy", "fmpy", "sblcosim.models"}),
+])  # fmt: skip
+def test_the_kit_loads_little(module: str, foreign: set[str]) -> None:
+    code = (
+        f"import sys, sblcosim.fmus.conformance.{module}; "
+        f"sys.exit(str({foreign} & sys.modules.keys() or ''))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
+    assert done.stderr.strip() == b""
+
+
 def call(*arguments: Any) -> tuple[int, str]:
     result = CliRunner().invoke(app, ["conformance", *map(str, arguments)])
     return result.exit_code, result.output
