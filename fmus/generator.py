@@ -210,7 +210,7 @@ class _Values:
             if value in needed:
                 needed.update(self.operands[value])
         lines = {
-            value: f"const {'real' if value[0] == 'a' else 'mask64'} {value} = {text};"
+            value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
             for value, text in self.texts.items()
             if value in needed
         }

@@ -78,14 +78,14 @@ R_INLINE r_trig r_trig_parts(real x)
 }
 
 /* Mask of the lanes where the lowest bit is set. */
-R_INLINE mask64 r_odd(bits64 n) { return (mask64)(-(n & 1)); }
+R_INLINE mask r_odd(bits64 n) { return m_high(n << 63); }
 
 /* sin x and cos x.  < 1 ulp for |x| <= 5e7; beyond that (+-0, 1); NaN for inf and NaN. */
 static inline void r_sincos(real x, real *sine, real *cosine)
 {
     r_trig t = r_trig_parts(x);
     real s = t.s + t.ds, c = t.c + t.dc;
-    mask64 odd = r_odd(t.quarters);
+    mask odd = r_odd(t.quarters);
     bits64 s_sign = ((t.quarters << 62) ^ r_bits(x)) & R_SIGN_BIT;
     bits64 c_sign = ((t.quarters + 1) << 62) & R_SIGN_BIT;
     *sine = r_from_bits(r_bits(r_blend(odd, c, s)) ^ s_sign);
@@ -115,7 +115,7 @@ static inline real r_tan(real x)
     r_trig t = r_trig_parts(x);
     real s = t.s + t.ds, c = t.c + t.dc;
     real es = (t.s - s) + t.ds, ec = (t.c - c) + t.dc;
-    mask64 odd = r_odd(t.quarters);
+    mask odd = r_odd(t.quarters);
     real num = r_blend(odd, c, s), den = r_blend(odd, s, c);
     real enu = r_blend(odd, ec, es), ede = r_blend(odd, es, ec);
     real q = num / den;
@@ -144,7 +144,7 @@ static inline void r_sincos_turn(real u, real *sine, real *cosine)
                            -0x1.55d3c7e3c95bcp-6, 0x1.e1f50683b42a3p-11,
                            -0x1.a6d1ecb73dfb4p-16, 0x1.f9cc6acdfca50p-22,
                            -0x1.b26fe7c4cab45p-28);
-    mask64 odd = r_odd(quarters);
+    mask odd = r_odd(quarters);
     bits64 s_sign = (quarters << 62) & R_SIGN_BIT;
     bits64 c_sign = ((quarters + 1) << 62) & R_SIGN_BIT;
     *sine = r_from_bits(r_bits(r_blend(odd, c, s)) ^ s_sign);
@@ -202,15 +202,14 @@ R_INLINE real r_log_normal(real x, real bias)
 /* log x for every x.  < 1 ulp, subnormal x too; log(+-0) = -inf, NaN below 0. */
 static inline real r_log(real x)
 {
-    mask64 tiny = m_lt(x, r_set1(0x1p-1022));
+    mask tiny = m_lt(x, r_set1(0x1p-1022));
     real y = r_log_normal(x * r_blend(tiny, r_set1(0x1p54), r_set1(1.0)),
                           r_blend(tiny, r_set1(R_LOG_BIAS + 54.0), r_set1(R_LOG_BIAS)));
-    /* Not positive and finite: all ones (a NaN) is or'ed to a negative x, -inf to a zero,
-     * and nothing to inf and NaN, which are their own logarithm. */
-    bits64 negative = (bits64)m_lt(x, r_set1(0.0)), zero = (bits64)m_eq(x, r_set1(0.0));
-    bits64 other = r_bits(x) | negative | (zero & UINT64_C(0xfff0000000000000));
-    mask64 usual = m_lt(r_set1(0.0), x) & m_lt(x, r_set1(__builtin_inf()));
-    return r_blend(usual, y, r_from_bits(other));
+    /* Of what is not positive and finite, inf and NaN are their own logarithm. */
+    real other = r_blend(m_lt(x, r_set1(0.0)), r_set1(__builtin_nan("")), x);
+    other = r_blend(m_eq(x, r_set1(0.0)), r_set1(-__builtin_inf()), other);
+    mask usual = m_lt(r_set1(0.0), x) & m_lt(x, r_set1(__builtin_inf()));
+    return r_blend(usual, y, other);
 }
 
 /* ---- inverse trigonometric functions ---- */
@@ -220,9 +219,9 @@ static inline real r_log(real x)
  * Above pi/8 the point is turned back by pi/4, so the quotient stays within tan(pi/8), and
  * the rounding errors of its sum and difference are made good to first order.  The constant
  * is added last, from two parts. */
-R_INLINE real r_angle(real lo, real hi, mask64 mirror, real eighths)
+R_INLINE real r_angle(real lo, real hi, mask mirror, real eighths)
 {
-    mask64 above = m_lt(hi * 0x1.a827999fcef32p-2, lo);
+    mask above = m_lt(hi * 0x1.a827999fcef32p-2, lo);
     real less = r_keep(above, hi), more = r_keep(above, lo);
     real num = lo - less, den = hi + more;
     real t = num / den;
@@ -234,7 +233,7 @@ R_INLINE real r_angle(real lo, real hi, mask64 mirror, real eighths)
                           -0x1.10ebdffcecc33p-4, 0x1.df118ad6e899ep-5,
                           -0x1.9cdcc9a7a026cp-5, 0x1.37eee631f6177p-5,
                           -0x1.25a0f658c7859p-6)) + error;
-    bits64 flip = (bits64)mirror & R_SIGN_BIT;
+    bits64 flip = r_bits(r_keep(mirror, r_set1(-0.0)));
     real eighth = r_from_bits(r_bits(r_keep(above, r_set1(1.0))) ^ flip);
     real turn = eighths + eighth;
     t = r_from_bits(r_bits(t) ^ flip);
@@ -249,7 +248,7 @@ static inline real r_atan(real x)
     const real one = r_set1(1.0);
     real a = r_fabs(x);
     a = r_blend(m_lt(r_set1(0x1p1000), a), r_set1(0x1p1000), a); /* its atan is pi/2 too */
-    mask64 steep = m_lt(one, a);
+    mask steep = m_lt(one, a);
     real y = r_angle(r_blend(steep, one, a), r_blend(steep, a, one), steep,
                      r_keep(steep, r_set1(2.0)));
     return r_copysign(y, x);
@@ -261,10 +260,10 @@ static inline real r_atan2(real y, real x)
 {
     const real zero = r_set1(0.0), one = r_set1(1.0), inf = r_set1(__builtin_inf());
     real a = r_fabs(y), b = r_fabs(x);
-    mask64 steep = m_lt(b, a);
+    mask steep = m_lt(b, a);
     real lo = r_blend(steep, b, a), hi = r_blend(steep, a, b);
     /* Keep lo + hi finite.  An infinity stands for 1 and makes any finite partner 0. */
-    mask64 endless = m_eq(hi, inf);
+    mask endless = m_eq(hi, inf);
     lo = r_blend(endless, r_blend(m_eq(lo, inf), one, lo * 0.0), lo);
     hi = r_blend(endless, one, hi);
     real scale = r_blend(m_lt(r_set1(0x1p1000), hi), r_set1(0x1p-60), one);
@@ -272,7 +271,7 @@ static inline real r_atan2(real y, real x)
     hi = hi * scale;
     hi = r_blend(m_eq(hi, zero), one, hi);
     /* steep mirrors at the diagonal, x < 0 (or -0) at the vertical axis. */
-    mask64 left = -(mask64)(r_bits(x) >> 63);
+    mask left = m_high(r_bits(x));
     real eighths = r_keep(steep, r_set1(2.0));
     eighths = r_blend(left, 4.0 - eighths, eighths);
     return r_copysign(r_angle(lo, hi, steep ^ left, eighths), y);
@@ -282,7 +281,7 @@ static inline real r_atan2(real y, real x)
  * Above: root + low = sqrt((1 - a) / 2), whose square is exact before the division, root
  * has at most 21 bits, and acos a = 2 (root + low + (root + low) rest). */
 typedef struct {
-    mask64 upper;
+    mask upper;
     real root, low, tail;
 } r_arc;
 

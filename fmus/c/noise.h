@@ -9,8 +9,7 @@ static inline void noise_words(const bits64 key[2], bits64 count, uint32_t pair,
                                uint32_t occasion, bits64 words[4])
 {
     const bits64 zero = r_bits(r_set1(0.0));
-    philox4x32(key[0], key[1], count & 0xffffffffu, count >> 32, zero + pair, zero + occasion,
-               words);
+    philox4x32(key[0], key[1], count, count >> 32, zero + pair, zero + occasion, words);
 }
 
 static inline void noise_normal2(const bits64 key[2], bits64 count, uint32_t pair,

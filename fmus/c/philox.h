@@ -2,8 +2,8 @@
  * 2011) with its own key and counter in every lane, and normal deviates from it.
  *
  * The generator has no state: the same key and counter give the same four words wherever
- * and whenever they are asked for.  Each 32-bit word lies in a 64-bit lane whose upper half
- * is zero, so that a product of two words is one plain multiplication. */
+ * and whenever they are asked for.  Each 32-bit word lies in the lower half of a 64-bit lane, so
+ * that a product of two words is one plain multiplication. */
 #ifndef SBLCOSIM_PHILOX_H
 #define SBLCOSIM_PHILOX_H
 
@@ -12,8 +12,8 @@
 
 #define B_WORD UINT64_C(0xffffffff)
 
-/* a * b for lanes below 2^32.  Clang sees from the masks that the upper halves are zero; GCC
- * would form all of a 64x64 product, so on x86 it is told the instruction. */
+/* The lower half of a, times b.  Clang knows the instruction for it from the mask; GCC would form
+ * all of a 64x64 product, so on x86 it is told. */
 R_INLINE bits64 b_mul32(bits64 a, uint64_t b)
 {
 #if LANES > 1 && defined(__SSE2__) && !defined(__clang__)
@@ -39,7 +39,8 @@ R_INLINE bits64 b_mul32(bits64 a, uint64_t b)
 #endif
 }
 
-/* The four words for a key and a counter.  Every lane of the arguments must be below 2^32. */
+/* The four words for a key and a counter.  Only the lower half of each lane counts, so what the
+ * rounds leave in the upper halves is cleared at the end. */
 static inline void philox4x32(bits64 key0, bits64 key1, bits64 c0, bits64 c1, bits64 c2,
                               bits64 c3, bits64 out[4])
 {
@@ -47,16 +48,16 @@ static inline void philox4x32(bits64 key0, bits64 key1, bits64 c0, bits64 c1, bi
         bits64 p0 = b_mul32(c0, UINT64_C(0xd2511f53));
         bits64 p1 = b_mul32(c2, UINT64_C(0xcd9e8d57));
         c0 = (p1 >> 32) ^ c1 ^ key0;
-        c1 = p1 & B_WORD;
+        c1 = p1;
         c2 = (p0 >> 32) ^ c3 ^ key1;
-        c3 = p0 & B_WORD;
-        key0 = (key0 + UINT64_C(0x9e3779b9)) & B_WORD;
-        key1 = (key1 + UINT64_C(0xbb67ae85)) & B_WORD;
+        c3 = p0;
+        key0 = key0 + UINT64_C(0x9e3779b9);
+        key1 = key1 + UINT64_C(0xbb67ae85);
     }
-    out[0] = c0;
-    out[1] = c1;
-    out[2] = c2;
-    out[3] = c3;
+    out[0] = c0 & B_WORD;
+    out[1] = c1 & B_WORD;
+    out[2] = c2 & B_WORD;
+    out[3] = c3 & B_WORD;
 }
 
 /* The integer hi * 2^21 + (lo >> 11), below 2^53, as a double.  Either word becomes the low

@@ -6,8 +6,8 @@
  * must keep out of it: -ffp-contract=off, and never -ffast-math.  The one thing left open
  * is a NaN's sign and payload, which the processor chooses.
  *
- * Names: r_ works on doubles, b_ on the 64-bit words, m_ yields masks (all ones or zero
- * in each lane). */
+ * Names: r_ works on doubles, b_ on the 64-bit words, m_ yields masks: per lane all ones or
+ * zero, or one bit where the processor has registers for that.  Masks know &, |, ^ and ~. */
 #ifndef SBLCOSIM_REAL_H
 #define SBLCOSIM_REAL_H
 
@@ -46,14 +46,17 @@
 #if LANES == 1
 typedef double real;
 typedef uint64_t bits64;
-typedef int64_t mask64;
-#define R_MASK(comparison) (-(mask64)(comparison))
+typedef int64_t mask;
 #define R_ALL(v) (v)
 #else
 typedef double real __attribute__((vector_size(8 * LANES)));
 typedef uint64_t bits64 __attribute__((vector_size(8 * LANES)));
-typedef int64_t mask64 __attribute__((vector_size(8 * LANES)));
-#define R_MASK(comparison) ((mask64)(comparison))
+#if LANES == 8 && defined(__AVX512DQ__)
+#define R_MASK_REGISTERS
+typedef __mmask8 mask;
+#else
+typedef int64_t mask __attribute__((vector_size(8 * LANES)));
+#endif
 #if LANES == 2
 #define R_ALL(v) {(v), (v)}
 #elif LANES == 4
@@ -148,18 +151,43 @@ R_INLINE real r_from_bits(bits64 v)
 
 /* ---- masks ---- */
 
-R_INLINE mask64 m_lt(real a, real b) { return R_MASK(a < b); }
-R_INLINE mask64 m_le(real a, real b) { return R_MASK(a <= b); }
-R_INLINE mask64 m_eq(real a, real b) { return R_MASK(a == b); }
-R_INLINE mask64 m_ne(real a, real b) { return R_MASK(a != b); }
+#if defined(R_MASK_REGISTERS)
+#define R_COMPARE(name, operator, predicate) \
+    R_INLINE mask name(real a, real b) \
+    { \
+        return _mm512_cmp_pd_mask(a, b, predicate); \
+    }
+#elif LANES == 1
+#define R_COMPARE(name, operator, predicate) \
+    R_INLINE mask name(real a, real b) { return -(mask)(a operator b); }
+#else
+#define R_COMPARE(name, operator, predicate) \
+    R_INLINE mask name(real a, real b) { return (mask)(a operator b); }
+#endif
+R_COMPARE(m_lt, <, _CMP_LT_OQ)
+R_COMPARE(m_le, <=, _CMP_LE_OQ)
+R_COMPARE(m_eq, ==, _CMP_EQ_OQ)
+R_COMPARE(m_ne, !=, _CMP_NEQ_UQ)
 
 /* A condition is true when it is not zero, so NaN is true, as in C. */
-R_INLINE mask64 m_true(real c) { return m_ne(c, r_set1(0.0)); }
+R_INLINE mask m_true(real c) { return m_ne(c, r_set1(0.0)); }
+
+/* Whether the highest bit is set. */
+R_INLINE mask m_high(bits64 v)
+{
+#if defined(R_MASK_REGISTERS)
+    return _mm512_movepi64_mask((__m512i)v);
+#else
+    return -(mask)(v >> 63);
+#endif
+}
 
 /* a where the mask is set, else +0. */
-R_INLINE real r_keep(mask64 m, real a)
+R_INLINE real r_keep(mask m, real a)
 {
-#if LANES == 1
+#if defined(R_MASK_REGISTERS)
+    return _mm512_maskz_mov_pd(m, a);
+#elif LANES == 1
     return m ? a : 0.0;
 #else
     return r_from_bits(r_bits(a) & (bits64)m);
@@ -167,9 +195,13 @@ R_INLINE real r_keep(mask64 m, real a)
 }
 
 /* a where the mask is set, else b; the bits of either are kept as they are. */
-R_INLINE real r_blend(mask64 m, real a, real b)
+R_INLINE real r_blend(mask m, real a, real b)
 {
-#if LANES == 1
+#if defined(R_MASK_REGISTERS)
+    return _mm512_mask_blend_pd(m, b, a);
+#elif LANES == 4 && defined(__AVX__)
+    return _mm256_blendv_pd(b, a, (real)m);
+#elif LANES == 1
     return m ? a : b;
 #else
     return r_from_bits((r_bits(a) & (bits64)m) | (r_bits(b) & ~(bits64)m));
@@ -178,7 +210,7 @@ R_INLINE real r_blend(mask64 m, real a, real b)
 
 /* ---- comparisons and logic: 1.0 or 0.0 ---- */
 
-R_INLINE real r_truth(mask64 m) { return r_keep(m, r_set1(1.0)); }
+R_INLINE real r_truth(mask m) { return r_keep(m, r_set1(1.0)); }
 
 R_INLINE real r_lt(real a, real b) { return r_truth(m_lt(a, b)); }
 R_INLINE real r_le(real a, real b) { return r_truth(m_le(a, b)); }
@@ -196,12 +228,10 @@ R_INLINE real r_select(real c, real a, real b) { return r_blend(m_true(c), a, b)
 
 /* Is the mask set in any lane? Asked before every loop and draw, so worth the processor's own
  * instruction. */
-R_INLINE int m_any(mask64 m)
+R_INLINE int m_any(mask m)
 {
-#if LANES == 1
+#if LANES == 1 || defined(R_MASK_REGISTERS)
     return m != 0;
-#elif LANES == 8 && defined(__AVX512F__)
-    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
 #elif LANES == 4 && defined(__AVX__)
     return _mm256_movemask_pd((__m256d)m) != 0;
 #elif LANES == 2 && defined(__SSE2__)
@@ -292,8 +322,8 @@ R_INLINE real r_fmod(real x, real y)
 {
     const real split = r_set1(134217729.0); /* 2^27 + 1 */
     real a = r_fabs(x), b = r_fabs(y);
-    mask64 below = m_lt(a, b);
-    mask64 valid = m_lt(a, r_set1(0x1p990)) & m_lt(a, b * r_set1(0x1p53));
+    mask below = m_lt(a, b);
+    mask valid = m_lt(a, r_set1(0x1p990)) & m_lt(a, b * r_set1(0x1p53));
     real q = r_floor(a / b);
     real qh = q * split, bh = b * split;
     qh = qh - (qh - q);

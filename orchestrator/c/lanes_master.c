@@ -55,7 +55,12 @@ struct memory {
     int size, next, count;
 };
 
-static inline real both(real a, real b) { return r_and(a, b); }
+/* Few elements at a time: a call of memcpy would cost more than the copying. */
+static inline void copy(real *to, const real *from, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        to[i] = from[i];
+}
 
 static void remember(struct memory *m, const struct truth *t, const real *const *values,
                      int64_t now_ns)
@@ -83,27 +88,27 @@ static void remember(struct memory *m, const struct truth *t, const real *const 
 }
 
 /* e' P^-1 e by Cholesky; *usable tells where P is positive definite. */
-static real nees_of(const real e[3], const real *P, real *usable)
+static real nees_of(const real e[3], const real *P, mask *usable)
 {
     const real a = P[0], b = P[2], c = P[4], d = P[14], f = P[16], g = P[28];
     const real zero = r_set1(0.0), one = r_set1(1.0);
-    *usable = r_lt(zero, a);
-    const real i11 = one / r_sqrt(r_select(*usable, a, one));
+    *usable = m_lt(zero, a);
+    const real i11 = one / r_sqrt(r_blend(*usable, a, one));
     const real l21 = b * i11, l31 = c * i11;
     const real s2 = d - l21 * l21;
-    *usable = both(*usable, r_lt(r_set1(1e-14) * d, s2));
-    const real i22 = one / r_sqrt(r_select(*usable, s2, one));
+    *usable &= m_lt(r_set1(1e-14) * d, s2);
+    const real i22 = one / r_sqrt(r_blend(*usable, s2, one));
     const real l32 = (f - l31 * l21) * i22;
     const real s3 = g - l31 * l31 - l32 * l32;
-    *usable = both(*usable, r_lt(r_set1(1e-14) * g, s3));
+    *usable &= m_lt(r_set1(1e-14) * g, s3);
     const real y1 = e[0] * i11, y2 = (e[1] - l21 * y1) * i22;
     const real y3 = e[2] - l31 * y1 - l32 * y2;
-    return y1 * y1 + y2 * y2 + y3 * y3 / r_select(*usable, s3, one);
+    return y1 * y1 + y2 * y2 + y3 * y3 / r_blend(*usable, s3, one);
 }
 
-static inline void add(real *sum, real condition, real value)
+static inline void add(real *sum, mask condition, real value)
 {
-    *sum = *sum + r_if_else_zero(condition, value);
+    *sum = *sum + r_keep(condition, value);
 }
 
 /* Judge what a receiver shows at an instant. */
@@ -111,26 +116,27 @@ static void reduce(const struct receiver *r, const real *v, const struct memory 
                    double settled, double late, real hold_ns, real *s)
 {
     const real count = v[r->update_count], one = r_set1(1.0), zero = r_set1(0.0);
-    const real valid = r->valid >= 0 ? v[r->valid] : r_lt(zero, count);
+    const mask valid = r->valid >= 0 ? m_true(v[r->valid]) : m_lt(zero, count);
     add(&s[AVAILABLE_NS], valid, hold_ns);
-    const real new = both(r_ne(count, *counted), valid);
+    const mask new = m_ne(count, *counted) & valid;
     *counted = count;
     s[UPDATES] = count;
-    if (!r_any(new))
+    if (!m_any(new))
         return;
     const real epoch = v[r->epoch];
-    real missing = new, position[3], platform[3], distance_square = zero;
+    mask missing = new;
+    real position[3], platform[3], distance_square = zero;
     for (int i = 0; i < 3; i++)
         position[i] = platform[i] = zero;
-    for (int age = 1; age <= m->count && r_any(missing); age++) {
+    for (int age = 1; age <= m->count && m_any(missing); age++) {
         const struct moment *const moment = &m->moments[(m->next - age + m->size) % m->size];
-        const real here = both(missing, r_eq(epoch, moment->time));
+        const mask here = missing & m_eq(epoch, moment->time);
         for (int i = 0; i < 3; i++) {
-            position[i] = r_select(here, moment->position[i], position[i]);
-            platform[i] = r_select(here, moment->platform_error[i], platform[i]);
+            position[i] = r_blend(here, moment->position[i], position[i]);
+            platform[i] = r_blend(here, moment->platform_error[i], platform[i]);
         }
-        distance_square = r_select(here, moment->distance_square, distance_square);
-        missing = both(missing, r_not(here));
+        distance_square = r_blend(here, moment->distance_square, distance_square);
+        missing &= ~here;
     }
     real e[3], relative[3];
     for (int i = 0; i < 3; i++) {
@@ -140,15 +146,16 @@ static void reduce(const struct receiver *r, const real *v, const struct memory 
     const real square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
     const real relative_square =
         relative[0] * relative[0] + relative[1] * relative[1] + relative[2] * relative[2];
-    const real finite = r_lt(square + relative_square, r_set1(__builtin_inf()));
-    const real broken = both(new, r_or(missing, r_not(finite)));
-    add(&s[BROKEN], broken, one);
-    const real good = both(new, r_not(broken));
-    const real is_late = both(good, r_le(r_set1(late), epoch));
-    add(&s[LATE_ESTIMATES], is_late, one);
-    add(&s[LATE_ERROR_SQUARE], is_late, square);
-    add(&s[LATE_DISTANCE_SQUARE], is_late, distance_square);
-    const real use = both(good, r_le(r_set1(settled), epoch));
+    const mask finite = m_lt(square + relative_square, r_set1(__builtin_inf()));
+    const mask good = new & finite & ~missing;
+    add(&s[BROKEN], new & ~good, one);
+    const mask is_late = good & m_le(r_set1(late), epoch);
+    if (m_any(is_late)) {
+        add(&s[LATE_ESTIMATES], is_late, one);
+        add(&s[LATE_ERROR_SQUARE], is_late, square);
+        add(&s[LATE_DISTANCE_SQUARE], is_late, distance_square);
+    }
+    const mask use = good & m_le(r_set1(settled), epoch);
     add(&s[ESTIMATES], use, one);
     for (int i = 0; i < 3; i++) {
         add(&s[ERROR_X + i], use, e[i]);
@@ -159,23 +166,18 @@ static void reduce(const struct receiver *r, const real *v, const struct memory 
     add(&s[ERROR_TOTAL], use, r_sqrt(square));
     add(&s[RELATIVE_TOTAL], use, r_sqrt(relative_square));
     if (r->covariance >= 0) {
-        real usable;
+        mask usable;
         const real nees = nees_of(e, v + r->covariance, &usable);
-        usable = both(use, usable);
+        usable &= use;
         add(&s[NEES], usable, nees);
         add(&s[NEES_ESTIMATES], usable, one);
     }
     if (r->nis >= 0 && r->nis_degrees >= 0) {
-        const real judged = both(use, r_lt(zero, v[r->nis_degrees]));
+        const mask judged = use & m_lt(zero, v[r->nis_degrees]);
         add(&s[NIS], judged, v[r->nis]);
         add(&s[NIS_DEGREES], judged, v[r->nis_degrees]);
         add(&s[NIS_ESTIMATES], judged, one);
     }
-}
-
-static inline int due(const struct plan *p, int component, int64_t elapsed_ns)
-{
-    return elapsed_ns % p->interval_ns[component] == 0;
 }
 
 #if LANES == 1
@@ -205,6 +207,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
     const double settled = (double)(start + p->settling_ns) / 1e9;
     const double late = (double)stop / 1e9 - ((double)stop / 1e9 - (double)start / 1e9) / 4;
     const real *shown[MAX_COMPONENTS];
+    int due[MAX_COMPONENTS];
     for (int c = 0; c < p->n_components; c++)
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
@@ -223,8 +226,8 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
             for (int i = 0; i < p->n_handovers; i++) {
                 const struct link *l = &p->handovers[i];
                 if (l->target == c)
-                    memcpy((real *)blocks[c] + l->to, (const real *)blocks[l->source] + l->from,
-                           (size_t)l->count * sizeof(real));
+                    copy((real *)blocks[c] + l->to, (const real *)blocks[l->source] + l->from,
+                         l->count);
             }
             const uint32_t element = k->initial(blocks[c], start);
             if (element)
@@ -235,12 +238,13 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
             const int last = row == p->n_instants - 1;
             if (*cancel)
                 return -1;
-            for (int c = 0; c < p->n_components; c++)
-                if (held[c] && due(p, c, elapsed)) {
-                    const struct lanes *k = p->components[c];
+            for (int c = 0; c < p->n_components; c++) {
+                const struct lanes *k = p->components[c];
+                due[c] = elapsed % p->interval_ns[c] == 0;
+                if (held[c] && due[c])
                     memcpy(held[c], blocks[c],
                            (size_t)(k->parameters + k->inputs + k->outputs) * sizeof(real));
-                }
+            }
             if (p->truth) {
                 const real hold =
                     r_set1(last ? 0.0 : (double)(p->instants_ns[row + 1] - now));
@@ -260,12 +264,11 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                 break;
             for (int i = 0; i < p->n_links; i++) {
                 const struct link *l = &p->links[i];
-                if (due(p, l->target, elapsed))
-                    memcpy((real *)blocks[l->target] + l->to, shown[l->source] + l->from,
-                           (size_t)l->count * sizeof(real));
+                if (due[l->target])
+                    copy((real *)blocks[l->target] + l->to, shown[l->source] + l->from, l->count);
             }
             for (int c = 0; c < p->n_components; c++)
-                if (due(p, c, elapsed))
+                if (due[c])
                     p->components[c]->step(blocks[c], start, now, now + p->interval_ns[c]);
             *done += 1;
         }
