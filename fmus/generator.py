@@ -66,7 +66,6 @@ _LOGIC_OF_CONDITIONS: Mapping[int, str] = {
 _ZERO = f"r_set1({0.0.hex()})"
 _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
-_NOISE = "const real *p, const bits64 key[2], bits64 count, real *w"
 
 
 def statements(
@@ -250,21 +249,17 @@ def _cases(signature: str, selector: str, cases: Mapping[int, Sequence[str]]) ->
     return _procedure(signature, [*lines, "default: break;", "}"])
 
 
-def _occasion(
-    draws: Sequence[Draw], name: str, number: int, places: Mapping[str, int]
-) -> list[str]:
-    """Statements that fill ``w`` on one occasion.
+def _blocks(draws: Sequence[Draw], name: str, places: Mapping[str, int]) -> list[str]:
+    """The blocks of random numbers drawn on one occasion, as rows of ``struct draw``.
 
-    A block of Philox gives two numbers. Draws of one kind share blocks, in the order in which
-    they are declared; the third word of the counter says which block, the fourth the occasion. A
-    number with a scale is 0 where that is 0, whatever the other lanes need.
+    A block gives two numbers. Draws of one kind share blocks, in the order in which they are
+    declared.
 
     Parameters
     ----------
     places
         Index of each scalar parameter in ``p``.
     """
-    lines: list[str] = []
     kinds: dict[Literal["normal", "uniform"], list[tuple[int, str | None]]]
     kinds = {"normal": [], "uniform": []}
     position = 0
@@ -273,31 +268,18 @@ def _occasion(
             scales = draw.scale or (None,) * draw.size
             kinds[draw.kind] += zip(range(position, position + draw.size), scales, strict=True)
             position += draw.size
+    rows = []
     for kind, numbers in kinds.items():
-        for block, first in enumerate(range(0, len(numbers), 2)):
+        for first in range(0, len(numbers), 2):
             pair = numbers[first : first + 2]
-            targets = [f"w[{place}]" for place, _ in pair]
-            stream = 2 * block + (kind == "uniform")
-            to = f"&{targets[0]}, &{targets[1] if len(pair) == 2 else 'spare'}"
-            draw_pair = f"noise_{kind}2(key, count, {stream}u, {number}u, {to});"
-            scaled = [scale for _, scale in pair if scale is not None]
-            if len(scaled) < len(pair):
-                lines.append(draw_pair)
-                continue
-            needed = [f"r_ne(p[{places[scale]}], r_set1(0.0))" for scale in scaled]
-            lines += [
-                f"if (r_any({needed[0] if len(needed) == 1 else f'r_or({needed[0]}, {needed[1]})'}"
-                ")) {",
-                f"    {draw_pair}",
-                *(
-                    f"    {target} = r_if_else_zero({need}, {target});"
-                    for target, need in zip(targets, needed, strict=True)
-                ),
-                "} else {",
-                f"    {' = '.join(targets)} = r_set1(0.0);",
-                "}",
-            ]
-    return ["real spare;", "(void)spare;", *lines] if lines else []
+            to = [place for place, _ in pair]
+            scale = [-1 if scale is None else places[scale] for _, scale in pair]
+            if len(pair) == 1:
+                to, scale = [*to, -1], scale * 2
+            uniform = int(kind == "uniform")
+            rows.append(f"{{{first + uniform}, {uniform}, {{{to[0]}, {to[1]}}}, "
+                        f"{{{scale[0]}, {scale[1]}}}}}")
+    return rows
 
 
 def noise_size(draws: Sequence[Draw], occasion: str) -> int:
@@ -315,6 +297,8 @@ def model_source(model: Model) -> str:
     def place(name: str | None) -> int:
         return parameters.index(name) if name in parameters else -1
 
+    places = {name: i for i, name in enumerate(parameters)}
+    blocks = [_blocks(model.draws, occasion, places) for occasion in occasions]
     sizes = {
         "COMPONENT_NUMBER": component.number,
         "N_P": len(parameters),
@@ -322,6 +306,7 @@ def model_source(model: Model) -> str:
         "N_Y": sum(v.size for v in component.of("output")),
         "N_X": sum(rows * columns for rows, columns in model.states.values()),
         "N_W": max(noise_size(model.draws, occasion) for occasion in occasions),
+        "N_BLOCKS": max(map(len, blocks)),
         "N_ADVANCE": len(model.advance),
         "N_ITERATE": len(model.iterate),
         "P_SEED": place("seed"),
@@ -331,23 +316,15 @@ def model_source(model: Model) -> str:
         "HAS_JACOBIAN": int(bool(model.feedthrough)),
     }
     parts = [f"/* Equations of {component.name}, generated from its CasADi functions. */"]
-    parts += ["\n".join(f"#define {name} {value}" for name, value in sizes.items()), ""]
-    unused = ["p", "key", "count", "w"]
-    places = {name: i for i, name in enumerate(parameters)}
-    for number, occasion in enumerate(occasions):
-        lines = _occasion(model.draws, occasion, number, places)
-        parts.append(_procedure(f"noise_{number}({_NOISE})", lines, unused))
-    parts.append(
-        _procedure(
-            f"model_noise(int occasion, {_NOISE})",
-            [
-                "switch (occasion) {",
-                *(f"case {n}: noise_{n}(p, key, count, w); break;" for n in range(len(occasions))),
-                "default: break;",
-                "}",
-            ],
-        )
-    )
+    parts += ["\n".join(f"#define {name} {value}" for name, value in sizes.items())]
+    parts += ['#include "noise.h"', ""]
+    parts += [
+        f"static const struct draw model_draws[{len(blocks)}][N_BLOCKS + 1] = {{",
+        *(f"    {{{', '.join(rows or ['{0, 0, {0, 0}, {0, 0}}'])}}}," for rows in blocks),
+        "};",
+        f"static const int model_blocks[{len(blocks)}] = {{{', '.join(str(len(b)) for b in blocks)}}};",
+        "",
+    ]
 
     def each(
         pick: Callable[[Functions], ca.Function], arguments: Sequence[str], result: str,

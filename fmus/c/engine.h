@@ -30,6 +30,12 @@ static inline bits64 r_integer(real v)
 static inline const real *engine_p(const struct block *b) { return b->v; }
 static inline const real *engine_u(const struct block *b) { return b->v + N_P; }
 
+static inline void engine_noise(const struct block *b, int occasion, bits64 count, real *w)
+{
+    noise_draw(model_draws[occasion], model_blocks[occasion], (uint32_t)occasion, engine_p(b),
+               b->key, count, w);
+}
+
 /* 0 when a loop found no end. Side by side, the lane concerned becomes NaN and the others go on. */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
@@ -40,7 +46,7 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
         going = r_if_else_zero(r_eq(going, going), going); /* a NaN has nothing to do */
         if (!r_any(going))
             return 1;
-        model_noise(OCCASION_LOOPS + loop, engine_p(b), b->key, b->rounds[loop], w);
+        engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
 #if LANES == 1
         model_body(loop, variant, b->x, engine_u(b), engine_p(b), w, t);
 #else
@@ -111,7 +117,7 @@ static inline int engine_initial(struct block *b, int variant, int64_t start_ns)
 #endif
     for (int i = 0; i < N_LOOPS; i++)
         b->rounds[i] = zero;
-    model_noise(OCCASION_INITIAL, engine_p(b), b->key, zero, w);
+    engine_noise(b, OCCASION_INITIAL, zero, w);
     model_initial(variant, engine_p(b), w, t, b->x);
     if (!engine_loops(b, variant, 0, N_ADVANCE, t))
         return 0;
@@ -133,7 +139,7 @@ static inline int engine_step(struct block *b, int variant, int64_t start_ns, in
             real w[N_W + 1];
             if (!engine_loops(b, variant, 0, N_ADVANCE, t))
                 return 0;
-            model_noise(OCCASION_TICK, engine_p(b), b->key, r_integer(r_set1((double)k)), w);
+            engine_noise(b, OCCASION_TICK, r_integer(r_set1((double)k)), w);
             model_tick(variant, b->x, engine_u(b), engine_p(b), w, t, r_set1((double)k));
             if (!engine_loops(b, variant, N_ADVANCE, N_LOOPS, t))
                 return 0;

@@ -12,7 +12,6 @@
 
 #include "real.h"
 #include "elementary.h"
-#include "noise.h"
 #include "model.h"
 #include "engine.h"
 

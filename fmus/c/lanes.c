@@ -1,7 +1,6 @@
 /* The engine for LANES simulations; compiled once per number of lanes. */
 #include "real.h"
 #include "elementary.h"
-#include "noise.h"
 #include "model.h"
 #include "engine.h"
 #include "lanes.h"

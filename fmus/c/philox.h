@@ -83,4 +83,11 @@ static inline void philox_normal2(const bits64 w[4], real *n0, real *n1)
     *n1 = radius * s;
 }
 
+/* Two independent integers in [0, 2^53). */
+static inline void philox_uniform2(const bits64 w[4], real *u0, real *u1)
+{
+    *u0 = philox_uniform53(w[0], w[1]);
+    *u1 = philox_uniform53(w[2], w[3]);
+}
+
 #endif

@@ -2,7 +2,6 @@
  * functions. Numbers are stored [.. ][element][lane]. */
 #include "real.h"
 #include "elementary.h"
-#include "noise.h"
 #include "model.h"
 #include "engine.h"
 
