@@ -63,6 +63,9 @@ _LOGIC_OF_CONDITIONS: Mapping[int, str] = {
 }
 """What arithmetic with two conditions, which are 0 or 1, amounts to."""
 
+_COSTLY = tuple(
+    f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
+)
 _ZERO = f"r_set1({0.0.hex()})"
 _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
@@ -204,27 +207,71 @@ class _Values:
 
     def lines(self, wanted: set[str]) -> list[str]:
         """Statements that make the wanted values, and nothing that they do not need."""
-        needed = set(wanted)
-        for value in reversed(self.texts):
-            if value in needed:
-                needed.update(self.operands[value])
+        branches = self._branches(wanted)
         lines = {
             value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
             for value, text in self.texts.items()
-            if value in needed
+            if value in branches
         }
-        _pair_sines(lines, self.texts)
-        return list(lines.values())
+        _pair_sines(lines, self.texts, branches)
+        bodies: dict[str, list[str]] = {branch: [] for branch in ("", *branches.values())}
+        for value, line in lines.items():
+            if value in bodies:
+                line = "\n".join([
+                    f"real {value} = {_ZERO};",
+                    f"if (m_any({self._kept[value][0]})) {{",
+                    *bodies[value], f"{value} = {self.texts[value]};",
+                    "}",
+                ])
+            bodies[branches[value]].append(line)
+        return "\n".join(bodies[""]).splitlines()
+
+    def _branches(self, wanted: set[str]) -> dict[str, str]:
+        """Where the needed values are made: the value ``c ? x : 0`` that alone needs them, or "".
+
+        Only a choice that saves an elementary function is worth a branch.
+        """
+        users: dict[str, list[str]] = {value: [""] for value in wanted}
+        branches: dict[str, str] = {}
+
+        def path(branch: str) -> list[str]:
+            return [*path(branches[branch]), branch] if branch else [""]
+
+        for value in reversed(self.texts):
+            if value not in users:
+                continue
+            common = path(users[value][0])
+            for user in users[value][1:]:
+                common = [a for a, b in zip(common, path(user), strict=False) if a == b]
+            branches[value] = common[-1]
+            condition = self._kept.get(value, ("",))[0]
+            for operand in self.operands[value]:
+                inside = value in self._kept and operand != condition
+                users.setdefault(operand, []).append(value if inside else common[-1])
+        worthy = {
+            branch
+            for value, inner in branches.items()
+            if self.texts[value].startswith(_COSTLY)
+            for branch in path(inner)
+        }
+
+        def kept(branch: str) -> str:
+            return branch if branch in worthy else kept(branches[branch])
+
+        worthy.add("")
+        return {value: kept(branch) for value, branch in branches.items()}
 
 
-def _pair_sines(lines: dict[str, str], texts: Mapping[str, str]) -> None:
+def _pair_sines(
+    lines: dict[str, str], texts: Mapping[str, str], branches: Mapping[str, str]
+) -> None:
     """Compute sine and cosine of one argument together, where both are needed."""
-    first: dict[str, str] = {}
+    first: dict[tuple[str, str], str] = {}
     for value in list(lines):
         text = texts[value]
         if not text.startswith(("r_sin(", "r_cos(")):
             continue
-        other = first.setdefault(text[5:], value)
+        other = first.setdefault((branches[value], text[5:]), value)
         if other == value or texts[other] == text:
             continue
         sine, cosine = (other, value) if texts[other].startswith("r_sin") else (value, other)
@@ -299,6 +346,7 @@ def model_source(model: Model) -> str:
 
     places = {name: i for i, name in enumerate(parameters)}
     blocks = [_blocks(model.draws, occasion, places) for occasion in occasions]
+    counts = [len(rows) for rows in blocks]
     sizes = {
         "COMPONENT_NUMBER": component.number,
         "N_P": len(parameters),
@@ -306,7 +354,7 @@ def model_source(model: Model) -> str:
         "N_Y": sum(v.size for v in component.of("output")),
         "N_X": sum(rows * columns for rows, columns in model.states.values()),
         "N_W": max(noise_size(model.draws, occasion) for occasion in occasions),
-        "N_BLOCKS": max(map(len, blocks)),
+        "N_BLOCKS": max(counts),
         "N_ADVANCE": len(model.advance),
         "N_ITERATE": len(model.iterate),
         "P_SEED": place("seed"),
@@ -322,7 +370,7 @@ def model_source(model: Model) -> str:
         f"static const struct draw model_draws[{len(blocks)}][N_BLOCKS + 1] = {{",
         *(f"    {{{', '.join(rows or ['{0, 0, {0, 0}, {0, 0}}'])}}}," for rows in blocks),
         "};",
-        f"static const int model_blocks[{len(blocks)}] = {{{', '.join(str(len(b)) for b in blocks)}}};",
+        f"static const int model_blocks[{len(blocks)}] = {{{', '.join(map(str, counts))}}};",
         "",
     ]
 

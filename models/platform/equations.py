@@ -62,11 +62,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    waves = [
-        getattr(p, f"{axis}_amplitude")
-        * ca.sin(2 * pi * getattr(p, f"{axis}_frequency") * t + x.phase[i])
-        for i, axis in enumerate(AXES)
-    ]  # section 4 of the paper
+    waves = [_wave(p, axis, t, x.phase[i]) for i, axis in enumerate(AXES)]
     inclination = ca.vertcat(*waves[:3])
     mean_attitude = ca.vertcat(0, 0, p.mean_heading)
     attitude = mean_attitude + inclination
@@ -85,6 +81,13 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
         "reported_position": reported_position,
         "reported_attitude": reported_attitude,
     }
+
+
+def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:
+    """Section 4 of the paper; the condition saves the sine where there is no such motion."""
+    amplitude = getattr(p, f"{axis}_amplitude")
+    angle = 2 * pi * getattr(p, f"{axis}_frequency") * t + phase
+    return ca.if_else(amplitude != 0, amplitude * ca.sin(angle), 0)
 
 
 def _beacons(p: Symbols) -> Any:
