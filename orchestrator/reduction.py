@@ -136,7 +136,7 @@ def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
     platform_error = np.zeros((len(row), 3))
     for j in range(beacons):
         platform_error += reported[:, j] - beacon[:, j]
-    platform_error /= beacons
+    platform_error *= 1.0 / beacons
     truth = recorded(record, "target.position")[at]
     e = port["position"][row] - np.where(known[:, None], truth, 0.0)
     relative = e - np.where(known[:, None], platform_error, 0.0)
@@ -182,19 +182,19 @@ def _square(v: Floats) -> Floats:
 
 
 def _nees(e: Floats, P: Floats) -> Floats:
-    """eᵀ P⁻¹ e by Cholesky where P is positive definite; as ``nees_of`` in the C."""
+    """eᵀ P⁻¹ e by P = L D Lᵀ where P is positive definite; as ``nees_of`` in the C."""
     a, b, c = P[:, 0, 0], P[:, 0, 2], P[:, 0, 4]
     d, f, g = P[:, 2, 2], P[:, 2, 4], P[:, 4, 4]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        i11 = 1.0 / np.sqrt(a)
-        l21, l31 = b * i11, c * i11
-        s2 = d - l21 * l21
-        i22 = 1.0 / np.sqrt(s2)
-        l32 = (f - l31 * l21) * i22
-        s3 = g - l31 * l31 - l32 * l32
+        i1 = 1.0 / a
+        l21, l31 = b * i1, c * i1
+        s2, r = d - l21 * b, f - l21 * c
+        i2 = 1.0 / s2
+        l32 = r * i2
+        s3 = g - l31 * c - l32 * r
         usable = (a > 0.0) & (1e-14 * d < s2) & (1e-14 * g < s3)
-        y1 = e[:, 0] * i11
-        y2 = (e[:, 1] - l21 * y1) * i22
-        y3 = e[:, 2] - l31 * y1 - l32 * y2
-        result: Floats = (y1 * y1 + y2 * y2 + y3 * y3 / s3)[usable]
+        y2 = e[:, 1] - l21 * e[:, 0]
+        y3 = e[:, 2] - l31 * e[:, 0] - l32 * y2
+        nees = e[:, 0] * e[:, 0] * i1 + y2 * y2 * i2 + y3 * y3 / s3
+        result: Floats = nees[usable]
     return result

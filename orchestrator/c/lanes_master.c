@@ -70,13 +70,14 @@ static void remember(struct memory *m, const struct truth *t, const real *const 
     const real *beacon = values[t->platform] + t->beacon;
     const real *reported = values[t->platform] + t->reported;
     struct moment *const moment = &m->moments[m->next];
+    const real share = r_set1(1.0 / t->beacons);
     real distance_square = r_set1(0.0);
     moment->time = r_set1((double)now_ns / 1e9);
     for (int i = 0; i < 3; i++) {
         real sum = r_set1(0.0);
         for (int j = 0; j < t->beacons; j++)
             sum = sum + (reported[3 * j + i] - beacon[3 * j + i]);
-        moment->platform_error[i] = sum / r_set1((double)t->beacons);
+        moment->platform_error[i] = sum * share;
         moment->position[i] = target[i];
         const real d = target[i] - platform[i];
         distance_square = distance_square + d * d;
@@ -87,23 +88,22 @@ static void remember(struct memory *m, const struct truth *t, const real *const 
         m->count++;
 }
 
-/* e' P^-1 e by Cholesky; *usable tells where P is positive definite. */
+/* e' P^-1 e by P = L D L'; *usable tells where P is positive definite. */
 static real nees_of(const real e[3], const real *P, mask *usable)
 {
     const real a = P[0], b = P[2], c = P[4], d = P[14], f = P[16], g = P[28];
     const real zero = r_set1(0.0), one = r_set1(1.0);
     *usable = m_lt(zero, a);
-    const real i11 = one / r_sqrt(r_blend(*usable, a, one));
-    const real l21 = b * i11, l31 = c * i11;
-    const real s2 = d - l21 * l21;
+    const real i1 = one / r_blend(*usable, a, one);
+    const real l21 = b * i1, l31 = c * i1;
+    const real s2 = d - l21 * b, r = f - l21 * c;
     *usable &= m_lt(r_set1(1e-14) * d, s2);
-    const real i22 = one / r_sqrt(r_blend(*usable, s2, one));
-    const real l32 = (f - l31 * l21) * i22;
-    const real s3 = g - l31 * l31 - l32 * l32;
+    const real i2 = one / r_blend(*usable, s2, one);
+    const real l32 = r * i2;
+    const real s3 = g - l31 * c - l32 * r;
     *usable &= m_lt(r_set1(1e-14) * g, s3);
-    const real y1 = e[0] * i11, y2 = (e[1] - l21 * y1) * i22;
-    const real y3 = e[2] - l31 * y1 - l32 * y2;
-    return y1 * y1 + y2 * y2 + y3 * y3 / r_blend(*usable, s3, one);
+    const real y2 = e[1] - l21 * e[0], y3 = e[2] - l31 * e[0] - l32 * y2;
+    return e[0] * e[0] * i1 + y2 * y2 * i2 + y3 * y3 / r_blend(*usable, s3, one);
 }
 
 static inline void add(real *sum, mask condition, real value)
