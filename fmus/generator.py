@@ -71,21 +71,23 @@ _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
 
 
-def statements(
-    function: ca.Function, arguments: Sequence[str], result: str, in_place: str | None = None
-) -> list[str]:
+Array = str | Sequence[str]
+"""An array in C: its name, or an expression for each element."""
+
+
+def _element(array: Array, i: int) -> str:
+    return f"{array}[{i}]" if isinstance(array, str) else array[i]
+
+
+def statements(function: ca.Function, arguments: Sequence[Array], result: Array) -> list[str]:
     """The C statements of a function.
 
     Parameters
     ----------
     arguments
-        C expression of each argument: an array, or a scalar if the argument is one number and
-        the expression starts with ``=``.
+        What holds each argument.
     result
-        C name of the array that takes the result.
-    in_place
-        An argument that is the same array as the result: elements that do not change are not
-        written.
+        What takes the result. Elements of an argument that stay in their place are not written.
 
     Raises
     ------
@@ -99,10 +101,9 @@ def statements(
         operation = function.instruction_id(i)
         inputs, outputs = function.instruction_input(i), function.instruction_output(i)
         if operation == ca.OP_OUTPUT:
-            stores[f"{result}[{outputs[1]}]"] = values.real(registers[inputs[0]])
+            stores[_element(result, outputs[1])] = values.real(registers[inputs[0]])
         elif operation == ca.OP_INPUT:
-            name = arguments[inputs[0]]
-            text = name[1:] if name.startswith("=") else f"{name}[{inputs[1]}]"
+            text = _element(arguments[inputs[0]], inputs[1])
             registers[outputs[0]] = values.add("a", text)
         elif operation == ca.OP_CONST:
             number = float(function.instruction_constant(i))
@@ -116,10 +117,7 @@ def statements(
                 raise NotImplementedError(
                     f"{function.name()}: no C for instruction {names}"
                 ) from None
-    if in_place == result:
-        stores = {
-            target: value for target, value in stores.items() if values.texts[value] != target
-        }
+    stores = {target: value for target, value in stores.items() if values.texts[value] != target}
     # Everything is read before anything is written: argument and result may be the same array.
     return [
         *values.lines(set(stores.values())),
@@ -334,6 +332,38 @@ def noise_size(draws: Sequence[Draw], occasion: str) -> int:
     return sum(draw.size for draw in draws if draw.occasion == occasion)
 
 
+def state_places(model: Model) -> list[int]:
+    """Where each state is kept in ``x``, the array of all outputs and, after them, of the states.
+
+    A state that is shown as it is, in all variants, is kept where it is shown.
+    """
+    shown = set.intersection(*map(_shown, (f.output for f in model.variants.values())))
+    places: dict[int, int] = {}
+    for output, state in sorted(shown):
+        places.setdefault(state, output)
+    n_outputs = sum(v.size for v in model.component.of("output"))
+    n_states = sum(rows * columns for rows, columns in model.states.values())
+    hidden = [state for state in range(n_states) if state not in places]
+    places |= {state: n_outputs + i for i, state in enumerate(hidden)}
+    return [places[state] for state in range(n_states)]
+
+
+def _shown(output: ca.Function) -> set[tuple[int, int]]:
+    """Outputs that are states, and which."""
+    registers: dict[int, int] = {}
+    shown = set()
+    for i in range(output.n_instructions()):
+        inputs, outputs = output.instruction_input(i), output.instruction_output(i)
+        if output.instruction_id(i) == ca.OP_OUTPUT:
+            if inputs[0] in registers:
+                shown.add((outputs[1], registers[inputs[0]]))
+        else:
+            registers.pop(outputs[0], None)
+            if output.instruction_id(i) == ca.OP_INPUT and inputs[0] == 0:
+                registers[outputs[0]] = inputs[1]
+    return shown
+
+
 def model_source(model: Model) -> str:
     """The generated part of an engine: sizes, noise and equations of a component, as C."""
     component = model.component
@@ -344,6 +374,10 @@ def model_source(model: Model) -> str:
     def place(name: str | None) -> int:
         return parameters.index(name) if name in parameters else -1
 
+    n_outputs = sum(v.size for v in component.of("output"))
+    at = state_places(model)
+    x = [f"x[{place}]" for place in at]
+    y = [f"x[{i}]" for i in range(n_outputs)]
     places = {name: i for i, name in enumerate(parameters)}
     blocks = [_blocks(model.draws, occasion, places) for occasion in occasions]
     counts = [len(rows) for rows in blocks]
@@ -351,8 +385,8 @@ def model_source(model: Model) -> str:
         "COMPONENT_NUMBER": component.number,
         "N_P": len(parameters),
         "N_U": sum(v.size for v in component.of("input")),
-        "N_Y": sum(v.size for v in component.of("output")),
-        "N_X": sum(rows * columns for rows, columns in model.states.values()),
+        "N_Y": n_outputs,
+        "N_X": max([n_outputs, *(place + 1 for place in at)]),
         "N_W": max(noise_size(model.draws, occasion) for occasion in occasions),
         "N_BLOCKS": max(counts),
         "N_ADVANCE": len(model.advance),
@@ -375,12 +409,11 @@ def model_source(model: Model) -> str:
     ]
 
     def each(
-        pick: Callable[[Functions], ca.Function], arguments: Sequence[str], result: str,
-        in_place: str | None = None,
+        pick: Callable[[Functions], ca.Function], arguments: Sequence[Array], result: Array
     ) -> dict[int, list[str]]:
         """One function of each variant, printed."""
         return {
-            value: statements(pick(functions), arguments, result, in_place)
+            value: statements(pick(functions), arguments, result)
             for value, functions in model.variants.items()
         }
 
@@ -392,21 +425,21 @@ def model_source(model: Model) -> str:
 
     emit(
         "model_initial(int variant, const real *p, const real *w, real t, real *x)",
-        each(lambda f: f.initial, ["p", "w", "=t"], "x"), ["p", "w", "t", "x"],
+        each(lambda f: f.initial, ["p", "w", ["t"]], x), ["p", "w", "t", "x"],
     )
     emit(
         "model_tick(int variant, real *x, const real *u, const real *p, const real *w, real t, "
         "real k)",
-        each(lambda f: f.tick, ["x", "u", "p", "w", "=t", "=k"], "x", "x"),
+        each(lambda f: f.tick, [x, "u", "p", "w", ["t"], ["k"]], x),
         ["x", "u", "p", "w", "t", "k"],
     )
     emit(
-        f"model_output(int variant, {xup}, real t, real *y)",
-        each(lambda f: f.output, ["x", "u", "p", "=t"], "y"), ["x", "u", "p", "t", "y"],
+        "model_output(int variant, real *x, const real *u, const real *p, real t)",
+        each(lambda f: f.output, [x, "u", "p", ["t"]], y), ["x", "u", "p", "t"],
     )
     for number, loop in enumerate(loops):
-        guards = each(partial(_guard, loop), ["x", "u", "p", "=t"], "c")
-        bodies = each(partial(_body, loop), ["x", "u", "p", "w", "=t"], "x", "x")
+        guards = each(partial(_guard, loop), [x, "u", "p", ["t"]], "c")
+        bodies = each(partial(_body, loop), [x, "u", "p", "w", ["t"]], x)
         emit(f"guard_{number}(int variant, {xup}, real t, real *c)", guards, ["x", "u", "p", "t"])
         emit(
             f"body_{number}(int variant, real *x, const real *u, const real *p, const real *w, "
@@ -444,7 +477,7 @@ def model_source(model: Model) -> str:
         for value, functions in model.variants.items():
             if functions.jacobian is None:
                 raise NotImplementedError(f"{component.name}: feedthrough in some variants only")
-            cases[value] = statements(functions.jacobian, ["x", "u", "p", "=t"], "j")
+            cases[value] = statements(functions.jacobian, [x, "u", "p", ["t"]], "j")
         emit(
             f"model_jacobian(int variant, {xup}, real t, real *j)", cases, ["x", "u", "p", "t"]
         )

@@ -15,9 +15,11 @@ enum occasion { OCCASION_INITIAL = 0, OCCASION_TICK = 1, OCCASION_LOOPS = 2 };
 
 /* All numbers of the simulations. No pointers: a copy is a snapshot. */
 struct block {
-    real v[N_VALUES];         /* parameters, inputs, outputs, in the order of the declaration */
-    real x[N_X + 1];          /* state; C has no empty arrays */
-    bits64 rounds[N_LOOPS + 1]; /* how often each loop has run: the counter of its noise */
+    /* Parameters, inputs, outputs, in the order of the declaration, and the states that are no
+     * outputs. */
+    real v[N_P + N_U + N_X];
+    bits64 rounds[N_LOOPS + 1]; /* how often each loop has run: the counter of its noise; C has
+                                 * no empty arrays */
     bits64 key[2];
 };
 
@@ -29,6 +31,7 @@ static inline bits64 r_integer(real v)
 
 static inline const real *engine_p(const struct block *b) { return b->v; }
 static inline const real *engine_u(const struct block *b) { return b->v + N_P; }
+static inline real *engine_x(struct block *b) { return b->v + N_P + N_U; } /* outputs, states */
 
 static inline void engine_noise(const struct block *b, int occasion, bits64 count, real *w)
 {
@@ -39,23 +42,23 @@ static inline void engine_noise(const struct block *b, int occasion, bits64 coun
 /* 0 when a loop found no end. Side by side, the lane concerned becomes NaN and the others go on. */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
-    real going = r_set1(0.0);
+    real going = r_set1(0.0), *const x = engine_x(b);
     for (int round = 0; round < MAX_ROUNDS; round++) {
         real w[N_W + 1];
-        model_guard(loop, variant, b->x, engine_u(b), engine_p(b), t, &going);
+        model_guard(loop, variant, x, engine_u(b), engine_p(b), t, &going);
         going = r_if_else_zero(r_eq(going, going), going); /* a NaN has nothing to do */
         if (!r_any(going))
             return 1;
         engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
 #if LANES == 1
-        model_body(loop, variant, b->x, engine_u(b), engine_p(b), w, t);
+        model_body(loop, variant, x, engine_u(b), engine_p(b), w, t);
 #else
-        real next[N_X + 1];
+        real next[N_X];
         for (int i = 0; i < N_X; i++)
-            next[i] = b->x[i];
+            next[i] = x[i];
         model_body(loop, variant, next, engine_u(b), engine_p(b), w, t);
         for (int i = 0; i < N_X; i++)
-            b->x[i] = r_select(going, next[i], b->x[i]);
+            x[i] = r_select(going, next[i], x[i]);
 #endif
         b->rounds[loop] += r_integer(r_if_else_zero(going, r_set1(1.0)));
     }
@@ -63,7 +66,7 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
     return 0;
 #else
     for (int i = 0; i < N_X; i++)
-        b->x[i] = r_select(going, r_set1(__builtin_nan("")), b->x[i]);
+        x[i] = r_select(going, r_set1(__builtin_nan("")), x[i]);
     return 1;
 #endif
 }
@@ -100,8 +103,7 @@ static inline real engine_seconds(int64_t ns) { return r_set1((double)ns / 1e9);
 
 static inline void engine_output(struct block *b, int variant, int64_t time_ns)
 {
-    model_output(variant, b->x, engine_u(b), engine_p(b), engine_seconds(time_ns),
-                 b->v + N_P + N_U);
+    model_output(variant, engine_x(b), engine_u(b), engine_p(b), engine_seconds(time_ns));
 }
 
 /* State and outputs at the start time. */
@@ -118,7 +120,7 @@ static inline int engine_initial(struct block *b, int variant, int64_t start_ns)
     for (int i = 0; i < N_LOOPS; i++)
         b->rounds[i] = zero;
     engine_noise(b, OCCASION_INITIAL, zero, w);
-    model_initial(variant, engine_p(b), w, t, b->x);
+    model_initial(variant, engine_p(b), w, t, engine_x(b));
     if (!engine_loops(b, variant, 0, N_ADVANCE, t))
         return 0;
     engine_output(b, variant, start_ns);
@@ -140,7 +142,7 @@ static inline int engine_step(struct block *b, int variant, int64_t start_ns, in
             if (!engine_loops(b, variant, 0, N_ADVANCE, t))
                 return 0;
             engine_noise(b, OCCASION_TICK, r_integer(r_set1((double)k)), w);
-            model_tick(variant, b->x, engine_u(b), engine_p(b), w, t, r_set1((double)k));
+            model_tick(variant, engine_x(b), engine_u(b), engine_p(b), w, t, r_set1((double)k));
             if (!engine_loops(b, variant, N_ADVANCE, N_LOOPS, t))
                 return 0;
         }

@@ -536,9 +536,9 @@ static enum status instance_derivative(struct instance *in, const char *function
             return report(in, ERROR, "%s: the variable with value reference %u is not an %s",
                           function, reference, wanted == INPUT ? "input" : "output");
     }
-    const struct data *d = &in->data;
+    struct data *d = &in->data;
     real jacobian[N_Y * N_U];
-    model_jacobian(d->variant, d->block.x, engine_u(&d->block), engine_p(&d->block),
+    model_jacobian(d->variant, engine_x(&d->block), engine_u(&d->block), engine_p(&d->block),
                    engine_seconds(d->time_ns), jacobian);
     size_t row = 0;
     for (size_t i = 0; i < n_unknowns; i++) {

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.generator import state_places
 from sblcosim.models.equations import Model, load
 
 DRIVER = Path(__file__).with_name("engine_driver.c")
@@ -59,6 +60,7 @@ class Engine:
         sizes = (ctypes.c_int * 6)()
         self.library.sizes(sizes)
         self.lanes, self.n_p, self.n_u, self.n_x, self.n_w, self.n_y = sizes
+        self.places = state_places(self.model)
 
     def parameters(self, **values: object) -> Array:
         """One column of parameters: declared starts and what is given."""
@@ -96,17 +98,20 @@ class Engine:
             ctypes.c_int64(step_ns), ctypes.c_int(len(u)), _pointer(y), _pointer(x),
         )
         assert done, "a loop found no end"
-        return y, x
+        return y, x[:, self.places]
 
     def call(self, function: str, *arguments: int | float | Array) -> Array:
         """One of the generated functions, of a build for one lane; returns what it writes."""
         arguments = tuple(a.copy() if isinstance(a, np.ndarray) else a for a in arguments)
-        size = {"initial": self.n_x, "output": self.n_y, "guard": 1}.get(function)
-        if size is None:  # in place: the first array is the state
-            result = next(a for a in arguments if isinstance(a, np.ndarray))
-        else:
-            result = np.empty(size)
-            arguments = (*arguments, result)
+        x, c = np.zeros(self.n_x), np.empty(1)
+        if function == "initial":
+            arguments = (*arguments, x)
+        else:  # the first array is the state
+            place = next(i for i, a in enumerate(arguments) if isinstance(a, np.ndarray))
+            x[self.places] = arguments[place]
+            arguments = (*arguments[:place], x, *arguments[place + 1 :])
+        if function == "guard":
+            arguments = (*arguments, c)
         getattr(self.library, f"call_{function}")(
             *(
                 _pointer(a) if isinstance(a, np.ndarray)
@@ -114,7 +119,7 @@ class Engine:
                 for a in arguments
             )
         )
-        return result
+        return {"guard": c, "output": x[: self.n_y]}.get(function, x[self.places])
 
     def outputs(self, y: Array, name: str) -> Array:
         """The rows of one output."""

@@ -24,7 +24,7 @@ API void sizes(int *out)
     out[0] = LANES, out[1] = N_P, out[2] = N_U, out[3] = N_X, out[4] = N_W, out[5] = N_Y;
 }
 
-/* Outputs and states before the first step and after each; u has one set of inputs per step. */
+/* Outputs, and states with them, before the first step and after each; u has one set of inputs per step. */
 API int drive(int variant, const double *p, const double *u, int64_t interval_ns, int64_t step_ns,
               int steps, double *y, double *x)
 {
@@ -34,13 +34,13 @@ API int drive(int variant, const double *p, const double *u, int64_t interval_ns
     if (!engine_initial(&b, variant, 0))
         return 0;
     store(b.v + N_P + N_U, y, N_Y);
-    store(b.x, x, N_X);
+    store(engine_x(&b), x, N_X);
     for (int i = 0; i < steps; i++) {
         load(u + (size_t)i * N_U * LANES, b.v + N_P, N_U);
         if (!engine_step(&b, variant, 0, interval_ns, i * step_ns, (i + 1) * step_ns))
             return 0;
         store(b.v + N_P + N_U, y + (size_t)(i + 1) * N_Y * LANES, N_Y);
-        store(b.x, x + (size_t)(i + 1) * N_X * LANES, N_X);
+        store(engine_x(&b), x + (size_t)(i + 1) * N_X * LANES, N_X);
     }
     return 1;
 }
@@ -55,10 +55,9 @@ API void call_tick(int variant, double *x, const double *u, const double *p, con
 {
     model_tick(variant, x, u, p, w, t, k);
 }
-API void call_output(int variant, const double *x, const double *u, const double *p, double t,
-                     double *y)
+API void call_output(int variant, double *x, const double *u, const double *p, double t)
 {
-    model_output(variant, x, u, p, t, y);
+    model_output(variant, x, u, p, t);
 }
 API void call_guard(int loop, int variant, const double *x, const double *u, const double *p,
                     double t, double *c)
