@@ -83,7 +83,7 @@ static void remember(struct memory *m, const struct truth *t, const real *const 
         distance_square = distance_square + d * d;
     }
     moment->distance_square = distance_square;
-    m->next = (m->next + 1) % m->size;
+    m->next = m->next + 1 < m->size ? m->next + 1 : 0;
     if (m->count < m->size)
         m->count++;
 }
@@ -128,9 +128,12 @@ static void reduce(const struct receiver *r, const real *v, const struct memory 
     real position[3], platform[3], distance_square = zero;
     for (int i = 0; i < 3; i++)
         position[i] = platform[i] = zero;
-    for (int age = 1; age <= m->count && m_any(missing); age++) {
-        const struct moment *const moment = &m->moments[(m->next - age + m->size) % m->size];
+    for (int age = 1, at = m->next; age <= m->count && m_any(missing); age++) {
+        at = at > 0 ? at - 1 : m->size - 1;
+        const struct moment *const moment = &m->moments[at];
         const mask here = missing & m_eq(epoch, moment->time);
+        if (!m_any(here))
+            continue;
         for (int i = 0; i < 3; i++) {
             position[i] = r_blend(here, moment->position[i], position[i]);
             platform[i] = r_blend(here, moment->platform_error[i], platform[i]);
@@ -208,6 +211,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
     const double late = (double)stop / 1e9 - ((double)stop / 1e9 - (double)start / 1e9) / 4;
     const real *shown[MAX_COMPONENTS];
     int due[MAX_COMPONENTS];
+    int64_t next[MAX_COMPONENTS];
     for (int c = 0; c < p->n_components; c++)
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
@@ -221,6 +225,7 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
         for (int c = 0; c < p->n_components; c++) {
             const struct lanes *k = p->components[c];
             const size_t n = (size_t)(k->parameters + k->inputs) * LANES;
+            next[c] = start;
             memset(blocks[c], 0, k->block_size);
             memcpy(blocks[c], values[c] + (size_t)g * n, n * sizeof(double));
             for (int i = 0; i < p->n_handovers; i++) {
@@ -234,13 +239,15 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                 return c + 1 + ((int64_t)element << 16);
         }
         for (int row = 0; row < p->n_instants; row++) {
-            const int64_t now = p->instants_ns[row], elapsed = now - start;
+            const int64_t now = p->instants_ns[row];
             const int last = row == p->n_instants - 1;
             if (*cancel)
                 return -1;
             for (int c = 0; c < p->n_components; c++) {
                 const struct lanes *k = p->components[c];
-                due[c] = elapsed % p->interval_ns[c] == 0;
+                due[c] = now == next[c];
+                if (due[c])
+                    next[c] += p->interval_ns[c];
                 if (held[c] && due[c])
                     memcpy(held[c], blocks[c],
                            (size_t)(k->parameters + k->inputs + k->outputs) * sizeof(real));
