@@ -1,8 +1,8 @@
 """Whether sblcosim and its competitors simulate the same thing.
 
 At a few points of the paper's study in Scenario 1, preset ``paper-literal``: the mean over runs of
-each run's RMS error, with its standard error, from sblcosim, the NumPy script and the Octave
-script. All three draw their own random numbers. Exit status 1 if a competitor's mean differs from
+each run's RMS error, with its standard error, from sblcosim, both NumPy scripts and the Octave
+script. All draw their own random numbers. Exit status 1 if a competitor's mean differs from
 ours by more than three standard errors of the difference; seeds are fixed, so the outcome is, too.
 
 Run by hand: ``python benchmarks/competitors/check_statistics.py``
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy_plain
 import numpy_study
 import sblcosim
 from numpy.typing import NDArray
@@ -74,10 +75,12 @@ def ours(point: Mapping[str, float], runs: int) -> Floats:
     return np.array(rows, dtype=float).T
 
 
-def numpy_runs(point: Mapping[str, float], runs: int, seed: int = 1) -> Floats:
-    """RMS errors in m from the NumPy script, (4, runs)."""
+def numpy_runs(
+    point: Mapping[str, float], runs: int, simulate: numpy_study.Simulate, seed: int = 1
+) -> Floats:
+    """RMS errors in m from one of the NumPy scripts, (4, runs)."""
     factors = {name: np.full(runs, point[name]) for name in numpy_study.FACTORS}
-    return numpy_study.study(point["sampling_time"], factors, seed)
+    return numpy_study.study(point["sampling_time"], factors, seed, simulate=simulate)
 
 
 def octave_runs(point: Mapping[str, float], runs: int, seed: int = 1) -> tuple[Floats, float, str]:
@@ -118,15 +121,17 @@ def main() -> int:
 
     print(
         f"Mean RMS error [m] ± its standard error; {arguments.runs} runs of sblcosim, "
-        f"{arguments.numpy_runs} of NumPy, {arguments.octave_runs} of Octave.\n"
+        f"{arguments.numpy_runs} of each NumPy script, {arguments.octave_runs} of Octave.\n"
         f"d: difference from sblcosim in standard errors of the difference, at most {LIMIT:g}.\n"
     )
-    print(f"{'point':18}{'axis':7}{'sblcosim':>17}{'NumPy':>19}{'d':>7}{'Octave':>19}{'d':>7}")
+    heads = "".join(f"{name:>19}{'d':>7}" for name in ("NumPy, tuned", "NumPy, plain", "Octave"))
+    print(f"{'point':18}{'axis':7}{'sblcosim':>17}{heads}")
     worst = 0.0
     for name, point in POINTS.items():
         reference = Sample.of(ours(point, arguments.runs))
         others = [
-            Sample.of(numpy_runs(point, arguments.numpy_runs)),
+            Sample.of(numpy_runs(point, arguments.numpy_runs, numpy_study.simulate)),
+            Sample.of(numpy_runs(point, arguments.numpy_runs, numpy_plain.simulate, seed=2)),
             Sample.of(octave_runs(point, arguments.octave_runs)[0]),
         ]
         differences = [

@@ -1,4 +1,4 @@
-"""The study's simulations in NumPy, all runs of a batch at once.
+"""The study's simulations in NumPy, all runs of a batch at once, tuned hard.
 
 Scenario 1 of the paper in the preset ``paper-literal`` (see the shipped ``paper-scenario-1.toml``),
 with the factors of the paper's Table 3 different in each run and one sampling time per call.
@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Factors = Mapping[str, Floats]
 """Arrays (N,) by the names of `FACTORS`, in SI units."""
+
+Simulate = Callable[[float, np.random.Generator, Factors], Floats]
 
 FACTORS = {
     "loss_probability": (0.0, 0.25),
@@ -372,8 +374,16 @@ def design(runs: int) -> Factors:
     return dict(zip(FACTORS, np.ascontiguousarray(rows.T), strict=True))
 
 
-def study(sampling_time: float, factors: Factors, seed: int = 1, batch: int = BATCH) -> Floats:
+def study(
+    sampling_time: float,
+    factors: Factors,
+    seed: int = 1,
+    batch: int = BATCH,
+    simulate: Simulate = simulate,
+) -> Floats:
     """Simulate many runs, one per element of the factors' arrays, at most `batch` at once.
+
+    `simulate` is that of this module or of `numpy_plain`.
 
     Returns
     -------
@@ -396,7 +406,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--runs", type=int, default=3200)
     parser.add_argument("--sampling-time", type=float, default=0.1, help="s")
-    parser.add_argument("--batch", type=int, default=BATCH, help="runs simulated at once")
+    parser.add_argument("--batch", type=int, help="runs simulated at once")
+    parser.add_argument("--plain", action="store_true", help="numpy_plain.py in place of this one")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--repeats", type=int, default=3, help="the least time is printed")
     for name, (low, high) in FACTORS.items():
@@ -405,6 +416,12 @@ def main() -> None:
         )
     arguments = parser.parse_args()
 
+    if arguments.plain:
+        import numpy_plain
+
+        chosen, batch = numpy_plain.simulate, numpy_plain.BATCH
+    else:
+        chosen, batch = simulate, BATCH
     factors = design(arguments.runs)
     for name in FACTORS:
         if (level := getattr(arguments, name)) is not None:
@@ -412,7 +429,9 @@ def main() -> None:
     seconds = []
     for _ in range(arguments.repeats):
         began = time.perf_counter()
-        rms = study(arguments.sampling_time, factors, arguments.seed, arguments.batch)
+        rms = study(
+            arguments.sampling_time, factors, arguments.seed, arguments.batch or batch, chosen
+        )
         seconds.append(time.perf_counter() - began)
     ns = min(seconds) / epochs(arguments.sampling_time) / arguments.runs * 1e9
     for axis, values in zip(("x", "y", "z", "total"), rms, strict=True):

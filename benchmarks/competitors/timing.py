@@ -5,21 +5,25 @@ from __future__ import annotations
 import statistics
 import time
 
+import numpy_plain
 import numpy_study
 from check_statistics import LOW, octave_runs
 
 SAMPLING_TIME = float(LOW["sampling_time"])
 
 
-def numpy_ns_per_step(quick: bool = False) -> float:
-    """Median over repeats, the levels of Table 3 mixed."""
+def numpy_ns_per_step(quick: bool = False, plain: bool = False) -> float:
+    """Median over repeats, the levels of Table 3 mixed; tuned or plain."""
+    script = numpy_plain if plain else numpy_study
     factors = numpy_study.design(numpy_study.BATCH)
     runs = len(factors["baseline"])
     steps = numpy_study.epochs(SAMPLING_TIME) * runs
     figures = []
     for _ in range(3 if quick else 5):
         started = time.perf_counter()
-        numpy_study.study(SAMPLING_TIME, factors)
+        numpy_study.study(
+            SAMPLING_TIME, factors, batch=script.BATCH, simulate=script.simulate
+        )
         figures.append((time.perf_counter() - started) / steps * 1e9)
     return statistics.median(figures)
 
