@@ -42,6 +42,30 @@ typedef struct {
     real s, ds, c, dc;
 } r_trig;
 
+/* s, ds, c and dc for r + lo; without lo where it is known to be zero. */
+R_INLINE r_trig r_trig_of(bits64 quarters, real r, const real *lo)
+{
+    r_trig t;
+    real z = r * r, zz = z * z;
+    real h = z * 0.5;
+    t.quarters = quarters;
+    t.s = r;
+    t.ds = (r * z) * R_POLY6(z, zz, -0x1.5555555555549p-3, 0x1.111111110f860p-7,
+                             -0x1.a01a019c0e174p-13, 0x1.71de3574894dcp-19,
+                             -0x1.ae5e63a4c7e80p-26, 0x1.5d923a612fd4dp-33);
+    t.c = 1.0 - h;
+    real low = (1.0 - t.c) - h;
+    if (lo) {
+        t.ds = t.ds + *lo * t.c;
+        low = low - r * *lo;
+    }
+    t.dc = zz * R_POLY6(z, zz, 0x1.555555555554cp-5, -0x1.6c16c16c15161p-10,
+                        0x1.a01a019caecc6p-16, -0x1.27e4f807b76cep-22,
+                        0x1.1ee9ea565e00bp-29, -0x1.8fadc423f80f3p-37)
+           + low;
+    return t;
+}
+
 /* The reduction subtracts quarters * pi/2 with pi/2 in four parts.  The first three have so
  * few bits that their products are exact, and so are the first two differences.  The third
  * is either exact or large enough that its rounding error is found by one more subtraction.
@@ -50,31 +74,16 @@ typedef struct {
 R_INLINE r_trig r_trig_parts(real x)
 {
     const real round = r_set1(0x1.8p52);
-    r_trig t;
     real a = r_fabs(x);
     a = r_blend(m_le(a, r_set1(R_TRIG_LIMIT)), a, a * 0.0);
     real n = a * 0x1.45f306dc9c883p-1 + round;
-    t.quarters = r_bits(n);
+    bits64 quarters = r_bits(n);
     n = n - round;
     real r2 = (a - n * 0x1.921fb54p+0) - n * 0x1.10b462p-30;
     real w3 = n * -0x1.cb3b39ap-55;
     real r = r2 - w3;
     real lo = ((r2 - r) - w3) - n * 0x1.45c06e0e68948p-86;
-
-    real z = r * r, zz = z * z;
-    real h = z * 0.5;
-    real cosine = 1.0 - h;
-    t.s = r;
-    t.ds = (r * z) * R_POLY6(z, zz, -0x1.5555555555549p-3, 0x1.111111110f860p-7,
-                             -0x1.a01a019c0e174p-13, 0x1.71de3574894dcp-19,
-                             -0x1.ae5e63a4c7e80p-26, 0x1.5d923a612fd4dp-33)
-           + lo * cosine;
-    t.c = cosine;
-    t.dc = zz * R_POLY6(z, zz, 0x1.555555555554cp-5, -0x1.6c16c16c15161p-10,
-                        0x1.a01a019caecc6p-16, -0x1.27e4f807b76cep-22,
-                        0x1.1ee9ea565e00bp-29, -0x1.8fadc423f80f3p-37)
-           + (((1.0 - cosine) - h) - r * lo);
-    return t;
+    return r_trig_of(quarters, r, &lo);
 }
 
 /* Mask of the lanes where the lowest bit is set. */
@@ -83,6 +92,13 @@ R_INLINE mask r_odd(bits64 n) { return m_high(n << 63); }
 /* sin x and cos x.  < 1 ulp for |x| <= 5e7; beyond that (+-0, 1); NaN for inf and NaN. */
 static inline void r_sincos(real x, real *sine, real *cosine)
 {
+    real a = r_fabs(x);
+    if (!m_any(~m_le(a, r_set1(0.785)))) { /* nothing to reduce in any lane: the same, shorter */
+        r_trig t = r_trig_of(r_bits(r_set1(0.0)), a, NULL);
+        *sine = r_copysign(t.s + t.ds, x);
+        *cosine = t.c + t.dc;
+        return;
+    }
     r_trig t = r_trig_parts(x);
     real s = t.s + t.ds, c = t.c + t.dc;
     mask odd = r_odd(t.quarters);

@@ -210,8 +210,8 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
     const double settled = (double)(start + p->settling_ns) / 1e9;
     const double late = (double)stop / 1e9 - ((double)stop / 1e9 - (double)start / 1e9) / 4;
     const real *shown[MAX_COMPONENTS];
-    int due[MAX_COMPONENTS];
-    int64_t next[MAX_COMPONENTS];
+    int due[MAX_COMPONENTS] = {0};
+    int64_t next[MAX_COMPONENTS] = {0};
     for (int c = 0; c < p->n_components; c++)
         shown[c] = held[c] ? (const real *)held[c] : (const real *)blocks[c];
     for (int64_t g = 0; g < groups; g++) {
