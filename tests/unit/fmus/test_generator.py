@@ -1,0 +1,46 @@
+"""What the generator leaves out: work that no lane needs, and copies."""
+
+from __future__ import annotations
+
+import casadi as ca
+import pytest
+from sblcosim.fmus.generator import state_places, statements
+from sblcosim.models import COMPONENTS
+from sblcosim.models.equations import load
+
+
+def lines(expression: ca.SX, *arguments: ca.SX) -> list[str]:
+    function = ca.Function("f", [ca.vertcat(*arguments)], [expression])
+    return statements(function, ["a"], "y")
+
+
+def test_an_elementary_function_that_no_lane_needs_is_not_computed() -> None:
+    c, x = ca.SX.sym("c"), ca.SX.sym("x")
+    text = lines(ca.if_else(c > 0, ca.log(x), 0), c, x)
+    begin, end = next(i for i, line in enumerate(text) if "m_any" in line), text.index("}")
+    assert any("r_log" in line for line in text[begin:end])
+    assert not any("r_log" in line for line in text[:begin] + text[end:])
+
+
+def test_what_is_needed_outside_of_a_branch_too_is_made_outside() -> None:
+    c, x = ca.SX.sym("c"), ca.SX.sym("x")
+    log = ca.log(x)
+    text = lines(ca.vertcat(ca.if_else(c > 0, log, 0), log), c, x)
+    assert not any("m_any" in line for line in text)
+
+
+def test_a_choice_without_an_elementary_function_is_no_branch() -> None:
+    c, x = ca.SX.sym("c"), ca.SX.sym("x")
+    assert not any("m_any" in line for line in lines(ca.if_else(c > 0, x * x, 0), c, x))
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_each_state_has_a_place_of_its_own(name: str) -> None:
+    places = state_places(load(name))
+    assert len(set(places)) == len(places)
+
+
+def test_a_state_that_is_an_output_is_kept_once() -> None:
+    model = load("acoustics")
+    outputs = sum(v.size for v in model.component.of("output"))
+    assert sorted(state_places(model)) == [*range(outputs), outputs]  # all but the start time
