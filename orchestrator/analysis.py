@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -43,16 +44,41 @@ def of_study(
     ConfigurationError
         There are no runs, no such receiver or response, or the design cannot be analysed so.
     """
-    study, table = campaign.study_of(results), campaign.table(results)
-    column = column_of(table, response, receiver)
-    return analyse(
-        table, list(study.factors), column, order=order, transform=transform,
-        practical=practical, seeding=study.seeding, unit=unit_of(response),
+    return of_table(
+        campaign.study_of(results), campaign.table(results), response, receiver=receiver,
+        order=order, transform=transform, practical=practical,
     )
 
 
-def column_of(table: pd.DataFrame, response: str, receiver: str | None = None) -> str:
-    """The column of a response in a table of runs, see `of_study`.
+def of_table(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+    practical: float | None = None,
+) -> Factorial:
+    """As `of_study`, of a study and its runs."""
+    if study.design.kind not in FACTORIAL:
+        raise ConfigurationError(
+            f"{study.name}: must be a two-level factorial design ({' or '.join(FACTORIAL)}) for an "
+            f"analysis of effects, got kind {study.design.kind!r}"
+        )
+    column = column_of(table, response, receiver)
+    return analyse(
+        table, list(study.factors), column, order=order, transform=transform,
+        practical=practical, seeding=study.seeding, unit=unit_of(column),
+    )
+
+
+FACTORIAL = ("full", "fraction")
+"""Kinds of designs that have effects."""
+
+
+def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | None = None) -> str:
+    """Column of a response in a table of runs.
 
     Raises
     ------
@@ -75,9 +101,35 @@ def column_of(table: pd.DataFrame, response: str, receiver: str | None = None) -
     return f"{chosen}.{response}"
 
 
-def unit_of(response: str) -> str:
-    """Unit of a response, from its name."""
-    return "m" if response.endswith("_m") else ""
+def unit_of(column: str) -> str:
+    """Unit of a response."""
+    return "m" if column.endswith("_m") else ""
+
+
+def words(column: str, table: pd.DataFrame) -> str:
+    """A response for people to read; its receiver is named where there are several."""
+    receiver, _, response = column.partition(".")
+    match = re.fullmatch(r"(absolute|relative)_(x|y|z|total)_(mean|rms)_m", response)
+    if match:
+        frame, axis, statistic = match.groups()
+        how = {"mean": "mean", "rms": "RMS"}[statistic]
+        what = f"{how} total error" if axis == "total" else f"{how} error in {axis}"
+        text = what + (" relative to the platform" if frame == "relative" else "")
+    else:
+        text = WORDS.get(response, response.replace("_", " "))
+    several = len({c.partition(".")[0] for c in table.columns if "." in c}) > 1
+    return f"{text} of {receiver}" if several else text
+
+
+WORDS = {
+    "nees_position": "NEES of the position", "nis": "NIS",
+    "inconsistent": "share of inconsistent runs", "lost": "share of lost runs",
+}
+
+
+def readable(analysis: Factorial, study: Study, table: pd.DataFrame) -> Factorial:
+    """The same with the study's labels in place of the columns' names."""
+    return analysis.named(study.labels, study.units, words(analysis.response, table))
 
 
 def advice_on_study(
@@ -153,19 +205,43 @@ def save_advice(advice: Advice, directory: str | Path, theme: style.ThemeName = 
 
 
 def save(
-    analysis: Factorial, directory: str | Path, theme: style.ThemeName = "light"
+    analysis: Factorial,
+    directory: str | Path,
+    theme: style.ThemeName = "light",
+    shown: Factorial | None = None,
 ) -> Path:
-    """Write the tables, the paper's four pictures (Figures 15 to 18) and a manifest."""
-    about = {"analysis": {"response": analysis.response, "factors": list(analysis.factors)}}
-    with artifacts.folder(directory, about) as folder:
-        for name in ("effects", "anova", "main_effects", "interactions"):
-            artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
-        style.save(factorial_plots.plot_pareto(analysis, theme=theme), folder, "pareto")
-        style.save(factorial_plots.plot_main_effects(analysis, theme=theme), folder, "main_effects")
-        for name, axes in (
-            ("interactions", factorial_plots.plot_interactions(analysis, theme=theme)),
-            ("residuals", factorial_plots.plot_residuals(analysis, theme=theme)),
-        ):
-            if axes:
-                style.save(axes[0], folder, name)
+    """Write the tables, the paper's four pictures (Figures 15 to 18) and a manifest.
+
+    Parameters
+    ----------
+    shown
+        The same analysis as people are to read it, for the pictures; see `readable`.
+    """
+    with artifacts.folder(directory, about(analysis)) as folder:
+        write(analysis, folder, theme, shown)
     return Path(directory)
+
+
+def about(analysis: Factorial) -> dict[str, object]:
+    """For the manifest."""
+    return {"analysis": {"response": analysis.response, "factors": list(analysis.factors)}}
+
+
+def write(
+    analysis: Factorial,
+    folder: Path,
+    theme: style.ThemeName = "light",
+    shown: Factorial | None = None,
+) -> None:
+    """As `save`, into a folder that there is."""
+    for name in ("effects", "anova", "main_effects", "interactions"):
+        artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
+    shown = analysis if shown is None else shown
+    style.save(factorial_plots.plot_pareto(shown, theme=theme), folder, "pareto")
+    style.save(factorial_plots.plot_main_effects(shown, theme=theme), folder, "main_effects")
+    for name, axes in (
+        ("interactions", factorial_plots.plot_interactions(shown, theme=theme)),
+        ("residuals", factorial_plots.plot_residuals(shown, theme=theme)),
+    ):
+        if axes:
+            style.save(axes[0], folder, name)

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from .errors import ConfigurationError
 
 Number = int | float
+TIMES = " × "
+"""Between the factors of an interaction."""
 LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 MOST_POINTS = 2**16
 _MOST_FRACTIONS = 20_000  # that are compared with each other when a resolution is asked for
@@ -129,7 +131,7 @@ class Design:
         return groups
 
     def _term(self, term: frozenset[int], sign: int) -> str:
-        return ("−" if sign < 0 else "") + " × ".join(self.factors[i].name for i in sorted(term))
+        return ("−" if sign < 0 else "") + TIMES.join(self.factors[i].name for i in sorted(term))
 
     def require(self, order: int) -> None:
         """Refuse a design in which terms up to an order are aliased with each other.

@@ -19,7 +19,7 @@ to its uncertainty:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from html import escape
 from itertools import combinations
 from math import log
@@ -30,6 +30,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from .design import TIMES
 from .errors import ConfigurationError, nearest
 
 Floats = NDArray[np.float64]
@@ -39,7 +40,6 @@ Method = Literal["ols", "replicates", "lenth"]
 Term = tuple[int, ...]
 """Places of a term's factors, ascending; the mean is the empty one."""
 
-TIMES = " × "
 CURVATURE = "curvature"
 TOLERANCE = 1e-6
 """How far a level may be from the stated one, in coded units."""
@@ -147,6 +147,8 @@ class Factorial:
         Effects of each replicate, one column per term; None unless `method` is ``replicates``.
     table
         The runs: factors, response (transformed), replicate and run order as far as they exist.
+    units
+        Of the factors, for texts.
     """
 
     response: str
@@ -179,6 +181,7 @@ class Factorial:
     aliases: Mapping[str, tuple[str, ...]]
     replicate_effects: pd.DataFrame | None
     table: pd.DataFrame
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -195,6 +198,51 @@ class Factorial:
     def reference(self) -> float:
         """The t beyond which an effect is significant: t(1−α/2, df)."""
         return float(stats.t.ppf((1 + self.confidence) / 2, self.df))
+
+    def named(
+        self,
+        labels: Mapping[str, str],
+        units: Mapping[str, str] | None = None,
+        response: str | None = None,
+    ) -> Factorial:
+        """The same for people to read: other names for factors and response.
+
+        Parameters
+        ----------
+        labels
+            By factor; the others keep their names.
+        units
+            Of the factors, by their old names.
+        response
+            New name.
+        """
+        names = {name: labels.get(name, name) for name in self.factors}
+        new = tuple(names.values())
+        terms = {
+            _name(term, self.factors): _name(term, new)
+            for n in range(1, ALIAS_ORDER + 1)
+            for term in combinations(range(len(new)), n)
+        } | {_name(term, self.factors): _name(term, new) for term in self.terms}
+        terms |= {f"−{old}": f"−{name}" for old, name in terms.items()}
+        response = self.response if response is None else response
+        return replace(
+            self,
+            response=response,
+            levels={names[name]: level for name, level in self.levels.items()},
+            effects=self.effects.rename(index=terms),
+            anova=self.anova.rename(index=terms),
+            points=self.points.rename(columns=names),
+            main_effects=self.main_effects.replace({"factor": names}),
+            interactions=self.interactions.replace({"first": names, "second": names}),
+            aliases={
+                terms.get(term, term): tuple(terms.get(other, other) for other in same)
+                for term, same in self.aliases.items()
+            },
+            replicate_effects=None if self.replicate_effects is None
+            else self.replicate_effects.rename(columns=terms),
+            table=self.table.rename(columns=names | {self.response: response}),
+            units={names[name]: unit for name, unit in (units or self.units).items()},
+        )
 
     def ranked(self) -> pd.DataFrame:
         """The effects, the largest first."""

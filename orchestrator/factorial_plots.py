@@ -13,6 +13,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -116,7 +117,7 @@ def plot_interactions(
             if column == row:
                 # no lines are drawn for the first factor
                 lines_of = analysis.levels[factors[row]] if row else ()
-                _key(panel, factors[row], lines_of, look)
+                _key(panel, _with_unit(analysis, factors[row]), lines_of, look)
                 continue
             across, lines = factors[column], factors[row]
             for side, value in enumerate(analysis.levels[lines]):
@@ -163,7 +164,7 @@ def plot_main_effects(
         ax.set_xticks(ticks, names)
         room = 13 if own else 9  # an axes of somebody else's may be narrow
         ax.set_xticks([2 * i + 0.5 for i in range(len(factors))],
-                      [_wrapped(name, room) for name in factors], minor=True)
+                      [_wrapped(_with_unit(analysis, name), room) for name in factors], minor=True)
         ax.tick_params(axis="x", which="minor", length=0, pad=20)
         ax.grid(axis="x", visible=False)
         ax.set_ylabel(f"Mean {_quantity(analysis)}")
@@ -216,6 +217,32 @@ def plot_residuals(
             none = "; as many terms as points, nothing is left over" if analysis.lenth else ""
             normal.figure.suptitle(f"Residuals of {analysis.quantity}{none}", fontsize="medium")
     return panels
+
+
+def plot_box_cox(
+    profile: pd.DataFrame, ax: Axes | None = None, theme: ThemeName = "light"
+) -> Axes:
+    """Profile of the Box–Cox transform, as `sblcosim.factorial.box_cox` gives it."""
+    with use(theme) as look:
+        if ax is None:
+            ax = new_figure(5.6, 3.2).add_subplot()
+        power, height = profile["lambda"], profile["log_likelihood"]
+        best = power[height.idxmax()]
+        inside = power[profile["inside"]]
+        ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
+                   label="confidence interval")
+        ax.plot(power, height - height.max(), color=look.receivers[1])
+        ax.axvline(best, color=look.receivers[0], ls=LINES[1], label=f"best λ = {best:.3g}")
+        for value, word in ((0, "logarithm"), (1, "as it is")):
+            ax.axvline(value, color=look.ink, ls=LINES[2], lw=0.9)
+            ax.annotate(word, (value, 0.02), xycoords=("data", "axes fraction"), rotation=90,
+                        xytext=(-3, 0), textcoords="offset points", ha="right", va="bottom",
+                        fontsize="small")
+        ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
+        ax.set_title("Box–Cox profile", loc="left")
+        ax.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none",
+                  facecolor=look.paper)
+    return ax
 
 
 def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
@@ -290,6 +317,11 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
         y = 0.4 - 0.24 * high
         panel.plot([0.08, 0.4], [y, y], ms=4, markevery=[1], **_side(high, look))
         panel.text(0.48, y, f"{value:g}", va="center", fontsize="small")
+
+
+def _with_unit(analysis: Factorial, factor: str) -> str:
+    unit = analysis.units.get(factor)
+    return f"{factor} [{unit}]" if unit else factor
 
 
 def _quantity(analysis: Factorial) -> str:

@@ -111,7 +111,12 @@ class Campaign:
 
     def definition(self) -> dict[str, Any]:
         """What is run, as plain data; equal for campaigns whose runs are the same."""
-        study = self.study.model_dump(exclude={"title", "replicates", "scenario", "fixed"})
+        study = self.study.model_dump(
+            exclude={
+                "title": True, "replicates": True, "scenario": True, "fixed": True,
+                "factors": {"__all__": {"label", "unit"}},
+            }
+        )
         content = {"study": study, "scenario": self.study.base.given(), "fmus": self.fmus}
         plain: dict[str, Any] = artifacts.plain(content)
         return plain

@@ -61,6 +61,9 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
         "format": FORMAT,
         "replicates": replicates,
         "title": campaign.study.title,
+        "names": {
+            name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()
+        },
         "definition": definition,
         "software": artifacts.software(),
     }
@@ -141,6 +144,8 @@ def study_of(results: str | Path) -> Study:
     definition = content["definition"]
     tables = {k: v for k, v in definition["study"].items() if v is not None}
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
+    names = content.get("names", {})
+    tables["factors"] = {k: v | names.get(k, {}) for k, v in tables["factors"].items()}
     return load_study(
         {
             **tables,

@@ -18,7 +18,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from . import design as designs
-from .design import Design, Number
+from .design import TIMES, Design, Number
 from .errors import ConfigurationError, instance, nearest
 from .scenario import Scenario, read_text, requirement, toml_problem
 from .scenario import load as load_scenario
@@ -29,8 +29,11 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-RESERVED = ("point", "replicate", "run_order", "seed", "error", "run_id", "centre")
-"""Columns of a table of runs that are no factors."""
+RESERVED = (
+    "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
+    "runs", "mean", "std", "fit", "value",
+)
+"""Columns of a table of runs, or of what comes of it, that are no factors."""
 
 
 def _array(value: Any) -> Any:
@@ -57,10 +60,14 @@ class FactorTable(Table):
         Of the scenario, ``table.key``; all get the level.
     levels
         In the units of the keys; of two, the first is coded −1 and the second +1.
+    label, unit
+        What people read in place of the name.
     """
 
     keys: _Texts
     levels: Annotated[tuple[Any, ...], BeforeValidator(_levels)]
+    label: str = ""
+    unit: str = ""
 
 
 class DesignTable(Table):
@@ -69,8 +76,8 @@ class DesignTable(Table):
     Attributes
     ----------
     kind
-        ``full`` (two levels, all combinations), ``fraction`` (of that), or ``sweep`` (one factor
-        at a time, any number of levels).
+        ``full`` (two levels, all combinations), ``fraction`` (of that), ``sweep`` (one factor
+        at a time, any number of levels), or ``single`` (the scenario itself, without factors).
     generators, resolution
         Of a fraction, see `sblcosim.design.fractional`.
     centre_points
@@ -79,7 +86,7 @@ class DesignTable(Table):
         Interactions up to this order must not be aliased with each other.
     """
 
-    kind: Literal["full", "fraction", "sweep"] = "full"
+    kind: Literal["full", "fraction", "sweep", "single"] = "full"
     generators: _Texts = ()
     resolution: Annotated[int, Field(ge=3)] | None = None
     centre_points: Annotated[int, Field(ge=0, le=1000)] = 0
@@ -117,7 +124,7 @@ class Study(Table):
     receivers: _Texts = ()
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)
-    factors: Annotated[dict[str, FactorTable], Field(min_length=1)]
+    factors: dict[str, FactorTable] = Field(default_factory=dict)
 
     @cached_property
     def base(self) -> Scenario:
@@ -129,6 +136,8 @@ class Study(Table):
         """The points."""
         factors = [designs.Factor(name, f.levels) for name, f in self.factors.items()]
         table = self.design
+        if table.kind == "single":
+            return Design((), ((),), (False,))
         if table.kind == "full":
             made = designs.full(factors, table.centre_points)
         elif table.kind == "fraction":
@@ -136,10 +145,26 @@ class Study(Table):
                 factors, table.generators, table.resolution, table.centre_points
             )
         else:
-            base = [self._base_of(name) for name in self.factors] if len(factors) > 1 else [0.0]
-            made = designs.sweep(factors, base)
+            made = designs.sweep(factors, self.sweep_base or [0.0])
         made.require(min(table.order, len(factors)))
         return made
+
+    @property
+    def sweep_base(self) -> list[Number]:
+        """Where the factors of a sweep are while another one is swept; none for a single factor."""
+        if self.design.kind != "sweep" or len(self.factors) < 2:
+            return []
+        return [self._base_of(name) for name in self.factors]
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What people read for the factors, by name."""
+        return {name: f.label or name for name, f in self.factors.items()}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the factors, by name."""
+        return {name: f.unit for name, f in self.factors.items()}
 
     def _base_of(self, name: str) -> Number:
         values = [_value(self.base, key) for key in self.factors[name].keys]
@@ -285,6 +310,17 @@ def _problems(study: Study) -> Iterator[str]:
     """What is wrong with the factors; one line each."""
     known = known_keys()
     owner: dict[str, str] = {}
+    if not study.factors and study.design.kind != "single":
+        yield "factors: must have at least one, got none"
+    if study.factors and study.design.kind == "single":
+        yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
+    called: dict[str, str] = {}
+    for name, label in study.labels.items():
+        if label in called:
+            yield f"[factors.{name}] label: must differ from that of {called[label]}, got {label!r}"
+        if study.factors[name].label and (TIMES.strip() in label or label in RESERVED):
+            yield f"[factors.{name}] label: must be a word or a few, got {label!r}"
+        called[label] = name
     fixed = set(_flat(study.fixed))
     if "seed" in fixed:
         yield "fixed: must not have seed, the study's own seed rules"
@@ -320,9 +356,10 @@ def _problems(study: Study) -> Iterator[str]:
         yield "[design] kind: must be 'fraction' with generators or a resolution, got " + toml(
             study.design.kind
         )
-    if study.design.kind == "sweep" and study.design.centre_points:
-        yield "[design] centre_points: must be 0 for a sweep, got " + str(
-            study.design.centre_points
+    if study.design.kind in ("sweep", "single") and study.design.centre_points:
+        yield (
+            f"[design] centre_points: must be 0 for kind '{study.design.kind}', got "
+            f"{study.design.centre_points}"
         )
     if study.seeding == "common" and study.design.centre_points > 1:
         yield (
@@ -404,8 +441,6 @@ def _line(error: ErrorDetails, where: str) -> str:
         )
     if error["type"] == "missing":
         return f"{where}: {place}: must be given, got nothing"
-    if error["type"] == "too_short":
-        return f"{where}: {place}: must have at least one, got none"
     if location[0] == "scenario":
         return f"{where}: scenario: must be a name, a file or a table, got {_text(error['input'])}"
     must, choices = requirement(error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -96,10 +97,20 @@ def save(axes: Axes, folder: Path, name: str) -> None:
     figure = axes.figure
     assert isinstance(figure, Figure)
     figure.dpi = 150
+    # the canvases' own methods: Figure.savefig draws everything twice
+    agg: Any = FigureCanvasAgg(figure)
+    agg.print_png(folder / f"{name}.png", metadata={"Software": None})
+    figure.set_layout_engine("none")  # it is laid out now
+    (folder / f"{name}.svg").write_text(svg(axes, name), "utf-8")
+
+
+def svg(axes: Axes, name: str) -> str:
+    """A figure, given by its axes, as the text of an SVG file."""
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    figure.dpi = 150  # of clouds of points, which are pictures
+    stream = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
-        # the canvases' own methods: Figure.savefig draws everything twice
-        agg: Any = FigureCanvasAgg(figure)
-        agg.print_png(folder / f"{name}.png", metadata={"Software": None})
-        figure.set_layout_engine("none")  # it is laid out now
-        svg: Any = FigureCanvasSVG(figure)
-        svg.print_svg(folder / f"{name}.svg", metadata={"Date": None})
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(stream, metadata={"Date": None})
+    return stream.getvalue()

@@ -177,28 +177,33 @@ def analyse(
         typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-analysis]."),
     ] = None,
 ) -> None:
-    """Say which factor of a study matters: effects, their tests and the paper's four pictures."""
+    """Say which factor of a study matters: report, tables and the paper's four pictures.
+
+    The folder gets report.html, which works offline. Of a sweep it has the means at each level.
+    """
     with waiting("analysing"):
         from typing import get_args
 
         from .. import analysis, artifacts, factorial
+        from ..report import study as reports
 
         known = get_args(factorial.Transform)
         if transform not in known:
             raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
         out = out or results.with_name(f"{results.resolve().name}-analysis")
         artifacts.check(out)
-        found = analysis.of_study(
+        text = reports.save(
             results,
+            out,
             response or analysis.RESPONSE,
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]
             practical=practical,
+            command=shlex.join(["sblcosim", *sys.argv[1:]]),
         )
-        folder = analysis.save(found, out)
-    typer.echo(found)
-    typer.echo(f"\nwritten to {folder}")
+    typer.echo(text)
+    typer.echo(f"\nwritten to {out}; the report is {out / reports.REPORT}")
 
 
 @app.command()

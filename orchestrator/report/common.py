@@ -1,0 +1,69 @@
+"""What all reports end with: how it was done, and how to do it again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import artifacts
+from ..campaign import STUDY
+from ..study import Study
+from .page import Block, Code, Section, Table, Text
+
+METHOD = {
+    "ols": "Each run has noise of its own. Effects come from ordinary least squares in coded units "
+    "(−1 low, +1 high; an effect is twice its coefficient), their uncertainty from the scatter of "
+    "the runs about the model.",
+    "replicates": "The runs of a replicate share their noise (common random numbers), so that "
+    "their errors are not independent. Effects are taken in each replicate; their uncertainty is "
+    "their scatter over the replicates.",
+    "lenth": "As many terms as points: no run is left to estimate the error from. The uncertainty "
+    "is Lenth's pseudo standard error, from the small effects themselves.",
+}
+DEFINITIONS = (
+    "Errors are estimate minus truth, x, y, z north, east, down; the total error is their length. "
+    "The RMS is over a run, after the settling time; the mean is over runs. Absolute errors are "
+    "those in the world; errors relative to the platform leave out what the platform gets wrong "
+    "about its own place."
+)
+
+
+def software() -> Table:
+    """Versions of everything that has a say in the numbers."""
+    return Table("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
+
+
+def described(results: Path) -> dict[str, Any]:
+    """What a folder of a study's results says about itself."""
+    content: dict[str, Any] = json.loads((results / STUDY).read_text("utf-8"))
+    return content
+
+
+def fmu_table(fmus: Mapping[str, str]) -> Table:
+    """Hashes of the components."""
+    return Table("FMUs that ran", ("Component", "SHA-256"), list(fmus.items()), (1,))
+
+
+def seeding(study: Study) -> str:
+    """Which seeds were used."""
+    last = study.run_seed(len(study.plan.points), study.replicates)
+    how = {"independent": "each run has its own", "common": "the points of a replicate share one"}
+    return f"seeds {study.seed} to {last} ({how[study.seeding]})"
+
+
+def reproduce(
+    commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str]
+) -> Section:
+    """How to do it again."""
+    blocks: list[Block] = [
+        Code("\n".join(commands)),
+        *(Text(line) for line in lines),
+        Text("Equal versions, seeds and FMUs give equal results to the last bit, whatever the "
+             "number of threads. Any run can be done again with its full record: "
+             "sblcosim replay RESULTS RUN_ID."),
+        fmu_table(fmus),
+        software(),
+    ]
+    return Section("How to reproduce", blocks, anchor="reproduce")

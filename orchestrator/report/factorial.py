@@ -1,0 +1,376 @@
+"""What a report says about a study: the answer, what matters, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .. import factorial_plots, style
+from ..analysis import RESPONSE, of_table, readable
+from ..errors import ConfigurationError
+from ..factorial import Factorial, Transform, answer, box_cox, detectable
+from ..study import Study
+from .page import Block, Picture, Table, Text
+
+MOST_ROWS = 40
+"""Effects that a table shows."""
+POWER = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All analyses of a factorial study.
+
+    Attributes
+    ----------
+    data, shown
+        The analysis with the columns' names, and with those for people.
+    log, spread
+        Of the logarithm of the response and of its spread, for people; None where there is none.
+    profile
+        Box–Cox.
+    detectable
+        Smallest effect that is found with a probability of `POWER`, by term.
+    missing
+        Why what is not there is not.
+    """
+
+    study: Study
+    data: Factorial
+    shown: Factorial
+    log: Factorial | None
+    spread: Factorial | None
+    profile: pd.DataFrame | None
+    detectable: pd.Series[float]
+    missing: tuple[str, ...]
+
+
+def find(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+    practical: float | None = None,
+) -> Findings:
+    """Analyse a study in all ways that a report has room for.
+
+    Raises
+    ------
+    ConfigurationError
+        As `sblcosim.analysis.of_study`.
+    """
+    options: dict[str, Any] = {"receiver": receiver, "order": order}
+    data = of_table(study, table, response, transform=transform, practical=practical, **options)
+    shown = readable(data, study, table)
+    missing: list[str] = []
+
+    def attempt(what: str, make: Callable[[], Any]) -> Any:
+        if transform != "none":
+            return None
+        try:
+            return make()
+        except ConfigurationError as error:
+            missing.append(f"No {what}: {error}.")
+            return None
+
+    def again(kind: Transform) -> Factorial:
+        return readable(
+            of_table(study, table, response, transform=kind, **options), study, table
+        )
+
+    return Findings(
+        study,
+        data,
+        shown,
+        attempt("analysis of the logarithm", lambda: again("log")),
+        attempt("analysis of the spread", lambda: again("spread")),
+        attempt("Box–Cox profile", lambda: box_cox(shown)),
+        detectable(shown, POWER),
+        tuple(missing),
+    )
+
+
+# --- Sentences -----------------------------------------------------------------------------------
+
+
+def what_matters(analysis: Factorial) -> str:
+    """How many effects are there, and which are large enough to care about."""
+    effects = analysis.ranked()
+    significant = int(effects["significant"].sum())
+    text = f"{significant} of {len(effects)} effects can be told from nothing"
+    if analysis.practical is None:
+        return (
+            f"{text}. With many runs almost everything can be; no smallest effect that matters was "
+            "given (option --practical)."
+        )
+    line = _line(analysis)
+    groups = {
+        verdict: list(effects.index[effects["verdict"] == verdict])
+        for verdict in ("matters", "open", "too small")
+    }
+    text += f", but only {len(groups['matters'])} are surely larger than {line}"
+    parts = [f"{text}: {', '.join(groups['matters'])}." if groups["matters"] else f"{text}."]
+    if groups["open"]:
+        parts.append(f"Not decided by these runs: {', '.join(groups['open'])}.")
+    if groups["too small"]:
+        parts.append(f"The other {len(groups['too small'])} do not matter in practice.")
+    return " ".join(parts)
+
+
+def _line(analysis: Factorial) -> str:
+    assert analysis.practical is not None
+    if analysis.transform != "none":
+        return f"a factor of {np.exp(analysis.practical):.3g}"
+    return f"{analysis.practical:g}{unit(analysis)}"
+
+
+def unit(analysis: Factorial) -> str:
+    """The response's, with a space before it."""
+    return f" {analysis.unit}" if analysis.unit else ""
+
+
+def direction(analysis: Factorial) -> str:
+    """Which level of each factor with a significant effect is the better one, if less is better."""
+    parts = []
+    for name in analysis.ranked().index:
+        row = analysis.effects.loc[name]
+        if row["order"] == 1 and row["significant"]:
+            low, high = analysis.levels[name]
+            better = low if row["effect"] > 0 else high
+            own = analysis.units.get(name, "")
+            parts.append(f"{name} {better:g}{f' {own}' if own else ''}")
+    return f"The better levels, on average over the others: {', '.join(parts)}." if parts else ""
+
+
+def box_cox_sentence(profile: pd.DataFrame) -> str:
+    """The best power and what follows."""
+    best = profile["lambda"][profile["log_likelihood"].idxmax()]
+    inside = profile["lambda"][profile["inside"]]
+    low, high = inside.min(), inside.max()
+    if low <= 1 <= high:
+        advice = "the response suits the model as it is"
+    elif low <= 0 <= high:
+        advice = "its logarithm would suit the model"
+    elif abs(best) < abs(best - 1):
+        advice = "the logarithm is nearer to what suits the model than the response itself"
+    else:
+        advice = "the response itself is nearer to what suits the model than its logarithm"
+    return f"Box–Cox: λ = {best:.3g}, from {low:.3g} to {high:.3g}; {advice}."
+
+
+# --- Tables --------------------------------------------------------------------------------------
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """A number for people, or a dash."""
+    if value is None or pd.isna(value):
+        return "–"
+    if np.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.{digits}g}".replace("-", "−") if abs(value) < 1e5 else f"{value:.3g}"
+
+
+def signed(value: float, digits: int = 3) -> str:
+    """A number with its sign."""
+    return f"{value:+.{digits}g}".replace("-", "−") if np.isfinite(value) else number(value)
+
+
+def probability(p: float) -> str:
+    """A p value."""
+    if pd.isna(p):
+        return "–"
+    return "< 0.0001" if p < 1e-4 else f"{p:.4f}"
+
+
+def span(low: float, high: float, show: Callable[[float], str] = signed) -> str:
+    """An interval."""
+    return "–" if pd.isna(low) else f"{show(low)} to {show(high)}"
+
+
+def factor_table(study: Study) -> Table:
+    """Factors and levels."""
+    rows = []
+    for name, factor in study.factors.items():
+        levels = " / ".join(f"{level:g}" for level in factor.levels)
+        label = study.labels[name]
+        rows.append((label, levels, factor.unit or "–", ", ".join(factor.keys), name))
+    return Table(
+        "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
+    )
+
+
+def effect_table(found: Findings) -> Table:
+    """The effects, the largest first, with everything that is known about each."""
+    a = found.shown
+    ranked = a.ranked()
+    level = f"{a.confidence:.4g}".removeprefix("0.")
+    own = f" [{a.unit}]" if a.unit else ""
+    head = ["Effect", f"Low to high{own}", f"{level} % interval{own}", "t", "p", "Share",
+            f"Detectable{own}"]
+    extra = [(word, other) for word, other in (("RMS", found.log), ("Spread", found.spread))
+             if other is not None]
+    head += ["Ratio of the response" if word == "RMS" else "Ratio of its spread"
+             for word, _ in extra]
+    if a.transform != "none":
+        head.append("Ratio")
+    if "verdict" in ranked:
+        head.append("In practice")
+    rows = []
+    for name, row in ranked.head(MOST_ROWS).iterrows():
+        cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
+                 number(row["t"]), probability(row["p"]), f"{row['share']:.1%}",
+                 number(found.detectable[str(name)], 2)]
+        for _, other in extra:
+            line = other.effects.loc[name]
+            cells.append(_ratio(line))
+        if a.transform != "none":
+            cells.append(_ratio(row))
+        if "verdict" in ranked:
+            cells.append(str(row["verdict"]))
+        rows.append(cells)
+    rest = len(ranked) - len(rows)
+    note = (
+        f"Effect: change of the mean from the factor's low to its high level. Share: of the total "
+        f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
+        + (" Ratios: high over low, with their intervals; above 1 more at the high level."
+           if extra or a.transform != "none" else "")
+        + (f" {rest} smaller effects are not shown." if rest else "")
+    )
+    return Table(f"Effects on the {a.quantity}", head, rows,
+                 (len(head) - 1,) if "verdict" in ranked else (), note)
+
+
+def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
+    low, high = row["ratio_low"], row["ratio_high"]
+    return f"{row['ratio']:.3g} ({low:.3g} to {high:.3g})"
+
+
+def anova_table(a: Factorial) -> Table:
+    """Analysis of variance, the terms by their size."""
+    terms = a.ranked().index[:MOST_ROWS]
+    rest = a.anova.index.difference(a.effects.index, sort=False)
+    rows = [
+        (str(name), number(row["ss"], 4), number(row["df"], 5), number(row["ms"], 4),
+         number(row["f"], 4), probability(row["p"]))
+        for name, row in a.anova.loc[[*terms, *rest]].iterrows()
+    ]
+    return Table("Analysis of variance",
+                 ("Source", "Sum of squares", "df", "Mean square", "F", "p"), rows)
+
+
+def model_table(found: Findings) -> Table:
+    """The model as a whole."""
+    a = found.shown
+    rows: list[tuple[str, str]] = [
+        ("Runs", f"{a.runs}" + (f", {a.dropped} left out" if a.dropped else "")),
+        ("Design points", str(len(a.points))),
+        ("Terms", str(len(a.effects))),
+        ("Overall mean", f"{number(a.overall_mean, 4)}{unit(a)}"),
+        ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
+    ]
+    if np.isfinite(a.r2_adjusted):
+        rows += [
+            ("R²", f"{a.r2:.2%}"), ("R² adjusted", f"{a.r2_adjusted:.2%}"),
+            ("R² predicted", f"{a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else "–"),
+            ("Root of the residual mean square", f"{number(a.rmse, 4)}{unit(a)}"),
+        ]
+    for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
+        if test is not None:
+            rows.append((word, f"F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
+                               f"p {probability(test.p)}"))
+    if a.lenth is not None:
+        rows.append(("Lenth", f"PSE {a.lenth.pse:.4g}, ME {a.lenth.me:.4g}, SME {a.lenth.sme:.4g}"))
+    return Table("The model", ("Quantity", "Value"), rows, (1,))
+
+
+def tables(found: Findings) -> list[Block]:
+    """All of them, with a sentence where one is needed."""
+    a = found.shown
+    blocks: list[Block] = [effect_table(found), model_table(found)]
+    if a.lack_of_fit is not None and a.lack_of_fit.p < 1 - a.confidence:
+        blocks.append(Text(
+            "The lack of fit is significant: interactions of more factors than the model has are "
+            "there. The effects stay what they are, for the design is balanced; the model's "
+            "predictions for single points do not follow all of them.", "note"))
+    blocks.append(anova_table(a))
+    if found.profile is not None:
+        blocks.append(Text(box_cox_sentence(found.profile)))
+    blocks += [Text(text, "note") for text in found.missing]
+    if a.aliases:
+        blocks.append(Table(
+            "Aliased terms: what one line says is true of their sum", ("Term", "Aliased with"),
+            [(term, ", ".join(same)) for term, same in a.aliases.items()], (1,)))
+    return blocks
+
+
+# --- Figures -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A figure to be drawn: a function of ours, which takes a theme, and its arguments."""
+
+    name: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+def draw(job: Job) -> str:
+    """The figure's SVG."""
+    axes = job.function(*job.arguments, theme="light")
+    return style.svg(axes[0] if isinstance(axes, Sequence) else axes, job.name)
+
+
+def jobs(found: Findings, prefix: str = "") -> list[Job]:
+    """The paper's four pictures, and the Box–Cox profile."""
+    a = found.shown
+    made = [
+        Job(f"{prefix}pareto", factorial_plots.plot_pareto, (a,)),
+        Job(f"{prefix}main_effects", factorial_plots.plot_main_effects, (a,)),
+        Job(f"{prefix}residuals", factorial_plots.plot_residuals, (a,)),
+    ]
+    if len(a.factors) > 1:
+        made.insert(1, Job(f"{prefix}interactions", factorial_plots.plot_interactions, (a,)))
+    if found.profile is not None:
+        made.append(Job(f"{prefix}box_cox", factorial_plots.plot_box_cox, (found.profile,)))
+    return made
+
+
+def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
+    """A figure with its caption."""
+    a = found.shown
+    top = ", ".join(map(str, a.ranked().index[:3]))
+    captions = {
+        "pareto": ("Pareto chart of the standardised effects. What crosses the line can be told "
+                   "from nothing; hatched bars are negative effects.",
+                   f"Pareto chart; the largest effects are {top}"),
+        "interactions": (f"Interactions: mean {a.quantity} at each pair of levels. Lines that are "
+                         "not parallel are an interaction.",
+                         "Matrix of interaction plots, one for each pair of factors"),
+        "main_effects": (f"Main effects: mean {a.quantity} at both levels of each factor, and the "
+                         "overall mean.",
+                         f"Main effects; overall mean {a.overall_mean:.3g}{unit(a)}"),
+        "residuals": ("Residuals: normal probability, histogram, against fits, and against the "
+                      "random run order.", "Four plots of the residuals"),
+        "box_cox": ("Box–Cox profile: which power of the response suits the model.",
+                    "Box–Cox profile"),
+    }
+    caption, alt = captions[name]
+    return Picture(f"{prefix}{name}", svg, caption, alt)
+
+
+def summary(found: Findings) -> list[Block]:
+    """The answer, and what of it matters."""
+    blocks: list[Block] = [
+        Text(answer(found.shown), "answer"), Text(what_matters(found.shown)),
+    ]
+    if text := direction(found.shown):
+        blocks.append(Text(text))
+    return blocks

@@ -1,0 +1,155 @@
+"""A report as one HTML file that needs nothing else: no network, no other file.
+
+What it says is data (`Page`, made of `Section`); how it looks is in ``report.html.jinja`` and
+``report.css``. Figures are drawn once: their colours become CSS variables, so that the same drawing
+is right on light paper, on dark paper and in print.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Literal
+
+import jinja2
+
+from ..style import THEMES, Theme, ThemeName
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph; a ``note`` is smaller, an ``answer`` stands out."""
+
+    text: str
+    kind: Literal["plain", "note", "answer"] = "plain"
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """Commands, line by line."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table.
+
+    Attributes
+    ----------
+    head
+        Of each column.
+    rows
+        The first cell of each is its header.
+    words
+        Columns that hold words, not numbers; the first one does anyway.
+    note
+        Below it.
+    """
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: tuple[int, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure: an SVG file's text, what it is called, and what it shows for those who do not see.
+
+    `name` is unique in the page.
+    """
+
+    name: str
+    svg: str
+    caption: str
+    alt: str
+
+
+Block = Text | Code | Table | Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading of level 2 or 3, and what is below it."""
+
+    title: str
+    blocks: Sequence[Block] = ()
+    level: Literal[2, 3] = 2
+    anchor: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """The whole: title, what it is about, and sections, the summary first."""
+
+    title: str
+    lead: str
+    sections: Sequence[Section]
+    foot: str = ""
+
+
+def render(page: Page) -> str:
+    """The HTML file's text."""
+    return _environment().get_template("report.html.jinja").render(page=page)
+
+
+def inline(picture: Picture, theme: ThemeName = "light") -> str:
+    """A figure's SVG element for use within HTML, its colours as CSS variables.
+
+    Parameters
+    ----------
+    theme
+        In which it was drawn.
+    """
+    text = picture.svg[picture.svg.index("<svg") :]
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"\s*<style[^>]*>.*?</style>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = text.replace("xlink:href", "href")
+    text = re.sub(r"[ \n]+(xmlns(:\w+)?|version)=\"[^\"]*\"", "", text)
+    # identifiers are unique in a file only
+    text = re.sub(r'\bid="([^"]*)"', rf'id="{picture.name}-\1"', text)
+    text = re.sub(r'href="#([^"]*)"', rf'href="#{picture.name}-\1"', text)
+    text = re.sub(r"url\(#([^)]*)\)", rf"url(#{picture.name}-\1)", text)
+    # such groups name what nobody refers to
+    text = re.sub(rf'<g id="{picture.name}-[a-zA-Z0-9_]*">', "<g>", text)
+    for variable, colour in variables(THEMES[theme]).items():
+        text = text.replace(colour, f"var(--{variable})")
+    attributes = f'role="img" aria-label="{jinja2.filters.escape(picture.alt)}"'
+    return text.replace("<svg", f"<svg {attributes}", 1).strip()
+
+
+def variables(look: Theme) -> dict[str, str]:
+    """A theme's colours, by the names of CSS variables."""
+    colours = {"paper": look.paper, "ink": look.ink, "grid": look.grid, "soft": look.soft}
+    return colours | {f"line-{i}": colour for i, colour in enumerate(look.receivers)}
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_template),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["inline"] = inline
+    environment.globals["css"] = _template("report.css")
+    environment.globals["themes"] = {name: variables(look) for name, look in THEMES.items()}
+    environment.globals["kind"] = lambda block: type(block).__name__.lower()
+    return environment
+
+
+def _template(name: str) -> str:
+    return (resources.files("sblcosim.report") / name).read_text("utf-8")
+
+
+def anchors(sections: Sequence[Section]) -> Mapping[str, str]:
+    """Anchor and title of the sections that have one."""
+    return {s.anchor: s.title for s in sections if s.anchor}

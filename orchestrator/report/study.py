@@ -1,0 +1,198 @@
+"""The report of one study: `sblcosim analyse`."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .. import analysis, artifacts, campaign, style, sweep
+from ..factorial import Transform
+from ..study import Study
+from . import factorial
+from .common import DEFINITIONS, METHOD, described, reproduce, seeding
+from .factorial import Findings, number, span
+from .page import Block, Page, Picture, Section, Table, Text, render
+
+REPORT = "report.html"
+
+
+def save(
+    results: str | Path,
+    directory: str | Path,
+    response: str = analysis.RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+    practical: float | None = None,
+    command: str = "",
+) -> str:
+    """Analyse a study; write its tables, figures and report into a folder.
+
+    Parameters
+    ----------
+    response, receiver, order, transform, practical
+        As in `sblcosim.analysis.of_study`.
+    command
+        With which this was asked for, for the report.
+
+    Returns
+    -------
+    str
+        The analysis in words.
+
+    Raises
+    ------
+    ConfigurationError
+        There are no runs, or they cannot be analysed so; nothing is written then.
+    """
+    results = Path(results)
+    study, table = campaign.study_of(results), campaign.table(results)
+    failed = int(table["error"].notna().sum())
+    command = command or shlex.join(["sblcosim", "analyse", str(results)])
+    again = _again(study, results, command)
+    plain = order is None and transform == "none" and practical is None
+    if study.design.kind in analysis.FACTORIAL or not plain:
+        found = factorial.find(study, table, response, receiver=receiver, order=order,
+                               transform=transform, practical=practical)
+        with artifacts.folder(directory, analysis.about(found.data)) as folder:
+            analysis.write(found.data, folder, shown=found.shown)
+            page = _factorial_page(found, folder, failed, again)
+            (folder / REPORT).write_text(render(page), "utf-8")
+        return str(found.shown)
+    column = analysis.column_of(table, response, receiver)
+    means = sweep.means(table, list(study.factors), column, study.sweep_base)
+    about = {"analysis": {"response": column, "factors": list(study.factors)}}
+    with artifacts.folder(directory, about) as folder:
+        artifacts.write_table(means, folder, "means")
+        page = _means_page(study, table, means, column, folder, failed, again)
+        (folder / REPORT).write_text(render(page), "utf-8")
+    shown = means.drop(columns="factor") if not study.factors else means
+    return f"{_means_answer(study, means, analysis.words(column, table), analysis.unit_of(column))}" \
+        f"\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
+
+
+def _again(study: Study, results: Path, command: str) -> Section:
+    """How to reproduce."""
+    about = described(results)
+    name = study.name
+    lines = [
+        f"The file {campaign.STUDY} in the folder of results has the whole study: scenario, "
+        f"factors, levels and seeds. {name[0].upper()}{name[1:]} has {len(study.plan.points)} "
+        f"points and {study.replicates} replicates; {seeding(study)}.",
+    ]
+    return reproduce(
+        [f"sblcosim study {shlex.quote(name)} --out {shlex.quote(str(results))}", command],
+        lines, about["definition"]["fmus"],
+    )
+
+
+def _lead(study: Study, runs: int, failed: int) -> str:
+    title = study.title or study.name
+    text = f"{title.rstrip('.')}. {runs} runs at {len(study.plan.points)} points"
+    return f"{text}; {failed} of them failed." if failed else f"{text}."
+
+
+def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) -> Page:
+    study, a = found.study, found.shown
+    svgs = {
+        name: (folder / f"{name}.svg").read_text("utf-8")
+        for name in ("pareto", "main_effects", "interactions", "residuals")
+        if (folder / f"{name}.svg").exists()
+    }
+    if found.profile is not None:
+        job = next(j for j in factorial.jobs(found) if j.name == "box_cox")
+        svgs["box_cox"] = factorial.draw(job)
+    method: list[Block] = [
+        Text(METHOD[a.method]), Text(DEFINITIONS),
+        Text(f"Settling time: {study.settling_time_s:g} s. Intervals and the reference line have a "
+             f"confidence of {a.confidence:g}."),
+        factorial.factor_table(study),
+    ]
+    return Page(
+        f"Which factor matters: {study.name}",
+        _lead(study, a.runs, failed),
+        [
+            Section("Summary", factorial.summary(found), anchor="summary"),
+            Section("Tables", factorial.tables(found), anchor="tables"),
+            Section("Figures", [factorial.picture(found, name, svg) for name, svg in svgs.items()],
+                    anchor="figures"),
+            Section("Method", method, anchor="method"),
+            again,
+        ],
+        f"sblcosim {artifacts.software()['sblcosim']}",
+    )
+
+
+def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -> str:
+    unit = f" {unit}" if unit else ""
+    if not study.factors:
+        row = means.iloc[0]
+        return (
+            f"Mean {quantity} {number(row['mean'], 4)}{unit}, "
+            f"{span(row['low'], row['high'], number)}{unit}. The study has no factors: there are "
+            "no effects to analyse."
+        )
+    parts = []
+    for name in study.factors:
+        mine = means[means["factor"] == name].reset_index(drop=True)
+        best, worst = mine.loc[mine["mean"].idxmin()], mine.loc[mine["mean"].idxmax()]
+        own = study.units[name]
+        own = f" {own}" if own else ""
+        parts.append(
+            f"{study.labels[name]}: from {number(best['mean'])}{unit} at {best['value']:g}{own} to "
+            f"{number(worst['mean'])}{unit} at {worst['value']:g}{own}"
+        )
+    return (
+        f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
+        "factorial design: it has no interactions and no effects to test."
+    )
+
+
+def _means_page(
+    study: Study,
+    table: pd.DataFrame,
+    means: pd.DataFrame,
+    column: str,
+    folder: Path,
+    failed: int,
+    again: Section,
+) -> Page:
+    quantity, unit = analysis.words(column, table), analysis.unit_of(column)
+    own = f" [{unit}]" if unit else ""
+    rows = [
+        (study.labels.get(row["factor"], "all runs"), number(row["value"]), number(row["runs"], 6),
+         number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
+        for _, row in means.iterrows()
+    ]
+    head = ("Factor", "Level", "Runs", f"Mean{own}", f"95 % interval{own}",
+            f"Standard deviation{own}")
+    sections = [
+        Section("Summary", [Text(_means_answer(study, means, quantity, unit), "answer")],
+                anchor="summary"),
+        Section("Tables", [Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows)],
+                anchor="tables"),
+    ]
+    if study.factors:
+        shown = means.replace({"factor": study.labels})
+        units = {study.labels[name]: u for name, u in study.units.items()}
+        axes = sweep.plot_means(shown, f"{quantity}{own}", units)
+        style.save(axes[0], folder, "means")
+        svg = (folder / "means.svg").read_text("utf-8")
+        caption = f"Mean {quantity} at each level; bars are the intervals of the means."
+        sections.append(Section("Figures", [Picture("means", svg, caption, caption)],
+                                anchor="figures"))
+    runs = int(np.isfinite(table[column]).sum())
+    method: list[Block] = [
+        Text("Means over the runs at each level, the other factors at the scenario's own values; "
+             "the intervals are Student's."), Text(DEFINITIONS),
+        Text(f"Settling time: {study.settling_time_s:g} s."),
+    ]
+    if study.factors:
+        method.append(factorial.factor_table(study))
+    sections += [Section("Method", method, anchor="method"), again]
+    return Page(f"What the runs say: {study.name}", _lead(study, runs, failed), sections,
+                f"sblcosim {artifacts.software()['sblcosim']}")
