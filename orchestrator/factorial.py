@@ -600,12 +600,12 @@ def answer(analysis: Factorial, most: int = 3) -> str:
     parts = []
     if len(single):
         named = list(single.index[:most])
-        tied = [n for n in single.index[most:] if _tied(analysis, named[-1], n)]
+        same = [n for n in single.index[most:] if tied(analysis, named[-1], n)]
         parts.append("largest main effects " + ", ".join(
             f"{name} ({_size(analysis, name)})" for name in named))
-        if tied:
+        if same:
             parts[-1] += "; not to be told from the last: " + ", ".join(
-                f"{name} ({_size(analysis, name)})" for name in tied)
+                f"{name} ({_size(analysis, name)})" for name in same)
     if len(several):
         name = several.index[0]
         parts.append(f"largest interaction {name} ({_size(analysis, name)})")
@@ -622,7 +622,7 @@ def _size(analysis: Factorial, name: str) -> str:
     return f"{row.effect:+.3g}{unit}, {row.low:+.3g} to {row.high:+.3g}"
 
 
-def _tied(analysis: Factorial, one: str, other: str) -> bool:
+def tied(analysis: Factorial, one: str, other: str) -> bool:
     """Whether the sizes of two effects differ by no more than chance allows."""
     a, b = (analysis.effects.loc[name] for name in (one, other))
     if analysis.replicate_effects is not None:

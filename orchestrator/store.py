@@ -44,7 +44,7 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
     if os.path.lexists(folder) and not folder.is_dir():
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
     if (folder / STUDY).exists():
-        before = _read(folder)
+        before = described(folder)
         if before["definition"] != definition:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
@@ -82,7 +82,7 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return ", ".join(parts).replace("fmus", "FMUs") or "contents"
 
 
-def _read(folder: Path) -> dict[str, Any]:
+def described(folder: Path) -> dict[str, Any]:
     """What a folder says about itself."""
     path = folder / STUDY
     try:
@@ -130,7 +130,7 @@ def table(results: str | Path) -> pd.DataFrame:
         There are no runs.
     """
     folder = Path(results)
-    _read(folder)
+    described(folder)
     parts = [_parquet(path).to_pandas() for path in _parts(folder)]
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
@@ -140,7 +140,7 @@ def table(results: str | Path) -> pd.DataFrame:
 
 def study_of(results: str | Path) -> Study:
     """The study whose results a folder holds."""
-    content = _read(Path(results))
+    content = described(Path(results))
     definition = content["definition"]
     tables = {k: v for k, v in definition["study"].items() if v is not None}
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}

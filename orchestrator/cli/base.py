@@ -146,16 +146,21 @@ def table(rows: list[tuple[str, str]]) -> None:
 @contextmanager
 def waiting(
     what: str = "preparing", *, remaining: bool = False
-) -> Iterator[Callable[[float], None]]:
+) -> Iterator[Callable[..., None]]:
     """Show progress on a terminal's stderr, as soon as it takes longer than two seconds.
 
     Parameters
     ----------
     remaining
         Show the remaining time, too.
+
+    Yields
+    ------
+    function
+        Takes the share that is done, and perhaps a word for what is being done.
     """
     if not sys.stderr.isatty():
-        yield lambda share: None
+        yield lambda share, doing="": None
         return
     from rich.console import Console
     from rich.progress import (
@@ -179,11 +184,11 @@ def waiting(
     timer.daemon = True
     timer.start()
     try:
-        yield lambda share: display.update(
+        yield lambda share, doing="": display.update(
             task,
             total=1.0,
             completed=share,
-            description="simulating" if share < 1.0 else "writing",
+            description=doing or ("simulating" if share < 1.0 else "writing"),
         )
     finally:
         timer.cancel()

@@ -80,8 +80,7 @@ def study(
                 )
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
-                terminated = isinstance(stop, Terminated)
-                raise typer.Exit(128 + signal.SIGTERM if terminated else 130) from None
+                raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master)
             seconds = campaign.estimate(prepared, workers, master)
@@ -98,9 +97,17 @@ def study(
 def _say_how_to_resume(out: Path, runs: int) -> None:
     from .. import campaign
 
-    done = len(campaign.finished(out))
+    _say_what_is_there(len(campaign.finished(out)), runs, out)
+
+
+def _say_what_is_there(done: int, runs: int, out: Path) -> None:
     command = shlex.join(["sblcosim", *sys.argv[1:]])
     typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
+
+
+def _stopped(stop: KeyboardInterrupt) -> int:
+    """Exit code."""
+    return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
 
 def _duration(seconds: float) -> str:
@@ -256,6 +263,50 @@ def advise(
         folder = analysis.save_advice(found, out)
     typer.echo(found)
     typer.echo(f"\nwritten to {folder}")
+
+
+@app.command()
+def paper(
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder; what is there already is not run again."
+        ),
+    ] = Path("paper"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few replicates: a look at everything.")
+    ] = False,
+    practical: Annotated[
+        float, typer.Option(metavar="SIZE", help="Effects below it do not matter [m].")
+    ] = 0.5,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+    ] = None,
+) -> None:
+    """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.
+
+    After Ctrl-C or a crash the same command goes on.
+    """
+    with waiting(remaining=True) as progress:
+        from ..report import paper as papers
+
+        try:
+            outcome = papers.run(
+                out,
+                quick=quick,
+                practical=practical,
+                workers=workers,
+                command=shlex.join(["sblcosim", *sys.argv[1:]]),
+                progress=progress,
+            )
+        except KeyboardInterrupt as stop:
+            _say_what_is_there(*papers.progress_of(out, quick), out)
+            raise typer.Exit(_stopped(stop)) from None
+    for number, text in outcome.answers.items():
+        typer.echo(f"Scenario {number}: {text}\n")
+    rows = [(name, f"{seconds:6.1f} s") for name, seconds in outcome.seconds.items()]
+    table([*rows, ("together", f"{sum(outcome.seconds.values()):6.1f} s")])
+    typer.echo(f"\nthe report is {outcome.report}")
 
 
 @app.command()

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 from .. import artifacts
-from ..campaign import STUDY
 from ..study import Study
 from .page import Block, Code, Section, Table, Text
 
@@ -33,12 +29,6 @@ DEFINITIONS = (
 def software() -> Table:
     """Versions of everything that has a say in the numbers."""
     return Table("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
-
-
-def described(results: Path) -> dict[str, Any]:
-    """What a folder of a study's results says about itself."""
-    content: dict[str, Any] = json.loads((results / STUDY).read_text("utf-8"))
-    return content
 
 
 def fmu_table(fmus: Mapping[str, str]) -> Table:

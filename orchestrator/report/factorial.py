@@ -12,7 +12,7 @@ import pandas as pd
 from .. import factorial_plots, style
 from ..analysis import RESPONSE, of_table, readable
 from ..errors import ConfigurationError
-from ..factorial import Factorial, Transform, answer, box_cox, detectable
+from ..factorial import Factorial, Transform, answer, box_cox, detectable, tied
 from ..study import Study
 from .page import Block, Picture, Table, Text
 
@@ -136,6 +136,20 @@ def unit(analysis: Factorial) -> str:
     return f" {analysis.unit}" if analysis.unit else ""
 
 
+def places(analysis: Factorial) -> dict[str, str]:
+    """Rank of each main effect by its size; those that cannot be told apart share a place."""
+    ranked = analysis.ranked()
+    names = [str(name) for name in ranked.index[ranked["order"] == 1]]
+    found: dict[str, str] = {}
+    while names:
+        same = [n for n in names if n == names[0] or tied(analysis, names[0], n)]
+        first = len(found) + 1
+        last = first + len(same) - 1
+        found |= dict.fromkeys(same, f"{first}" if first == last else f"{first} to {last}")
+        names = [n for n in names if n not in same]
+    return found
+
+
 def direction(analysis: Factorial) -> str:
     """Which level of each factor with a significant effect is the better one, if less is better."""
     parts = []
@@ -214,10 +228,6 @@ def effect_table(found: Findings) -> Table:
     own = f" [{a.unit}]" if a.unit else ""
     head = ["Effect", f"Low to high{own}", f"{level} % interval{own}", "t", "p", "Share",
             f"Detectable{own}"]
-    extra = [(word, other) for word, other in (("RMS", found.log), ("Spread", found.spread))
-             if other is not None]
-    head += ["Ratio of the response" if word == "RMS" else "Ratio of its spread"
-             for word, _ in extra]
     if a.transform != "none":
         head.append("Ratio")
     if "verdict" in ranked:
@@ -227,9 +237,6 @@ def effect_table(found: Findings) -> Table:
         cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
                  number(row["t"]), probability(row["p"]), f"{row['share']:.1%}",
                  number(found.detectable[str(name)], 2)]
-        for _, other in extra:
-            line = other.effects.loc[name]
-            cells.append(_ratio(line))
         if a.transform != "none":
             cells.append(_ratio(row))
         if "verdict" in ranked:
@@ -239,12 +246,38 @@ def effect_table(found: Findings) -> Table:
     note = (
         f"Effect: change of the mean from the factor's low to its high level. Share: of the total "
         f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
-        + (" Ratios: high over low, with their intervals; above 1 more at the high level."
-           if extra or a.transform != "none" else "")
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
     return Table(f"Effects on the {a.quantity}", head, rows,
                  (len(head) - 1,) if "verdict" in ranked else (), note)
+
+
+def ratio_table(found: Findings) -> Table | None:
+    """Effects on the logarithm of the response and on its spread, as ratios high over low."""
+    a, log, spread = found.shown, found.log, found.spread
+    if log is None and spread is None:
+        return None
+    head = ["Effect", *(["Ratio of the response", "p"] if log is not None else []),
+            *(["Ratio of its spread", "p"] if spread is not None else [])]
+    first = log if log is not None else spread
+    assert first is not None
+    rows = []
+    for name in first.ranked().index[:MOST_ROWS]:
+        cells = [str(name)]
+        for other in (log, spread):
+            if other is not None:
+                row = other.effects.loc[name]
+                cells += [_ratio(row), probability(row["p"])]
+        rows.append(cells)
+    rest = len(first.effects) - len(rows)
+    note = (
+        "High level over low level, with intervals; above 1: more at the high level. Of the "
+        "response: from the analysis of its logarithm, so of its geometric mean. Of its spread: "
+        "from that of ln s, the standard deviation of the runs of a point."
+        + (f" {rest} smaller ones are not shown." if rest else "")
+    )
+    return Table(f"Ratios, from the logarithm of the {a.response} and from its spread", head, rows,
+                 (), note)
 
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
@@ -294,6 +327,8 @@ def tables(found: Findings) -> list[Block]:
     """All of them, with a sentence where one is needed."""
     a = found.shown
     blocks: list[Block] = [effect_table(found), model_table(found)]
+    if (ratios := ratio_table(found)) is not None:
+        blocks.insert(1, ratios)
     if a.lack_of_fit is not None and a.lack_of_fit.p < 1 - a.confidence:
         blocks.append(Text(
             "The lack of fit is significant: interactions of more factors than the model has are "

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .. import analysis, artifacts, campaign, style, sweep
+from .. import analysis, artifacts, store, style, sweep
 from ..factorial import Transform
 from ..study import Study
 from . import factorial
-from .common import DEFINITIONS, METHOD, described, reproduce, seeding
+from .common import DEFINITIONS, METHOD, reproduce, seeding
 from .factorial import Findings, number, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 
@@ -50,7 +50,7 @@ def save(
         There are no runs, or they cannot be analysed so; nothing is written then.
     """
     results = Path(results)
-    study, table = campaign.study_of(results), campaign.table(results)
+    study, table = store.study_of(results), store.table(results)
     failed = int(table["error"].notna().sum())
     command = command or shlex.join(["sblcosim", "analyse", str(results)])
     again = _again(study, results, command)
@@ -77,10 +77,10 @@ def save(
 
 def _again(study: Study, results: Path, command: str) -> Section:
     """How to reproduce."""
-    about = described(results)
+    about = store.described(results)
     name = study.name
     lines = [
-        f"The file {campaign.STUDY} in the folder of results has the whole study: scenario, "
+        f"The file {store.STUDY} in the folder of results has the whole study: scenario, "
         f"factors, levels and seeds. {name[0].upper()}{name[1:]} has {len(study.plan.points)} "
         f"points and {study.replicates} replicates; {seeding(study)}.",
     ]
