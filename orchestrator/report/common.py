@@ -51,7 +51,7 @@ def reproduce(
         Code("\n".join(commands)),
         *(Text(line) for line in lines),
         Text("Equal versions, seeds and FMUs give equal results to the last bit, whatever the "
-             "number of threads. Any run can be done again with its full record: "
+             "number of workers. Any run can be done again with its full record: "
              "sblcosim replay RESULTS RUN_ID."),
         fmu_table(fmus),
         software(),

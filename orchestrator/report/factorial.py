@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,8 @@ from .page import Block, Picture, Table, Text
 MOST_ROWS = 40
 """Effects that a table shows."""
 POWER = 0.8
+NAMED = 3
+"""Undecided effects that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +107,10 @@ def what_matters(analysis: Factorial) -> str:
     """How many effects are there, and which are large enough to care about."""
     effects = analysis.ranked()
     significant = int(effects["significant"].sum())
-    text = f"{significant} of {len(effects)} effects can be told from nothing"
+    text = f"{significant} of {len(effects)} effects are statistically significant"
     if analysis.practical is None:
         return (
-            f"{text}. With many runs almost everything can be; no smallest effect that matters was "
+            f"{text}. With many runs almost everything is; no smallest effect that matters was "
             "given (option --practical)."
         )
     line = _line(analysis)
@@ -115,12 +118,18 @@ def what_matters(analysis: Factorial) -> str:
         verdict: list(effects.index[effects["verdict"] == verdict])
         for verdict in ("matters", "open", "too small")
     }
-    text += f", but only {len(groups['matters'])} are surely larger than {line}"
-    parts = [f"{text}: {', '.join(groups['matters'])}." if groups["matters"] else f"{text}."]
+    if groups["matters"]:
+        text += (f"; {len(groups['matters'])} matter, being surely larger than {line}: "
+                 f"{', '.join(groups['matters'])}")
+    else:
+        text += f"; none is surely larger than {line}"
+    parts = [f"{text}."]
     if groups["open"]:
-        parts.append(f"Not decided by these runs: {', '.join(groups['open'])}.")
+        named, rest = groups["open"][:NAMED], len(groups["open"]) - NAMED
+        more = f" and {rest} smaller ones" if rest > 0 else ""
+        parts.append(f"More runs would have to decide about {', '.join(named)}{more}.")
     if groups["too small"]:
-        parts.append(f"The other {len(groups['too small'])} do not matter in practice.")
+        parts.append(f"{len(groups['too small'])} are too small to matter, significant or not.")
     return " ".join(parts)
 
 
@@ -188,12 +197,19 @@ def number(value: Any, digits: int = 3) -> str:
         return "–"
     if np.isinf(value):
         return "∞" if value > 0 else "−∞"
-    return f"{value:.{digits}g}".replace("-", "−") if abs(value) < 1e5 else f"{value:.3g}"
+    if 10**digits <= abs(value) < 1e7:
+        return minus(f"{value:,.0f}")
+    return minus(f"{value:.{digits}g}")
+
+
+def minus(text: str) -> str:
+    """With true minus signs before numbers."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
 
 
 def signed(value: float, digits: int = 3) -> str:
     """A number with its sign."""
-    return f"{value:+.{digits}g}".replace("-", "−") if np.isfinite(value) else number(value)
+    return minus(f"{value:+.{digits}g}") if np.isfinite(value) else number(value)
 
 
 def probability(p: float) -> str:
@@ -226,7 +242,7 @@ def effect_table(found: Findings) -> Table:
     ranked = a.ranked()
     level = f"{a.confidence:.4g}".removeprefix("0.")
     own = f" [{a.unit}]" if a.unit else ""
-    head = ["Effect", f"Low to high{own}", f"{level} % interval{own}", "t", "p", "Share",
+    head = ["Effect", f"Low to high{own}", f"{level}% interval{own}", "t", "p", "Share",
             f"Detectable{own}"]
     if a.transform != "none":
         head.append("Ratio")
@@ -383,8 +399,8 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
     a = found.shown
     top = ", ".join(map(str, a.ranked().index[:3]))
     captions = {
-        "pareto": ("Pareto chart of the standardised effects. What crosses the line can be told "
-                   "from nothing; hatched bars are negative effects.",
+        "pareto": ("Pareto chart of the standardised effects. What crosses the line is "
+                   "significant; hatched bars are negative effects.",
                    f"Pareto chart; the largest effects are {top}"),
         "interactions": (f"Interactions: mean {a.quantity} at each pair of levels. Lines that are "
                          "not parallel are an interaction.",
@@ -404,7 +420,7 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
 def summary(found: Findings) -> list[Block]:
     """The answer, and what of it matters."""
     blocks: list[Block] = [
-        Text(answer(found.shown), "answer"), Text(what_matters(found.shown)),
+        Text(minus(answer(found.shown)), "answer"), Text(what_matters(found.shown)),
     ]
     if text := direction(found.shown):
         blocks.append(Text(text))

@@ -13,7 +13,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from sblcosim.models.platform.beaufort import LEVELS
 
 from .. import artifacts, campaign, plots, store
 from .. import study as studies
@@ -34,8 +35,8 @@ from ..factorial import TIMES, answer
 from ..metrics import AXES, recorded
 from ..record import Record
 from ..scenario import load as load_scenario
-from ..style import ThemeName, new_figure, use
 from ..study import Study
+from ..style import ThemeName, new_figure, use
 from . import factorial
 from .common import DEFINITIONS, METHOD, reproduce, seeding
 from .factorial import Findings, Job, number, signed, span
@@ -44,6 +45,8 @@ from .study import REPORT
 
 Progress = Callable[[float, str], None]
 SCENARIOS = (1, 2, 3)
+SEAS = (2, 4)
+"""Beaufort numbers of Figure 9."""
 SESSIONS = ("square", "spiral", "random")
 RUNS, PAGES = "runs", "report"
 """Folders below the one that is asked for."""
@@ -73,7 +76,7 @@ FAVOURABLE_TEXT = (
 )
 SESSION_TEXT = (
     "GPS error that varies slowly (Gauss–Markov, 1.05 m per horizontal axis, 100 s, no white "
-    "part), baseline 3 m, sampling time 0.1 s, range 0.1 m, depth 0.05 m, IMU 1°, loss 50 %, wave "
+    "part), baseline 3 m, sampling time 0.1 s, range 0.1 m, depth 0.05 m, IMU 1°, loss 50%, wave "
     "angles of 3°, R squared, process noise 0.01 m²/s³, speed 0.5 m/s, depth 2 m"
 )
 
@@ -179,12 +182,13 @@ def run(
         if progress is not None:
             progress(share, doing)
 
-    with _clock(seconds, "simulations"):
-        tables = _simulate(folder / RUNS, plans(quick), workers, tell)
-    with _clock(seconds, "statistics"):
-        numbers = _analyse(plans(quick), tables, practical, tell)
-    with _clock(seconds, "figures"):
-        drawings = _draw(_jobs(folder / RUNS, numbers), workers, tell)
+    with _painters(workers) as pool:
+        with _clock(seconds, "simulations"):
+            tables = _simulate(folder / RUNS, plans(quick), workers, tell)
+        with _clock(seconds, "statistics"):
+            numbers = _analyse(plans(quick), tables, practical, tell)
+        with _clock(seconds, "figures"):
+            drawings = _draw(_jobs(folder / RUNS, numbers), pool, tell)
     with _clock(seconds, "report"):
         tell(0.97, "writing")
         page = _page(numbers, drawings, folder, command, quick)
@@ -275,7 +279,7 @@ def pooled(table: pd.DataFrame, receiver: str) -> tuple[float, float]:
 
 
 def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
-    """Mean over the runs, and its 95 % interval."""
+    """Mean over the runs, and its 95% interval."""
     from scipy import stats
 
     values = table[column].dropna()
@@ -285,7 +289,7 @@ def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
 
 
 def overall(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
-    """Mean over all points of a balanced study, and its 95 % interval from the points' scatter."""
+    """Mean over all points of a balanced study, and its 95% interval from the points' scatter."""
     from scipy import stats
 
     groups = table.groupby("point")[column]
@@ -297,6 +301,8 @@ def overall(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
 
 def verdict(ratio: float) -> str:
     """Whether two numbers agree, in a word or two."""
+    if abs(ratio - 1) < 1e-9:
+        return "equal"
     if abs(ratio - 1) <= NEAR:
         return f"within {NEAR:.0%}"
     percent = abs(ratio - 1)
@@ -305,12 +311,21 @@ def verdict(ratio: float) -> str:
     return f"{percent:.0%} {'above' if ratio > 1 else 'below'}"
 
 
+def _compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> Table:
+    """The paper's numbers and ours; without intervals if there are none."""
+    if all(row[3] == "–" for row in rows):
+        rows, head = [(*row[:3], *row[4:]) for row in rows], (*HEAD[:3], *HEAD[4:])
+    else:
+        head = HEAD
+    return Table(caption, head, rows, (len(head) - 1,), note)
+
+
 def _row(what: str, theirs: float, ours: float, interval: str = "–") -> tuple[str, ...]:
     ratio = ours / theirs
     return what, number(theirs), number(ours), interval, f"{ratio:.2f}", verdict(ratio)
 
 
-HEAD = ("Quantity", "Paper", "Ours", "95 % interval", "Ratio", "Ours is")
+HEAD = ("Quantity", "Paper", "Ours", "95% interval", "Ratio", "Ours is")
 
 
 # --- Figures -------------------------------------------------------------------------------------
@@ -328,7 +343,10 @@ def plot_reference(
         right = figure.add_subplot(1, 2, 2, projection="3d")
     plots.plot_path(record, {}, left, theme)
     plots.plot_path_3d(record, {}, right, theme)
-    right.get_legend().remove()
+    for panel in (left, right):
+        panel.get_legend().remove()
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return [left, right]
 
 
@@ -380,7 +398,7 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
     for n in SCENARIOS:
         results = folder / f"favourable-{n}"
         found = campaign.replay(results, str(numbers.points[n].iloc[0]["run_id"]))
-        tracks = {"ekf": found.estimates["ekf"]}
+        tracks = {"EKF": found.estimates["ekf"]}
         path, coordinates, errors = PATHS[n]
         add(path, plot_reference, found.data, n != 3)
         add(coordinates, plots.plot_axes, found.data, tracks)
@@ -388,9 +406,12 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
     session = campaign.replay(
         folder / "harbour-square", str(numbers.sessions["square"].iloc[0]["run_id"])
     )
-    tracks = {"ekf": session.estimates["ekf"], "raw": session.estimates["multilateration"]}
+    tracks = {"EKF": session.estimates["ekf"], "raw": session.estimates["multilateration"]}
     add("figure-11", plots.plot_path, session.data, tracks)
-    seas = {"a: Beaufort 2, wave height 0.2 m": _sea(2), "b: Beaufort 4, 1.0 m": _sea(4)}
+    seas = {
+        f"{word}: Beaufort {b}, wave height {LEVELS[b].wave_height:g} m": _sea(b)
+        for word, b in zip("ab", SEAS, strict=True)
+    }
     add("figure-9", plot_waves, seas)
     return made
 
@@ -408,27 +429,32 @@ PATHS = {
 }
 
 
-def _draw(jobs: Mapping[str, Job], workers: int | None, tell: Progress) -> dict[str, str]:
-    """The figures' SVG texts, drawn by several processes."""
-    count = min(workers or os.cpu_count() or 1, 4, len(jobs))
-    drawings: dict[str, str] = {}
-
-    def told(results: Iterator[str]) -> dict[str, str]:
-        for i, (name, svg) in enumerate(zip(jobs, results, strict=True), 1):
-            drawings[name] = svg
-            tell(0.6 + 0.37 * i / len(jobs), "drawing")
-        return drawings
-
+@contextmanager
+def _painters(workers: int | None) -> Iterator[Executor | None]:
+    """Processes that draw, started early because that takes a second or two; None for one core."""
+    count = min(workers or os.cpu_count() or 1, 4)
     if count == 1:
-        return told(map(factorial.draw, jobs.values()))
+        yield None
+        return
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
         try:
             with _deaf():
-                results = pool.map(factorial.draw, jobs.values())
-            return told(results)
+                for _ in range(count):
+                    pool.submit(factorial.number, 0.0)  # they import what they need
+            yield pool
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def _draw(jobs: Mapping[str, Job], pool: Executor | None, tell: Progress) -> dict[str, str]:
+    """The figures' SVG texts."""
+    results = (map if pool is None else pool.map)(factorial.draw, jobs.values())
+    drawings: dict[str, str] = {}
+    for i, (name, svg) in enumerate(zip(jobs, results, strict=True), 1):
+        drawings[name] = svg
+        tell(0.6 + 0.37 * i / len(jobs), "drawing")
+    return drawings
 
 
 @contextmanager
@@ -474,10 +500,10 @@ def _page(
 def _summary(numbers: Numbers, quick: bool) -> list[Block]:
     blocks: list[Block] = []
     if quick:
-        blocks.append(Text("A quick look with few replicates: intervals are wide, and what they do "
-                           "not tell apart may differ without --quick.", "note"))
+        blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
+                           "cannot be told apart that can be without --quick.", "note"))
     for n, found in numbers.findings.items():
-        blocks.append(Text(f"Scenario {n}. {answer(found.shown)}", "answer"))
+        blocks.append(Text(factorial.minus(f"Scenario {n}. {answer(found.shown)}"), "answer"))
         blocks.append(Text(factorial.what_matters(found.shown)))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
@@ -493,7 +519,7 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
                                       facts()["table2"][name]["ekf"],
                                       pooled(numbers.sessions[name], "ekf"), strict=True):
             rows.append(_row(f"Table 2, EKF, {name}: {word} [m]", theirs, ours))
-    blocks.append(Table("The paper's numbers and ours", HEAD, rows, (5,)))
+    blocks.append(_compared("The paper's numbers and ours", rows))
     rows = []
     for n in SCENARIOS:
         rows.append(_order_row(n, numbers.findings[n]))
@@ -545,9 +571,9 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> list[Section]:
                                               strict=True)
             ]
     count = len(numbers.sessions["square"])
-    head = tuple(h for h in HEAD if not h.startswith("95"))
-    table = Table("Table 2: total error [m]", head, [(*r[:3], *r[4:]) for r in rows], (4,),
-                  f"Ours: mean and standard deviation over all samples of {count} sessions each.")
+    table = _compared(
+        "Table 2: total error [m]", rows,
+        f"Ours: mean and standard deviation over all samples of {count} sessions each.")
     blocks: list[Block] = [
         Text(f"The paper gives sea state, depth, loss and sound speed of its sessions; the rest "
              f"was chosen to come near its EKF rows: {SESSION_TEXT}."),
@@ -561,22 +587,23 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> list[Section]:
     ]
     seas = [Figure(9), Figure(11)]
     angles = [np.sqrt((np.rad2deg(recorded(_sea(b), "platform.attitude")) ** 2).mean(axis=0))
-              for b in (2, 4)]
+              for b in SEAS]
     rms = "; ".join(
         f"Beaufort {b}: roll {a[0]:.1f}°, pitch {a[1]:.1f}°, yaw {a[2]:.1f}°"
-        for b, a in zip((2, 4), angles, strict=True)
+        for b, a in zip(SEAS, angles, strict=True)
     )
     square = numbers.sessions["square"].iloc[0]
     shown = {
         9: [Text(f"Ours: RMS of the angles in {rms}. The paper prints no angles: amplitudes, "
                  "frequencies and phases of its waves are not given.")],
         11: [Text(f"Ours: session 1 of {count}, a square, its mean total error "
-                  f"{square[f'ekf.{MEAN}']:.2f} m for the EKF (dashed or coloured line) and "
+                  f"{square[f'ekf.{MEAN}']:.2f} m for the EKF (line) and "
                   f"{square[f'multilateration.{MEAN}']:.2f} m for the raw fix (dots). The paper "
                   "does not say which of its sessions it shows.")],
     }
-    ours = {9: {"wave height a [m]": 0.2, "wave height b [m]": 1.0, "Beaufort a": 2,
-                "Beaufort b": 4},
+    sea = {f"wave height {word} [m]": LEVELS[beaufort].wave_height
+           for word, beaufort in zip("ab", SEAS, strict=True)}
+    ours = {9: sea | {f"Beaufort {word}": b for word, b in zip("ab", SEAS, strict=True)},
             11: _session_settings()}
     return [
         Section("The harbour and the sea", [], anchor="harbour"),
@@ -613,13 +640,14 @@ class Figure:
         drawings: Mapping[str, str],
         blocks: Sequence[Block],
         ours: Mapping[str, float] | None = None,
-        interval: Mapping[str, str] | None = None,
+        caption: str = "",
+        alt: str = "",
     ) -> Section:
         """Its place in the report: what the paper states, ours, and the drawing."""
         known = self.facts
         name = f"figure-{self.number}"
         where = f"section {known['section']}"
-        text = f"The paper shows the {known['shows']} ({where})."
+        text = f"In the paper ({where}): {known['shows']}."
         if "says" in known:
             text += f" It says: {known['says']}."
         elif "states" not in known and not ours:
@@ -627,14 +655,15 @@ class Figure:
         made: list[Block] = [Text(text)]
         states = known.get("states", {})
         rows = [
-            _row(what, float(theirs), float((ours or {})[what]), (interval or {}).get(what, "–"))
+            _row(what, float(theirs), float((ours or {})[what]))
             for what, theirs in states.items()
         ]
         if rows:
-            made.append(Table(f"Figure {self.number} in numbers", HEAD, rows, (5,)))
+            made.append(_compared(f"Figure {self.number} in numbers", rows))
         shows = known["shows"]
         title = f"Figure {self.number}: {shows}"
-        made += [*blocks, Picture(name, drawings[name], f"Ours, as {title}", f"Ours: {shows}")]
+        caption = f"Ours, as Figure {self.number}: {caption or shows}"
+        made += [*blocks, Picture(name, drawings[name], caption, alt or f"Ours: {shows}")]
         return Section(title, made, 3, f"place-{name}")
 
 
@@ -659,10 +688,10 @@ def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> list[Sec
             "How it is drawn by lot is not given; ours has straight legs of random lengths and "
             "directions."))],
         1: [Text(point)],
-        2: [Text(point), Table(
-            "Total error", HEAD,
-            [_row(f"Table {place}, e_tot [m]; ours: RMS of this run", theirs, run_[f"ekf.{TOTAL}"])],
-            (5,))],
+        2: [Text(point), _compared(
+            "Total error",
+            [_row(f"Table {place}, e_tot [m]; ours: RMS of this run", theirs, run_[f"ekf.{TOTAL}"])]
+        )],
     }
     for i, name in enumerate(PATHS[n]):
         sections.append(_figure(name).section(drawings, extra[i], radius))
@@ -679,7 +708,11 @@ def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> list[Sec
             f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}.")],
     }
     for name, where in names.items():
-        sections.append(_figure(where).section(drawings, shown[name]))
+        drawn = factorial.picture(found, name, "")
+        caption = f"{drawn.caption[0].lower()}{drawn.caption[1:]}"
+        sections.append(
+            _figure(where).section(drawings, shown[name], caption=caption, alt=drawn.alt)
+        )
     beyond = factorial.tables(found)
     for name in ("residuals", "box_cox"):
         key = f"scenario-{n}-{name.replace('_', '-')}"
@@ -735,10 +768,11 @@ def _averages(n: int, numbers: Numbers) -> list[Block]:
         Text(f"The paper calls them average values and does not say over what; they obey e_tot² = "
              f"e_x² + e_y² + e_z², as RMS errors do, and so ours are RMS errors of a run, then "
              f"averaged. The favourable point: {FAVOURABLE_TEXT}."),
-        Table(f"Table {place} and the favourable point, mean of {count} runs", HEAD, rows, (5,)),
+        _compared(f"Table {place} and the favourable point, mean of {count} runs", rows),
         Text(reading),
-        Table(f"Table {place} and the mean over all {len(numbers.studies[n].plan.points)} points",
-              HEAD, full, (5,)),
+        _compared(
+            f"Table {place} and the mean over all {len(numbers.studies[n].plan.points)} points",
+            full),
         Text(f"The table is no average over all levels: ours is {whole / table['total']:.2g} times "
              f"as large, and {fine:.2g} m even over the half of the points with the small GPS "
              "error. In no reading of what the paper leaves open that was tried does such an "
@@ -758,9 +792,9 @@ def _ranking(n: int, found: Findings) -> Table:
                      span(row["low"], row["high"]), number(abs(row["t"]))))
     return Table(
         "Main effects: which the paper names as the most influential, and the size of ours",
-        ("Factor", "Paper", "Our place", "Effect [m]", "95 % interval [m]", "|t|"), rows, (1,),
-        f"{_order_row(n, found)[3].capitalize()}. A place that several factors share: their effects "
-        "cannot be told apart. The paper prints no sizes.")
+        ("Factor", "Paper", "Our place", "Effect [m]", "95% interval [m]", "|t|"), rows, (1,),
+        f"Verdict: {_order_row(n, found)[3]}. Where several factors share places, the sizes of "
+        "their effects cannot be told apart. The paper prints no sizes.")
 
 
 def _interactions(found: Findings) -> str:
@@ -775,8 +809,8 @@ def _interactions(found: Findings) -> str:
     names = several.index[several["significant"].astype(bool)]
     with_gps = [name for name in names if gps in str(name).split(TIMES)]
     return (
-        f"Ours: the largest are {'; '.join(top)}. {gps} has {len(with_gps)} interactions that can "
-        f"be told from nothing. The paper prints no sizes."
+        f"Ours: the largest are {'; '.join(top)}. {gps} has {len(with_gps)} interactions that "
+        f"are significant. The paper prints no sizes."
     )
 
 

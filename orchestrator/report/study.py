@@ -71,8 +71,8 @@ def save(
         page = _means_page(study, table, means, column, folder, failed, again)
         (folder / REPORT).write_text(render(page), "utf-8")
     shown = means.drop(columns="factor") if not study.factors else means
-    return f"{_means_answer(study, means, analysis.words(column, table), analysis.unit_of(column))}" \
-        f"\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
+    text = _means_answer(study, means, analysis.words(column, table), analysis.unit_of(column))
+    return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
 
 
 def _again(study: Study, results: Path, command: str) -> Section:
@@ -168,7 +168,7 @@ def _means_page(
          number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
         for _, row in means.iterrows()
     ]
-    head = ("Factor", "Level", "Runs", f"Mean{own}", f"95 % interval{own}",
+    head = ("Factor", "Level", "Runs", f"Mean{own}", f"95% interval{own}",
             f"Standard deviation{own}")
     sections = [
         Section("Summary", [Text(_means_answer(study, means, quantity, unit), "answer")],
