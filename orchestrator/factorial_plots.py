@@ -21,7 +21,8 @@ from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
 from .advice import Advice
-from .factorial import TIMES, Factorial
+from .design import TIMES
+from .factorial import Factorial
 from .style import LINES, Theme, ThemeName, new_figure, use
 
 MOST_BARS = 20
@@ -227,7 +228,7 @@ def plot_box_cox(
         if ax is None:
             ax = new_figure(5.6, 3.2).add_subplot()
         power, height = profile["lambda"], profile["log_likelihood"]
-        best = power[height.idxmax()]
+        best = float(power.to_numpy()[height.argmax()])
         inside = power[profile["inside"]]
         ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
                    label="confidence interval")

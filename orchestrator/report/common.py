@@ -56,4 +56,4 @@ def reproduce(
         fmu_table(fmus),
         software(),
     ]
-    return Section("How to reproduce", blocks, anchor="reproduce")
+    return Section("How to reproduce", "reproduce", blocks)

@@ -167,14 +167,13 @@ def direction(analysis: Factorial) -> str:
         if row["order"] == 1 and row["significant"]:
             low, high = analysis.levels[name]
             better = low if row["effect"] > 0 else high
-            own = analysis.units.get(name, "")
-            parts.append(f"{name} {better:g}{f' {own}' if own else ''}")
+            parts.append(f"{name} {quantity(better, analysis.units.get(name, ''))}")
     return f"The better levels, on average over the others: {', '.join(parts)}." if parts else ""
 
 
 def box_cox_sentence(profile: pd.DataFrame) -> str:
     """The best power and what follows."""
-    best = profile["lambda"][profile["log_likelihood"].idxmax()]
+    best = float(profile["lambda"].to_numpy()[profile["log_likelihood"].argmax()])
     inside = profile["lambda"][profile["inside"]]
     low, high = inside.min(), inside.max()
     if low <= 1 <= high:
@@ -203,8 +202,14 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def minus(text: str) -> str:
-    """With true minus signs before numbers."""
-    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    """With true minus signs before numbers, and units kept beside them."""
+    text = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", text)
+
+
+def quantity(value: float, own: str) -> str:
+    """A number with its unit."""
+    return f"{value:g}{own}" if own == "°" else f"{value:g} {own}".rstrip()
 
 
 def signed(value: float, digits: int = 3) -> str:

@@ -8,13 +8,14 @@ is right on light paper, on dark paper and in print.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Literal
 
 import jinja2
+from markupsafe import escape
 
 from ..style import THEMES, Theme, ThemeName
 
@@ -75,12 +76,12 @@ Block = Text | Code | Table | Picture
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading of level 2 or 3, and what is below it."""
+    """A heading and what is below it; `anchor` is unique in the page."""
 
     title: str
-    blocks: Sequence[Block] = ()
-    level: Literal[2, 3] = 2
-    anchor: str = ""
+    anchor: str
+    blocks: Sequence[Block]
+    parts: Sequence[Section] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +121,7 @@ def inline(picture: Picture, theme: ThemeName = "light") -> str:
     text = re.sub(rf'<g id="{picture.name}-[a-zA-Z0-9_]*">', "<g>", text)
     for variable, colour in variables(THEMES[theme]).items():
         text = text.replace(colour, f"var(--{variable})")
-    attributes = f'role="img" aria-label="{jinja2.filters.escape(picture.alt)}"'
+    attributes = f'role="img" aria-label="{escape(picture.alt)}"'
     return text.replace("<svg", f"<svg {attributes}", 1).strip()
 
 
@@ -148,8 +149,3 @@ def _environment() -> jinja2.Environment:
 
 def _template(name: str) -> str:
     return (resources.files("sblcosim.report") / name).read_text("utf-8")
-
-
-def anchors(sections: Sequence[Section]) -> Mapping[str, str]:
-    """Anchor and title of the sections that have one."""
-    return {s.anchor: s.title for s in sections if s.anchor}

@@ -30,8 +30,9 @@ from sblcosim.models.platform.beaufort import LEVELS
 from .. import artifacts, campaign, plots, store
 from .. import study as studies
 from ..api import run as run_scenario
+from ..design import TIMES
 from ..errors import ConfigurationError
-from ..factorial import TIMES, answer
+from ..factorial import answer
 from ..metrics import AXES, recorded
 from ..record import Record
 from ..scenario import load as load_scenario
@@ -72,7 +73,7 @@ FAVOURABLE: dict[str, dict[str, float]] = {
 """The design point that fits the paper's Table 4, with what else was changed of the preset."""
 FAVOURABLE_TEXT = (
     "GPS 0.1 m, baseline 3 m, sampling time 0.1 s, range 0.1 m, no packet loss, IMU 10°, depth "
-    "0.1 m; speed 0.3 m/s and process noise 0.1 m²/s³ instead of the preset's 0.5 m/s and 0.01 m²/s³"
+    "0.1 m; speed 0.3 m/s and process noise 0.1 m²/s³, where the preset has 0.5 and 0.01"
 )
 SESSION_TEXT = (
     "GPS error that varies slowly (Gauss–Markov, 1.05 m per horizontal axis, 100 s, no white "
@@ -313,10 +314,9 @@ def verdict(ratio: float) -> str:
 
 def _compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> Table:
     """The paper's numbers and ours; without intervals if there are none."""
+    head: Sequence[str] = HEAD
     if all(row[3] == "–" for row in rows):
         rows, head = [(*row[:3], *row[4:]) for row in rows], (*HEAD[:3], *HEAD[4:])
-    else:
-        head = HEAD
     return Table(caption, head, rows, (len(head) - 1,), note)
 
 
@@ -339,14 +339,17 @@ def plot_reference(
         return [plots.plot_path_3d(record, {}, theme=theme)]
     with use(theme):
         figure = new_figure(9.4, 4.4)
-        left = figure.add_subplot(1, 2, 1)
-        right = figure.add_subplot(1, 2, 2, projection="3d")
-    plots.plot_path(record, {}, left, theme)
-    plots.plot_path_3d(record, {}, right, theme)
-    for panel in (left, right):
-        panel.get_legend().remove()
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+        figure.set_layout_engine("none")  # it knows nothing of labels in space
+        left = figure.add_axes((0.07, 0.11, 0.38, 0.78))
+        right = figure.add_axes((0.5, 0.02, 0.42, 0.86), projection="3d")
+        plots.plot_path(record, {}, left, theme)
+        plots.plot_path_3d(record, {}, right, theme)
+        for panel in (left, right):
+            legend = panel.get_legend()
+            assert legend is not None
+            legend.remove()
+        handles, labels = left.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="upper center", ncols=2)
     return [left, right]
 
 
@@ -486,13 +489,12 @@ def _page(
         f"paths of Table 2."
     )
     sections = [
-        Section("Summary", _summary(numbers, quick), anchor="summary"),
-        *_harbour(numbers, drawings),
+        Section("Summary", "summary", _summary(numbers, quick)),
+        _harbour(numbers, drawings),
+        *(_scenario(n, numbers, drawings) for n in SCENARIOS),
+        Section("Method", "method", _method(numbers)),
+        _again(numbers, folder, command),
     ]
-    for n in SCENARIOS:
-        sections += _scenario(n, numbers, drawings)
-    sections += [Section("Method", _method(numbers), anchor="method"),
-                 _again(numbers, folder, command)]
     return Page("The paper and our results side by side", lead, sections,
                 f"sblcosim {artifacts.software()['sblcosim']}")
 
@@ -558,16 +560,16 @@ def _order_row(n: int, found: Findings) -> tuple[str, ...]:
     return f"{n}", ", ".join(named), ", ".join(shown), text
 
 
-def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> list[Section]:
+def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> Section:
     rows = []
     for name in SESSIONS:
         facts_ = facts()["table2"][name]
         for label, key, receiver in (("raw fix (j = 1)", "instrument", "multilateration"),
                                      ("EKF (j = 2)", "ekf", "ekf")):
-            ours = pooled(numbers.sessions[name], receiver)
+            both = pooled(numbers.sessions[name], receiver)
             rows += [
                 _row(f"{name}, {label}: {word}", theirs, mine)
-                for word, theirs, mine in zip(("mean", "standard deviation"), facts_[key], ours,
+                for word, theirs, mine in zip(("mean", "standard deviation"), facts_[key], both,
                                               strict=True)
             ]
     count = len(numbers.sessions["square"])
@@ -605,11 +607,10 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> list[Section]:
            for word, beaufort in zip("ab", SEAS, strict=True)}
     ours = {9: sea | {f"Beaufort {word}": b for word, b in zip("ab", SEAS, strict=True)},
             11: _session_settings()}
-    return [
-        Section("The harbour and the sea", [], anchor="harbour"),
-        Section("Table 2: sessions in the harbour", blocks, 3, "table-2"),
+    return Section("The harbour and the sea", "harbour", [], [
+        Section("Table 2: sessions in the harbour", "table-2", blocks),
         *(figure.section(drawings, shown[figure.number], ours[figure.number]) for figure in seas),
-    ]
+    ])
 
 
 def _session_settings() -> dict[str, float]:
@@ -664,10 +665,10 @@ class Figure:
         title = f"Figure {self.number}: {shows}"
         caption = f"Ours, as Figure {self.number}: {caption or shows}"
         made += [*blocks, Picture(name, drawings[name], caption, alt or f"Ours: {shows}")]
-        return Section(title, made, 3, f"place-{name}")
+        return Section(title, f"place-{name}", made)
 
 
-def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> list[Section]:
+def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> Section:
     found, names = numbers.findings[n], STATISTICS[n]
     a = found.shown
     title = found.study.title.rpartition(": ")[2]
@@ -677,11 +678,10 @@ def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> list[Sec
              f"{len(numbers.points[n])}. The paper does not say which run it shows.")
     theirs = facts()[f"table{place}"]["total"]
     sections = [
-        Section(f"Scenario {n}: {title}", factorial.summary(found), anchor=f"scenario-{n}"),
-        Section(f"Table {place}: average errors", _averages(n, numbers), 3, f"table-{place}"),
+        Section(f"Table {place}: average errors", f"table-{place}", _averages(n, numbers))
     ]
     radius = {"radius [m]": load_scenario(f"paper-scenario-{n}").target.radius_m}
-    extra = {
+    extra: dict[int, list[Block]] = {
         0: [Text("Ours: the true path. " + (
             "Its centre and where it begins are not given." if n == 1 else
             "Radius, turns and length are not given." if n == 2 else
@@ -719,8 +719,10 @@ def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> list[Sec
         if key in drawings:
             drawn = factorial.picture(found, name, drawings[key])
             beyond.append(Picture(key, drawn.svg, drawn.caption, drawn.alt))
-    sections.append(Section(f"Scenario {n} in full", beyond, 3, f"full-{n}"))
-    return sections
+    sections.append(Section(f"Scenario {n} in full", f"full-{n}", beyond))
+    return Section(
+        f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(found), sections
+    )
 
 
 def _figure(name: str) -> Figure:
@@ -787,7 +789,7 @@ def _ranking(n: int, found: Findings) -> Table:
     named = {labels[name] for name in facts()["order"][str(n)]["named"]}
     rows = []
     for name, place in factorial.places(a).items():
-        row = a.effects.loc[name]
+        row: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", place, signed(row["effect"]),
                      span(row["low"], row["high"]), number(abs(row["t"]))))
     return Table(

@@ -116,11 +116,11 @@ def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) 
         f"Which factor matters: {study.name}",
         _lead(study, a.runs, failed),
         [
-            Section("Summary", factorial.summary(found), anchor="summary"),
-            Section("Tables", factorial.tables(found), anchor="tables"),
-            Section("Figures", [factorial.picture(found, name, svg) for name, svg in svgs.items()],
-                    anchor="figures"),
-            Section("Method", method, anchor="method"),
+            Section("Summary", "summary", factorial.summary(found)),
+            Section("Tables", "tables", factorial.tables(found)),
+            Section("Figures", "figures",
+                    [factorial.picture(found, name, svg) for name, svg in svgs.items()]),
+            Section("Method", "method", method),
             again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
@@ -139,12 +139,12 @@ def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -
     parts = []
     for name in study.factors:
         mine = means[means["factor"] == name].reset_index(drop=True)
-        best, worst = mine.loc[mine["mean"].idxmin()], mine.loc[mine["mean"].idxmax()]
+        best, worst = mine.iloc[mine["mean"].argmin()], mine.iloc[mine["mean"].argmax()]
         own = study.units[name]
-        own = f" {own}" if own else ""
+        ends = [factorial.quantity(row["value"], own) for row in (best, worst)]
         parts.append(
-            f"{study.labels[name]}: from {number(best['mean'])}{unit} at {best['value']:g}{own} to "
-            f"{number(worst['mean'])}{unit} at {worst['value']:g}{own}"
+            f"{study.labels[name]}: from {number(best['mean'])}{unit} at {ends[0]} to "
+            f"{number(worst['mean'])}{unit} at {ends[1]}"
         )
     return (
         f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
@@ -171,10 +171,9 @@ def _means_page(
     head = ("Factor", "Level", "Runs", f"Mean{own}", f"95% interval{own}",
             f"Standard deviation{own}")
     sections = [
-        Section("Summary", [Text(_means_answer(study, means, quantity, unit), "answer")],
-                anchor="summary"),
-        Section("Tables", [Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows)],
-                anchor="tables"),
+        Section("Summary", "summary",
+                [Text(_means_answer(study, means, quantity, unit), "answer")]),
+        Section("Tables", "tables", [Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows)]),
     ]
     if study.factors:
         shown = means.replace({"factor": study.labels})
@@ -183,8 +182,7 @@ def _means_page(
         style.save(axes[0], folder, "means")
         svg = (folder / "means.svg").read_text("utf-8")
         caption = f"Mean {quantity} at each level; bars are the intervals of the means."
-        sections.append(Section("Figures", [Picture("means", svg, caption, caption)],
-                                anchor="figures"))
+        sections.append(Section("Figures", "figures", [Picture("means", svg, caption, caption)]))
     runs = int(np.isfinite(table[column]).sum())
     method: list[Block] = [
         Text("Means over the runs at each level, the other factors at the scenario's own values; "
@@ -193,6 +191,6 @@ def _means_page(
     ]
     if study.factors:
         method.append(factorial.factor_table(study))
-    sections += [Section("Method", method, anchor="method"), again]
+    sections += [Section("Method", "method", method), again]
     return Page(f"What the runs say: {study.name}", _lead(study, runs, failed), sections,
                 f"sblcosim {artifacts.software()['sblcosim']}")
