@@ -331,28 +331,6 @@ HEAD = ("Quantity", "Paper", "Ours", "95% interval", "Ratio", "Ours is")
 # --- Figures -------------------------------------------------------------------------------------
 
 
-def plot_reference(
-    record: Record, flat: bool = True, theme: ThemeName = "light"
-) -> Sequence[Axes]:
-    """The true path from above and in space, or in space only."""
-    if not flat:
-        return [plots.plot_path_3d(record, {}, theme=theme)]
-    with use(theme):
-        figure = new_figure(9.4, 4.4)
-        figure.set_layout_engine("none")  # it knows nothing of labels in space
-        left = figure.add_axes((0.07, 0.11, 0.38, 0.78))
-        right = figure.add_axes((0.5, 0.02, 0.42, 0.86), projection="3d")
-        plots.plot_path(record, {}, left, theme)
-        plots.plot_path_3d(record, {}, right, theme)
-        for panel in (left, right):
-            legend = panel.get_legend()
-            assert legend is not None
-            legend.remove()
-        handles, labels = left.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper center", ncols=2)
-    return [left, right]
-
-
 def plot_waves(records: Mapping[str, Record], theme: ThemeName = "light") -> Sequence[Axes]:
     """Inclination of the platform in several seas, side by side on equal scales."""
     with use(theme):
@@ -403,7 +381,11 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
         found = campaign.replay(results, str(numbers.points[n].iloc[0]["run_id"]))
         tracks = {"EKF": found.estimates["ekf"]}
         path, coordinates, errors = PATHS[n]
-        add(path, plot_reference, found.data, n != 3)
+        if n == 3:
+            add(path, plots.plot_path_3d, found.data, {})
+        else:
+            add(f"{path}a", plots.plot_path, found.data, {})
+            add(f"{path}b", plots.plot_path_3d, found.data, {})
         add(coordinates, plots.plot_axes, found.data, tracks)
         add(errors, plots.plot_errors, found.data, tracks)
     session = campaign.replay(
@@ -664,7 +646,11 @@ class Figure:
         shows = known["shows"]
         title = f"Figure {self.number}: {shows}"
         caption = f"Ours, as Figure {self.number}: {caption or shows}"
-        made += [*blocks, Picture(name, drawings[name], caption, alt or f"Ours: {shows}")]
+        made += [*blocks, *(
+            Picture(key, drawings[key], f"{caption}{word}", alt or f"Ours: {shows}{word}")
+            for key, word in ((name, ""), (f"{name}a", " (a)"), (f"{name}b", " (b)"))
+            if key in drawings
+        )]
         return Section(title, f"place-{name}", made)
 
 
