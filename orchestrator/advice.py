@@ -16,7 +16,7 @@ takes one of the lucky ones; so the bounds hold for all m points at once (Bonfer
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from math import ceil, inf, log
 
@@ -77,6 +77,16 @@ class Advice:
         if self.percentile is None:
             return f"mean of {self.response}"
         return f"{self.percentile:g}th percentile of {self.response}"
+
+    def named(self, labels: Mapping[str, str], response: str) -> Advice:
+        """The same for people to read: other names for factors and response."""
+        names = {name: labels.get(name, name) for name in self.factors}
+        return replace(
+            self,
+            response=response,
+            factors=tuple(names.values()),
+            points=self.points.rename(columns=names),
+        )
 
     def answer(self) -> str:
         """What to buy, in a sentence or two."""

@@ -132,6 +132,12 @@ def readable(analysis: Factorial, study: Study, table: pd.DataFrame) -> Factoria
     return analysis.named(study.labels, study.units, words(analysis.response, table))
 
 
+def readable_advice(advice: Advice, results: str | Path) -> Advice:
+    """The same with the labels of the study in a folder of results."""
+    text = words(advice.response, campaign.table(results))
+    return advice.named(campaign.study_of(results).labels, text)
+
+
 def advice_on_study(
     results: str | Path,
     costs: str | Path | Mapping[str, Sequence[float]],
@@ -195,12 +201,21 @@ def _read(path: Path) -> tuple[str, dict[str, Any]]:
         raise ConfigurationError(toml_problem(str(path), error)) from None
 
 
-def save_advice(advice: Advice, directory: str | Path, theme: style.ThemeName = "light") -> Path:
-    """Write the table of points, the figure of cost and accuracy, and a manifest."""
+def save_advice(
+    advice: Advice,
+    directory: str | Path,
+    theme: style.ThemeName = "light",
+    shown: Advice | None = None,
+) -> Path:
+    """Write the table of points, the figure of cost and accuracy, and a manifest.
+
+    `shown` is the same for people, for the figure.
+    """
     about = {"advice": {"response": advice.response, "limit": advice.limit}}
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(advice.points, folder, "points")
-        style.save(factorial_plots.plot_front(advice, theme=theme), folder, "front")
+        axes = factorial_plots.plot_front(advice if shown is None else shown, theme=theme)
+        style.save(axes, folder, "front")
     return Path(directory)
 
 

@@ -58,17 +58,24 @@ def target(t: Floats) -> Floats:
     )
 
 
-def epochs(sampling_time: float) -> int:
-    """Estimates in a run: at T, 2T, ...
+def epochs(sampling_time: float, length: float = np.pi * RADIUS) -> int:
+    """Estimates in a run along a path of some length: at T, 2T, ...
 
     As in sblcosim, the last two of the samples of a run come too late: one for the filter, which
     sees at an instant what was sampled before, and one because its result shows an interval later.
     """
-    return int(np.pi * RADIUS / SPEED / sampling_time) - 2
+    return int(length / SPEED / sampling_time) - 2
 
 
-def simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -> Floats:
+def simulate(
+    sampling_time: float, rng: np.random.Generator, factors: Factors, path: Floats | None = None
+) -> Floats:
     """Simulate one run per element of the factors' arrays, all at once.
+
+    Parameters
+    ----------
+    path
+        True positions at 0, T, 2T, ... in place of the semicircle's, (epochs + 1, 3, N).
 
     Returns
     -------
@@ -79,19 +86,22 @@ def simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -
     N = len(factors["baseline"])
     usual = np.setbufsize(-(-N // 16) * 16)
     try:
-        return _simulate(sampling_time, rng, factors)
+        return _simulate(sampling_time, rng, factors, path)
     finally:
         np.setbufsize(usual)
 
 
-def _simulate(sampling_time: float, rng: np.random.Generator, factors: Factors) -> Floats:
+def _simulate(
+    sampling_time: float, rng: np.random.Generator, factors: Factors, path: Floats | None
+) -> Floats:
     N = len(factors["baseline"])
-    steps = epochs(sampling_time)
+    if path is None:
+        path = target(sampling_time * np.arange(epochs(sampling_time) + 1.0))[:, :, None]
+    steps, truth = len(path) - 1, path[1:]
     t = sampling_time * np.arange(1, steps + 1, dtype=np.float64)
-    truth = target(t)[:, :, None]
     waves = _Surroundings(t, truth, rng, factors)
     ekf = _Filter(
-        sampling_time, target(np.zeros(1))[0], factors["range_std"], factors["depth_std"]
+        sampling_time, path[0], factors["range_std"], factors["depth_std"]
     )
 
     z = np.zeros((4, N))
@@ -254,7 +264,7 @@ class _Filter:
     ) -> None:
         N = range_std.size
         self.x = np.zeros((2, 3, N))
-        self.x[0] = start[:, None]
+        self.x[0] = start
         self.position, self.velocity = self.x
         # P_pp and P_pv have a second place, for their values after a correction.
         self.P_p, self.next_P_p = np.zeros((2, 3, 3, N)), np.zeros((2, 3, 3, N))

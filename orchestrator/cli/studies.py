@@ -260,8 +260,9 @@ def advise(
             percentile=percentile,
             confidence=confidence,
         )
-        folder = analysis.save_advice(found, out)
-    typer.echo(found)
+        shown = analysis.readable_advice(found, results)
+        folder = analysis.save_advice(found, out, shown=shown)
+    typer.echo(shown)
     typer.echo(f"\nwritten to {folder}")
 
 

@@ -118,11 +118,11 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"seeding": "same"}, "seeding: must be 'independent' or 'common'"),
     ({"seed": 2**31 - 4}, "seed: must leave room for all runs"),
     ({"settling_time": 1}, "there is no key 'settling_time'; did you mean 'settling_time_s'"),
-    ({"design": {"kind": "half"}}, r"\[design\] kind: must be 'full', 'fraction' or 'sweep'"),
+    ({"design": {"kind": "half"}}, r"\[design\] kind: must be 'full', 'fraction', 'sweep' or 'single'"),
     ({"design": {"kind": "fraction"}}, "must have generators or a resolution"),
     ({"design": {"resolution": 3}}, "must be 'fraction' with generators or a resolution"),
     ({"design": {"kind": "fraction", "generators": ["B=A"]}}, "got arm aliased with tick"),
-    ({"design": {"kind": "sweep", "centre_points": 1}}, "must be 0 for a sweep"),
+    ({"design": {"kind": "sweep", "centre_points": 1}}, "must be 0 for kind 'sweep'"),
     ({"design": {"centre_points": 2}, "seeding": "common"}, "must be at most 1 with seeding"),
 ]
 
@@ -419,3 +419,33 @@ def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
     assert all(0.0 <= share <= 1.0 for share in shares)
     small().run(tmp_path / "out", progress=shares.append)  # nothing is missing
     assert shares[-1] == 1.0
+
+
+def test_a_single_study_is_the_scenario_again_and_again(tmp_path: Path) -> None:
+    alone = study.load(
+        {"scenario": "paper-scenario-1", "fixed": {"time": {"duration_s": 5.0}},
+         "design": {"kind": "single"}, "replicates": 3, "seed": 5}
+    )
+    assert alone.plan.points == ((),)
+    table = alone.run(tmp_path / "single")
+    assert table["seed"].tolist() == [5, 6, 7]
+    assert table["ekf.absolute_total_rms_m"].nunique() == 3
+
+
+def test_a_single_study_has_no_factors() -> None:
+    with pytest.raises(ConfigurationError, match="kind: must not be 'single' with factors"):
+        small(design={"kind": "single"})
+
+
+def test_another_label_is_not_another_study(tmp_path: Path) -> None:
+    before = small(replicates=1, factors={"arm": ARM}).run(tmp_path / "s")
+    named = {"arm": {**ARM, "label": "baseline", "unit": "m"}}
+    pd.testing.assert_frame_equal(small(replicates=1, factors=named).run(tmp_path / "s"), before)
+    kept = campaign.study_of(tmp_path / "s")
+    assert (kept.labels, kept.units) == ({"arm": "baseline"}, {"arm": "m"})
+
+
+@pytest.mark.parametrize("label", ["a × b", "mean", "gps"])
+def test_labels_that_would_be_mistaken_for_something_else_are_refused(label: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"\[factors.arm\] label: must|label: must differ"):
+        small(factors={"arm": {**ARM, "label": label}, "gps": GPS})

@@ -1,0 +1,134 @@
+"""Reports in a real browser, without a network. Skipped where there is no Chromium."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import html5lib
+import pytest
+from sblcosim import style
+from sblcosim.cli import app
+from typer.testing import CliRunner
+
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+
+STUDY = """
+name = "small"
+scenario = "paper-scenario-1"
+replicates = 4
+fixed = { "time.duration_s" = 10.0 }
+[factors.baseline]
+label = "baseline"
+unit = "m"
+keys = ["platform.arm_length_m"]
+levels = [0.4, 3.0]
+[factors.gps]
+label = "GPS error"
+unit = "m"
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+[factors.range]
+label = "range error"
+unit = "m"
+keys = ["acoustics.range_std_m"]
+levels = [0.1, 1.0]
+"""
+PROBE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre>
+<iframe id="a" width="400" height="800" src="report.html"></iframe>
+<iframe id="b" width="1200" height="800" src="report.html"></iframe>
+<script>
+addEventListener("load", () => {
+  const found = {};
+  for (const name of ["a", "b"]) {
+    const w = document.getElementById(name).contentWindow, d = w.document;
+    const root = d.documentElement, colour = (e, p) => w.getComputedStyle(e)[p];
+    const drawings = [...d.querySelectorAll("figure svg")];
+    found[name] = {
+      width: root.clientWidth, needed: root.scrollWidth,
+      loaded: w.performance.getEntriesByType("resource").length,
+      paper: colour(d.body, "backgroundColor"), ink: colour(d.body, "color"),
+      drawings: drawings.length,
+      empty: drawings.filter(s => s.getBBox().width < 50 || s.getBBox().height < 50).length,
+      text: colour(drawings[0], "fill"),
+      colours: [...new Set(drawings.flatMap(s => [...s.querySelectorAll("path")].map(
+        p => colour(p, "stroke"))))],
+    };
+  }
+  document.getElementById("found").textContent = JSON.stringify(found);
+});
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("browser")
+    (place / "small.toml").write_text(STUDY)
+    for arguments in (
+        ["study", str(place / "small.toml"), "--out", str(place / "small")],
+        ["analyse", str(place / "small"), "--out", str(place / "shown"), "--practical", "1"],
+    ):
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 0, done.output
+    (place / "shown" / "probe.html").write_text(PROBE)
+    return place / "shown"
+
+
+def browse(place: Path, *options: str) -> tuple[str, str]:
+    """What a browser without a network prints, and what it complains of."""
+    assert BROWSER is not None
+    done = subprocess.run(
+        [
+            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+            "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
+            "--allow-file-access-from-files", "--enable-logging=stderr",
+            f"--user-data-dir={place / 'profile'}", *options,
+        ],
+        cwd=place, capture_output=True, text=True, timeout=120, check=True,
+    )
+    complaints = "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
+    return done.stdout, complaints
+
+
+def rgb(colour: str) -> str:
+    return f"rgb({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))})"
+
+
+@pytest.mark.parametrize(("theme", "scheme"), [("light", 1), ("dark", 0)])
+def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
+    folder: Path, theme: Any, scheme: int
+) -> None:
+    dom, complaints = browse(
+        folder, f"--blink-settings=preferredColorScheme={scheme}", "--virtual-time-budget=20000",
+        "--dump-dom", (folder / "probe.html").as_uri(),
+    )
+    assert complaints == ""
+    tree = html5lib.parse(dom, namespaceHTMLElements=False)
+    found = json.loads(tree.find(".//pre").text)
+    look = style.THEMES[theme]
+    for window in found.values():
+        assert window["needed"] <= window["width"]
+        assert window["loaded"] == 0
+        assert window["paper"] == rgb(look.paper)
+        assert window["ink"] == window["text"] == rgb(look.ink)
+        assert window["drawings"] == 5
+        assert window["empty"] == 0
+        assert rgb(look.receivers[0]) in window["colours"]
+        other = style.THEMES["dark" if theme == "light" else "light"]
+        only = {*other.receivers, other.grid} - {*look.receivers, look.grid}
+        assert not {rgb(colour) for colour in only} & set(window["colours"])
+
+
+def test_a_report_can_be_printed(folder: Path) -> None:
+    browse(folder, f"--print-to-pdf={folder / 'printed.pdf'}", (folder / "report.html").as_uri())
+    content = (folder / "printed.pdf").read_bytes()
+    assert content.startswith(b"%PDF")
+    assert 3 <= len(re.findall(rb"/Type /Page\b", content)) <= 20

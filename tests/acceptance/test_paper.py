@@ -1,0 +1,320 @@
+"""`sblcosim paper`: the paper's numbers and ours, in one report."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import html5lib
+import pytest
+from sblcosim import analysis, campaign
+from sblcosim.cli import app
+from sblcosim.factorial import Factorial, tied
+from sblcosim.report import paper
+from typer.testing import CliRunner
+
+INDEPENDENT = {1: (9.283, 0.031), 2: (11.061, 0.024), 3: (11.790, 0.037)}
+"""Mean over all 128 points of the RMS total error and its standard error [m], by a simulation that
+shares no code with ours: ``benchmarks/competitors/all_points.py --runs 64``."""
+ERROR = "ekf.absolute_total_rms_m"
+
+
+def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "sblcosim", "paper", *arguments], cwd=folder, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
+    """A folder in which it was interrupted after the first study; exit code and message."""
+    folder = tmp_path_factory.mktemp("paper")
+    process = command(folder)
+    until = time.monotonic() + 120
+    while not (folder / "paper/runs/paper-scenario-1/runs.parquet").exists():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=120)
+    return folder, process.returncode, err
+
+
+@pytest.fixture(scope="module")
+def finished(interrupted: tuple[Path, int, str]) -> tuple[Path, str]:
+    """The same folder when the command was given again, and what it printed."""
+    folder = interrupted[0]
+    kept = folder / "paper/runs/paper-scenario-1/parts"
+    before = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
+    process = command(folder)
+    out, err = process.communicate(timeout=300)
+    assert (process.returncode, err) == (0, "")
+    assert {file.name: file.stat().st_mtime_ns for file in kept.iterdir()} == before
+    return folder / "paper", out
+
+
+@pytest.fixture(scope="module")
+def found(finished: tuple[Path, str]) -> dict[int, Factorial]:
+    runs = finished[0] / "runs"
+    return {n: analysis.of_study(runs / f"paper-scenario-{n}") for n in (1, 2, 3)}
+
+
+@pytest.fixture(scope="module")
+def text(finished: tuple[Path, str]) -> str:
+    return (finished[0] / "report" / "report.html").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def tree(text: str) -> Any:
+    return html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(text)
+
+
+def test_ctrl_c_says_how_to_go_on(interrupted: tuple[Path, int, str]) -> None:
+    folder, code, err = interrupted
+    assert code == 130
+    match = re.fullmatch(
+        r"interrupted; (\d+) of 20850 runs are in paper; go on with: sblcosim paper\n", err
+    )
+    assert match is not None, err
+    assert int(match[1]) >= 6400
+    assert not (folder / "paper" / "report" / "report.html").exists() or "finished" in err
+
+
+def test_it_says_the_answers_and_where_the_time_went(finished: tuple[Path, str]) -> None:
+    out = finished[1]
+    for n in (1, 2, 3):
+        assert f"Scenario {n}: Largest main effects" in out
+    for word in ("simulations", "statistics", "figures", "report", "together"):
+        assert re.search(rf"^{word} +\d+\.\d s$", out, re.MULTILINE)
+    assert out.rstrip().endswith(str(finished[0] / "report" / "report.html"))
+
+
+# --- Numbers -------------------------------------------------------------------------------------
+
+
+def test_the_favourable_point_gives_table_4_within_10_percent_on_every_axis(
+    finished: tuple[Path, str],
+) -> None:
+    runs = campaign.table(finished[0] / "runs" / "favourable-1")
+    assert len(runs) == 50
+    for axis in ("x", "y", "z", "total"):
+        ours = runs[f"ekf.absolute_{axis}_rms_m"].mean()
+        assert ours == pytest.approx(paper.facts()["table4"][axis], rel=0.1), axis
+
+
+@pytest.mark.parametrize("name", paper.SESSIONS)
+def test_the_ekf_s_row_of_table_2_is_met_within_10_percent(
+    finished: tuple[Path, str], name: str
+) -> None:
+    runs = campaign.table(finished[0] / "runs" / f"harbour-{name}")
+    assert len(runs) >= 500
+    ours = paper.pooled(runs, "ekf")
+    assert ours == pytest.approx(paper.facts()["table2"][name]["ekf"], rel=0.1)
+
+
+@pytest.mark.parametrize("n", paper.SCENARIOS)
+def test_the_mean_over_all_points_is_that_of_an_independent_simulation(
+    finished: tuple[Path, str], n: int
+) -> None:
+    runs = campaign.table(finished[0] / "runs" / f"paper-scenario-{n}")
+    assert len(runs) == 6400
+    assert runs["error"].isna().all()
+    mean, error = INDEPENDENT[n]
+    assert 5 * error < 0.03 * mean
+    assert runs[ERROR].mean() == pytest.approx(mean, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("n", "order"),
+    [(1, ["gps", "baseline"]), (2, ["gps", "baseline", "sampling_time"]),
+     (3, ["baseline", "gps", "sampling_time"])],
+)
+def test_the_factors_have_the_paper_s_order(
+    found: dict[int, Factorial], n: int, order: list[str]
+) -> None:
+    a = found[n]
+    ranked = a.ranked()
+    main = list(ranked.index[ranked["order"] == 1])
+    assert main[: len(order)] == order
+    for first, second in itertools.pairwise(main):
+        if second in order:
+            assert not tied(a, first, second)
+    # the two lead by far, and act as the paper says
+    size = a.effects["effect"].abs()
+    assert size[main[1]] > 2.5 * size[main[2]]
+    assert a.effects.loc["gps", "effect"] > 0 > a.effects.loc["baseline", "effect"]
+
+
+def test_sampling_time_and_range_noise_tie_for_third_in_scenario_1(
+    found: dict[int, Factorial], finished: tuple[Path, str]
+) -> None:
+    a = found[1]
+    ranked = a.ranked()
+    main = ranked.index[ranked["order"] == 1]
+    assert set(main[2:4]) == {"sampling_time", "range"}
+    assert tied(a, "sampling_time", "range")
+    line = next(s for s in finished[1].splitlines() if s.startswith("Scenario 1"))
+    third, _, fourth = line.partition("not to be told from the last: ")
+    assert "sampling time (+" in third
+    assert re.match(r"range error \(\+[\d.]+ m, \+[\d.]+ to \+[\d.]+\)", fourth)
+
+
+@pytest.mark.parametrize("n", paper.SCENARIOS)
+def test_gps_and_baseline_are_the_largest_interaction(
+    found: dict[int, Factorial], n: int
+) -> None:
+    ranked = found[n].ranked()
+    several = ranked.index[ranked["order"] == 2]
+    assert several[0] == "baseline × gps"
+    assert not tied(found[n], several[0], several[1])
+
+
+# --- The report ----------------------------------------------------------------------------------
+
+
+def part(tree: Any, anchor: str) -> Any:
+    (section,) = [s for s in tree.iter("section") if s.get("aria-labelledby") == anchor]
+    return section
+
+
+def words(element: Any) -> str:
+    return " ".join("".join(element.itertext()).split())
+
+
+@pytest.mark.parametrize("number", [2, 4, 5, 6])
+def test_every_table_of_the_paper_has_its_place(tree: Any, number: int) -> None:
+    section = part(tree, f"table-{number}")
+    table = section.find(".//table")
+    head = [words(th) for th in table.findall(".//thead//th")]
+    assert {"Quantity", "Paper", "Ours", "Ratio"} <= set(head)
+    rows = table.findall(".//tbody/tr")
+    paper_, ours, ratio = (head.index(word) for word in ("Paper", "Ours", "Ratio"))
+    known = paper.facts()[f"table{number}"]
+    if number == 2:
+        expected = [x for name in paper.SESSIONS for row in ("instrument", "ekf")
+                    for x in known[name][row]]
+    else:
+        expected = [*(known[axis] for axis in ("x", "y", "z", "total")), known["total"]]
+    shown = [[words(cell) for cell in row] for row in rows]
+    assert [float(cells[paper_]) for cells in shown] == expected
+    for cells in shown:
+        quotient = float(cells[ours]) / float(cells[paper_])
+        assert float(cells[ratio]) == pytest.approx(quotient, abs=0.02)
+    assert len(words(section)) > 200  # why they differ
+
+
+@pytest.mark.parametrize("number", [9, *range(11, 31)])
+def test_every_figure_of_the_paper_has_its_place(tree: Any, number: int) -> None:
+    section = part(tree, f"place-figure-{number}")
+    assert words(section.find("h3")).startswith(f"Figure {number}: ")
+    assert "In the paper (section " in words(section)
+    assert "Ours" in words(section)
+    drawings = [e for e in section.iter() if str(e.tag).endswith("svg")]
+    assert drawings
+    for drawing in drawings:
+        assert drawing.get("role") == "img"
+        assert drawing.get("aria-label")
+        assert sum(1 for _ in drawing.iter()) > 20
+
+
+@pytest.mark.parametrize("number", [4, 5, 6])
+def test_tables_4_to_6_are_beside_the_mean_over_all_points_too(tree: Any, number: int) -> None:
+    section = part(tree, f"table-{number}")
+    captions = [words(caption) for caption in section.iter("caption")]
+    assert captions == [
+        f"Table {number} and the favourable point, mean of 50 runs",
+        f"Table {number} and the mean over all 128 points",
+    ]
+    assert "The table is no average over all levels" in words(section)
+
+
+def test_the_summary_comes_first_and_has_a_sentence_for_each_scenario(tree: Any) -> None:
+    first = next(iter(tree.iter("h2")))
+    assert first.text == "Summary"
+    answers = [words(p) for p in part(tree, "summary").findall("p") if p.get("class") == "answer"]
+    assert [a[:11] for a in answers] == ["Scenario 1.", "Scenario 2.", "Scenario 3."]
+
+
+def test_the_report_refers_to_nothing_outside(text: str) -> None:
+    assert "http:" not in text
+    assert "https:" not in text
+    assert not re.search(r"\bsrc=|@import|<script|<link|<iframe|srcset", text)
+    for target in re.findall(r'href="([^"]*)"|url\(([^)]*)\)', text):
+        assert "".join(target).startswith(("#", "data:image/png;base64,"))
+
+
+def test_the_report_says_how_to_reproduce_it(tree: Any) -> None:
+    again = words(part(tree, "reproduce"))
+    assert "sblcosim paper" in again
+    assert "seeds 1 to 6400" in again
+    assert len(re.findall(r"\b[0-9a-f]{64}\b", again)) >= 4
+    for package in ("sblcosim", "numpy", "casadi", "fmpy"):
+        assert package in again
+
+
+def test_quick_is_the_same_with_few_replicates(finished: tuple[Path, str]) -> None:
+    """In the same folder: nothing is simulated again."""
+    folder = finished[0]
+    parts = set(folder.rglob("parts/*.parquet"))
+    process = command(folder.parent, "--quick", "--practical", "1")
+    _, err = process.communicate(timeout=300)
+    assert (process.returncode, err) == (0, "")
+    assert set(folder.rglob("parts/*.parquet")) == parts
+    text = (folder / "report" / "report.html").read_text("utf-8")
+    assert "1,920 runs" in text or "1920 runs" in text
+    assert "surely larger than 1\u00a0m" in text or "surely larger than 1 m" in text
+
+
+# --- Bad input -----------------------------------------------------------------------------------
+
+
+def refused(*arguments: str) -> str:
+    done = CliRunner().invoke(app, ["paper", *arguments])
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    return done.stderr
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    assert "got 'mine.txt' in it" in refused("--out", str(tmp_path))
+    assert [f.name for f in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_another_study_under_our_name_is_left_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "paper" / "runs" / "paper-scenario-1"
+    folder.mkdir(parents=True)
+    (folder / "notes.txt").write_text("mine")
+    assert "got 'notes.txt' in it" in refused("--out", str(tmp_path / "paper"))
+    assert not (tmp_path / "paper" / "report").exists()
+
+
+def test_a_file_in_the_way_is_said_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    refused("--out", str(tmp_path / "file"))
+    refused("--out", str(tmp_path / "file" / "below"))
+    assert [f.name for f in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_cannot_be_written_to_is_said_so(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        refused("--out", str(tmp_path / "below"))
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_line_of_nothing_is_refused(tmp_path: Path) -> None:
+    assert "practical: must be above 0" in refused("--practical", "0", "--out", str(tmp_path / "p"))
+    assert not (tmp_path / "p").exists()

@@ -1,0 +1,238 @@
+"""Pages, and what reports say."""
+
+from __future__ import annotations
+
+import re
+from itertools import product
+from typing import Any
+
+import html5lib
+import numpy as np
+import pandas as pd
+import pytest
+from sblcosim import factorial_plots, study, style
+from sblcosim.factorial import analyse
+from sblcosim.report import factorial, paper
+from sblcosim.report.page import (
+    Code,
+    Page,
+    Picture,
+    Section,
+    Table,
+    Text,
+    inline,
+    render,
+)
+
+LABELS = {"gps": "GPS error", "arm": "baseline", "loss": "packet loss"}
+
+
+def table(effects: dict[str, float], replicates: int = 10, noise: float = 1.0) -> pd.DataFrame:
+    points = pd.DataFrame(list(product((-1.0, 1.0), repeat=3)), columns=["gps", "arm", "loss"])
+    runs = pd.concat([points] * replicates, ignore_index=True)
+    y = 20 + sum(size / 2 * runs[name] for name, size in effects.items())
+    error = np.random.default_rng(1).normal(0, noise, len(runs))
+    return runs.assign(y=y + error, replicate=np.repeat(np.arange(replicates), len(points)))
+
+
+def analysed(effects: dict[str, float], **options: Any) -> Any:
+    return analyse(table(effects), ["gps", "arm", "loss"], "y", unit="m", **options).named(LABELS)
+
+
+# --- Names ---------------------------------------------------------------------------------------
+
+
+def test_names_for_people_are_everywhere_in_an_analysis_and_numbers_stay() -> None:
+    plain = analyse(table({"gps": 4}), ["gps", "arm", "loss"], "y")
+    shown = plain.named(LABELS, {"gps": "m"}, "error")
+    assert shown.factors == ("GPS error", "baseline", "packet loss")
+    assert "GPS error × packet loss" in shown.effects.index
+    assert "GPS error × packet loss" in shown.anova.index
+    assert shown.units == {"GPS error": "m"}
+    assert set(shown.points) >= set(shown.factors)
+    assert set(shown.main_effects["factor"]) == set(shown.factors)
+    assert set(shown.interactions["first"]) == {"GPS error", "baseline"}
+    assert "error" in shown.table
+    np.testing.assert_array_equal(plain.effects["effect"], shown.effects["effect"])
+    text = str(shown)
+    assert "GPS error" in text
+    assert "gps" not in text
+
+
+def test_aliases_have_names_for_people() -> None:
+    points = pd.DataFrame(
+        [(a, b, a * b) for a, b in product((-1, 1), repeat=2)], columns=["gps", "arm", "loss"]
+    )
+    runs = pd.concat([points] * 3, ignore_index=True)
+    runs["y"] = runs["gps"] + np.random.default_rng(1).normal(0, 0.1, len(runs))
+    shown = analyse(runs, ["gps", "arm", "loss"], "y", order=1).named(LABELS)
+    assert shown.aliases["GPS error"] == ("baseline × packet loss",)
+
+
+def test_common_random_numbers_have_names_for_people() -> None:
+    shown = analyse(table({"gps": 4}), ["gps", "arm", "loss"], "y", seeding="common").named(LABELS)
+    assert "GPS error × baseline" in shown.replicate_effects.columns
+
+
+def test_figures_show_labels_and_units() -> None:
+    shown = analyse(table({"gps": 4}), ["gps", "arm", "loss"], "y").named(LABELS, {"gps": "m"})
+    axes = factorial_plots.plot_main_effects(shown)
+    names = [text.get_text().replace("\n", " ") for text in axes.get_xticklabels(minor=True)]
+    assert names == ["GPS error [m]", "baseline", "packet loss"]
+
+
+def test_the_shipped_studies_have_labels_and_units() -> None:
+    for n in (1, 2, 3):
+        loaded = study.load(f"paper-scenario-{n}")
+        assert all(f.label for f in loaded.factors.values())
+        units = {name for name, unit in loaded.units.items() if not unit}
+        assert units == {"packet_loss"}  # a probability
+
+
+# --- Sentences -----------------------------------------------------------------------------------
+
+
+def test_factors_whose_effects_cannot_be_told_apart_share_a_place() -> None:
+    shown = analysed({"gps": 8, "arm": 2, "loss": -2})
+    assert factorial.places(shown) == {
+        "GPS error": "1", "baseline": "2 to 3", "packet loss": "2 to 3"
+    }
+    apart = analysed({"gps": 8, "arm": 5, "loss": -2})
+    assert list(factorial.places(apart).values()) == ["1", "2", "3"]
+
+
+def test_what_is_significant_and_what_matters_are_told_apart() -> None:
+    shown = analysed({"gps": 8, "arm": 1}, practical=3.0)
+    text = factorial.what_matters(shown)
+    assert "1 matter, being surely larger than 3 m: GPS error." in text
+    assert text.startswith(f"{shown.effects['significant'].sum()} of 6 effects are statistically")
+    assert shown.effects.loc["baseline", "verdict"] == "too small"
+    assert "no smallest effect that matters was given" in factorial.what_matters(analysed({}))
+
+
+def test_the_better_level_is_the_one_with_the_smaller_response() -> None:
+    shown = analysed({"gps": 8, "arm": -5})
+    assert factorial.direction(shown).startswith(
+        "The better levels, on average over the others: GPS error -1, baseline 1"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0489, "0.0489"), (-3.456, "−3.46"), (1500.0, "1,500"), (float("nan"), "–"),
+     (float("inf"), "∞"), (3.2e9, "3.2e+09")],
+)
+def test_numbers_are_for_people(value: float, text: str) -> None:
+    assert factorial.number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "word"),
+    [(1.0, "equal"), (0.91, "within 10%"), (1.09, "within 10%"), (1.26, "26% above"),
+     (0.74, "26% below"), (10.6, "11 times the paper's")],
+)
+def test_a_ratio_is_judged_in_words(ratio: float, word: str) -> None:
+    assert paper.verdict(ratio) == word
+
+
+# --- The paper's numbers -------------------------------------------------------------------------
+
+
+def test_every_figure_of_the_paper_is_in_the_data_once() -> None:
+    numbers = [figure["number"] for figure in paper.facts()["figure"]]
+    assert numbers == [9, *range(11, 31)]
+    assert all(figure["section"] and figure["shows"] for figure in paper.facts()["figure"])
+
+
+def test_the_paper_s_total_errors_are_rms_like() -> None:
+    for place in (4, 5, 6):
+        known = paper.facts()[f"table{place}"]
+        total = np.sqrt(known["x"] ** 2 + known["y"] ** 2 + known["z"] ** 2)
+        assert total == pytest.approx(known["total"], abs=0.01)
+
+
+def test_pooled_statistics_are_those_of_all_samples() -> None:
+    samples = [np.array([1.0, 2.0, 4.0]), np.array([3.0])]
+    runs = pd.DataFrame(
+        {
+            "ekf.estimates": [3, 1],
+            "ekf.absolute_total_mean_m": [s.mean() for s in samples],
+            "ekf.absolute_total_rms_m": [np.sqrt((s**2).mean()) for s in samples],
+        }
+    )
+    every = np.concatenate(samples)
+    assert paper.pooled(runs, "ekf") == pytest.approx((every.mean(), every.std()))
+
+
+# --- Pages ---------------------------------------------------------------------------------------
+
+
+def picture(name: str = "one") -> Picture:
+    shown = analysed({"gps": 8})
+    svg = style.svg(factorial_plots.plot_pareto(shown), name)
+    return Picture(name, svg, "A caption", 'Bars, "quoted" & more')
+
+
+def page() -> Page:
+    blocks = [
+        Text("a < b & c", "answer"), Code("sblcosim <x>"), picture(),
+        Table("T", ("A", "B"), [("x", "1"), ("<y>", "2")], note="note"),
+    ]
+    return Page("Title & more", "Lead", [Section("S", "s", blocks, [
+        Section("T", "t", [picture("two")])])], "foot")
+
+
+def test_a_page_is_valid_html_and_keeps_the_text() -> None:
+    text = render(page())
+    html5lib.HTMLParser(strict=True).parse(text)
+    assert "a &lt; b &amp; c" in text
+    assert "<title>Title &amp; more</title>" in text
+    assert '<html lang="en">' in text
+    assert "&lt;y&gt;" in text
+
+
+def test_identifiers_in_a_page_are_unique() -> None:
+    found = re.findall(r'\bid="([^"]*)"', render(page()))
+    assert len(found) > 20
+    assert len(set(found)) == len(found)
+    text = render(page())
+    for target in re.findall(r'(?:href="#|url\(#)([^")]*)', text):
+        assert target in found
+
+
+def test_a_page_refers_to_nothing_outside() -> None:
+    text = render(page())
+    assert "http" not in text
+    assert not re.search(r"\bsrc=|@import|<script|<link", text)
+    assert all(target.startswith(("#", "data:image/png")) for target in
+               re.findall(r'href="([^"]*)"', text))
+
+
+def test_a_figure_s_colours_are_variables_of_both_themes() -> None:
+    svg = inline(picture())
+    assert not re.search(r"#[0-9a-f]{6}\b", svg)
+    names = set(re.findall(r"var\(--([\w-]+)\)", svg))
+    assert {"paper", "ink", "line-0"} <= names
+    text = render(page())
+    for look in style.THEMES.values():
+        assert f"--paper: {look.paper};" in text
+    # last, so that paper is light whatever the screen is
+    assert text.rindex("@media print { ") > text.index("@media (prefers-color-scheme: dark) { ")
+
+
+def test_a_figure_says_what_it_is_to_those_who_do_not_see_it() -> None:
+    assert 'role="img" aria-label="Bars, &#34;quoted&#34; &amp; more"' in inline(picture())
+
+
+def test_a_table_s_headers_belong_to_rows_and_columns() -> None:
+    tree = html5lib.parse(render(page()), namespaceHTMLElements=False)
+    (found,) = tree.findall(".//table")
+    assert [th.get("scope") for th in found.findall(".//th")] == ["col", "col", "row", "row"]
+    assert found.find("caption").text == "T"
+
+
+def test_a_picture_of_a_cloud_is_inside_the_page() -> None:
+    runs = pd.concat([table({"gps": 4})] * 20, ignore_index=True)
+    shown = analyse(runs, ["gps", "arm", "loss"], "y")
+    svg = style.svg(factorial_plots.plot_residuals(shown)[0], "cloud")
+    assert 'href="data:image/png;base64,' in inline(Picture("cloud", svg, "c", "a"))
