@@ -216,6 +216,13 @@ def check(folder: Path) -> None:
             )
     elif os.path.lexists(folder):
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
+    for name in plans():
+        place = folder / RUNS / name
+        if place.is_dir() and not (place / store.STUDY).exists():
+            for file in sorted(place.iterdir()):
+                raise ConfigurationError(
+                    f"{place}: must be empty or hold results of this study, got {file.name!r} in it"
+                )
     artifacts.check(folder / PAGES)
 
 

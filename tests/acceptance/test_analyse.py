@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import html5lib
 import pandas as pd
 import pytest
 from sblcosim import analysis, campaign
@@ -113,3 +114,83 @@ def test_costs_that_do_not_fit_are_refused_in_one_line(
     assert message in done.output
     assert done.output.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+# --- Reports -------------------------------------------------------------------------------------
+
+
+def reported(folder: Path, text: str, *options: str) -> tuple[str, str]:
+    """What analyse prints of a study, and its report."""
+    (folder / "own.toml").write_text(text)
+    for arguments in (
+        ["study", str(folder / "own.toml"), "--out", str(folder / "own")],
+        ["analyse", str(folder / "own"), *options],
+    ):
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 0, done.output
+    html = (folder / "own-analysis" / "report.html").read_text("utf-8")
+    html5lib.HTMLParser(strict=True).parse(html)
+    return done.stdout, html
+
+
+LABELLED = STUDY.replace(
+    "[factors.gps]", '[factors.gps]\nlabel = "GPS error"\nunit = "m"'
+).replace("[factors.depth]", '[factors.depth]\nlabel = "depth error"\nunit = "m"')
+
+
+def test_people_read_labels_and_data_keep_columns(tmp_path: Path) -> None:
+    out, html = reported(tmp_path, LABELLED, "--practical", "0.5")
+    assert "Largest main effects GPS error (" in out
+    assert "RMS total error" in out
+    assert "GPS error 0.1\u00a0m" in html or "GPS error 0.1 m" in html
+    effects = pd.read_csv(tmp_path / "own-analysis" / "effects.csv", index_col=0)
+    assert list(effects.index[:2]) == ["gps", "depth"]
+    drawing = (tmp_path / "own-analysis" / "pareto.svg").read_text()
+    assert "<!-- GPS error -->" in drawing
+    for word in ("Summary", "Analysis of variance", "R² predicted", "Detectable", "Box–Cox",
+                 "Ratio of its spread", "In practice", "How to reproduce"):
+        assert word in html
+    assert html.count("<figure") == 5
+    assert "http" not in html
+
+
+def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
+    _, html = reported(
+        tmp_path, STUDY.replace('kind = "full"', 'kind = "full"\ncentre_points = 2')
+    )
+    assert "Curvature" in html
+
+
+def test_a_fraction_s_report_names_what_is_aliased(tmp_path: Path) -> None:
+    text = STUDY.replace('kind = "full"', 'kind = "fraction"\ngenerators = ["C=AB"]')
+    text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
+    _, html = reported(tmp_path, text, "--order", "1")
+    assert "Aliased terms" in html
+    assert "gps × depth" in html
+
+
+def test_a_sweep_s_report_shows_the_error_at_each_level(tmp_path: Path) -> None:
+    text = STUDY.replace('kind = "full"', 'kind = "sweep"')
+    text = text.replace("levels = [0.1, 3.5]", "levels = [0.1, 1.0, 3.5]")
+    out, html = reported(tmp_path, text)
+    assert "This is a sweep, no factorial design" in out
+    assert "This is a sweep, no factorial design" in html
+    means = pd.read_csv(tmp_path / "own-analysis" / "means.csv")
+    runs = pd.read_parquet(tmp_path / "own" / "runs.parquet")
+    mine = runs[(runs["gps"] == 1.0)]["ekf.absolute_total_rms_m"].mean()
+    row = means[(means["factor"] == "gps") & (means["value"] == 1.0)].iloc[0]
+    assert row["mean"] == pytest.approx(mine, rel=1e-12)
+    assert html.count("<figure") == 1
+    refused = CliRunner().invoke(
+        app, ["analyse", str(tmp_path / "own"), "--order", "1", "--out", str(tmp_path / "x")]
+    )
+    assert refused.exit_code == 2
+    assert "must be a two-level factorial design" in refused.stderr
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_study_without_factors_says_that_there_is_nothing_to_analyse(tmp_path: Path) -> None:
+    text = STUDY[: STUDY.index("[factors.gps]")].replace('"full"', '"single"')
+    out, html = reported(tmp_path, text)
+    assert "The study has no factors: there are no effects to analyse." in out
+    assert "The study has no factors" in html

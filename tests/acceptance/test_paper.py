@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,10 +35,8 @@ def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.fixture(scope="module")
-def interrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
-    """A folder in which it was interrupted after the first study; exit code and message."""
-    folder = tmp_path_factory.mktemp("paper")
+def _made(folder: Path) -> dict[str, Any]:
+    """Interrupt it after the first study, then give the same command again."""
     process = command(folder)
     until = time.monotonic() + 120
     while not (folder / "paper/runs/paper-scenario-1/runs.parquet").exists():
@@ -44,21 +44,47 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, st
         assert time.monotonic() < until
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=120)
-    return folder, process.returncode, err
-
-
-@pytest.fixture(scope="module")
-def finished(interrupted: tuple[Path, int, str]) -> tuple[Path, str]:
-    """The same folder when the command was given again, and what it printed."""
-    folder = interrupted[0]
+    interrupted = (*process.communicate(timeout=120), process.returncode)
+    report = (folder / "paper/report").exists()
     kept = folder / "paper/runs/paper-scenario-1/parts"
     before = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
     process = command(folder)
-    out, err = process.communicate(timeout=300)
-    assert (process.returncode, err) == (0, "")
-    assert {file.name: file.stat().st_mtime_ns for file in kept.iterdir()} == before
-    return folder / "paper", out
+    finished = (*process.communicate(timeout=300), process.returncode)
+    after = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
+    return {"interrupted": interrupted, "report": report, "finished": finished,
+            "kept": before == after}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What came of it; once for all processes that run these tests."""
+    root = tmp_path_factory.getbasetemp()
+    folder = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "paper"
+    outcome = folder / "outcome.json"
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        until = time.monotonic() + 600
+        while not outcome.exists():
+            assert time.monotonic() < until
+            time.sleep(0.2)
+    else:
+        found: dict[str, Any] = {"error": "it did not come to an end"}
+        try:
+            found = _made(folder)
+        finally:
+            part = folder / "outcome.part"
+            part.write_text(json.dumps(found))
+            part.rename(outcome)
+    return {"folder": folder / "paper", **json.loads(outcome.read_text())}
+
+
+@pytest.fixture(scope="module")
+def finished(made: dict[str, Any]) -> tuple[Path, str]:
+    """The folder, and what was printed."""
+    out, err, code = made["finished"]
+    assert (code, err) == (0, "")
+    return made["folder"], out
 
 
 @pytest.fixture(scope="module")
@@ -77,15 +103,16 @@ def tree(text: str) -> Any:
     return html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(text)
 
 
-def test_ctrl_c_says_how_to_go_on(interrupted: tuple[Path, int, str]) -> None:
-    folder, code, err = interrupted
+def test_ctrl_c_says_how_to_go_on_and_nothing_is_done_twice(made: dict[str, Any]) -> None:
+    _, err, code = made["interrupted"]
     assert code == 130
     match = re.fullmatch(
         r"interrupted; (\d+) of 20850 runs are in paper; go on with: sblcosim paper\n", err
     )
     assert match is not None, err
     assert int(match[1]) >= 6400
-    assert not (folder / "paper" / "report" / "report.html").exists() or "finished" in err
+    assert not made["report"]
+    assert made["kept"]
 
 
 def test_it_says_the_answers_and_where_the_time_went(finished: tuple[Path, str]) -> None:
@@ -255,22 +282,25 @@ def test_the_report_says_how_to_reproduce_it(tree: Any) -> None:
     again = words(part(tree, "reproduce"))
     assert "sblcosim paper" in again
     assert "seeds 1 to 6400" in again
-    assert len(re.findall(r"\b[0-9a-f]{64}\b", again)) >= 4
+    cells = [words(td) for td in part(tree, "reproduce").iter("td")]
+    assert sum(bool(re.fullmatch("[0-9a-f]{64}", cell)) for cell in cells) >= 4
     for package in ("sblcosim", "numpy", "casadi", "fmpy"):
         assert package in again
 
 
-def test_quick_is_the_same_with_few_replicates(finished: tuple[Path, str]) -> None:
-    """In the same folder: nothing is simulated again."""
-    folder = finished[0]
-    parts = set(folder.rglob("parts/*.parquet"))
-    process = command(folder.parent, "--quick", "--practical", "1")
+def test_quick_is_the_same_with_few_replicates(
+    finished: tuple[Path, str], tmp_path: Path
+) -> None:
+    """On what is there already: nothing is simulated again."""
+    shutil.copytree(finished[0] / "runs", tmp_path / "paper" / "runs")
+    parts = set(tmp_path.rglob("parts/*.parquet"))
+    process = command(tmp_path, "--quick", "--practical", "1")
     _, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (0, "")
-    assert set(folder.rglob("parts/*.parquet")) == parts
-    text = (folder / "report" / "report.html").read_text("utf-8")
-    assert "1,920 runs" in text or "1920 runs" in text
-    assert "surely larger than 1\u00a0m" in text or "surely larger than 1 m" in text
+    assert set(tmp_path.rglob("parts/*.parquet")) == parts
+    text = (tmp_path / "paper" / "report" / "report.html").read_text("utf-8")
+    assert "1920 runs of the studies with 5 replicates (the paper: 50)" in text
+    assert "surely larger than 1\u00a0m" in text
 
 
 # --- Bad input -----------------------------------------------------------------------------------

@@ -118,7 +118,10 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"seeding": "same"}, "seeding: must be 'independent' or 'common'"),
     ({"seed": 2**31 - 4}, "seed: must leave room for all runs"),
     ({"settling_time": 1}, "there is no key 'settling_time'; did you mean 'settling_time_s'"),
-    ({"design": {"kind": "half"}}, r"\[design\] kind: must be 'full', 'fraction', 'sweep' or 'single'"),
+    (
+        {"design": {"kind": "half"}},
+        r"\[design\] kind: must be 'full', 'fraction', 'sweep' or 'single'",
+    ),
     ({"design": {"kind": "fraction"}}, "must have generators or a resolution"),
     ({"design": {"resolution": 3}}, "must be 'fraction' with generators or a resolution"),
     ({"design": {"kind": "fraction", "generators": ["B=A"]}}, "got arm aliased with tick"),
