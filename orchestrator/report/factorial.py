@@ -425,8 +425,8 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
 def summary(found: Findings) -> list[Block]:
     """The answer, and what of it matters."""
     blocks: list[Block] = [
-        Text(minus(answer(found.shown)), "answer"), Text(what_matters(found.shown)),
+        Text(minus(answer(found.shown)), "answer"), Text(minus(what_matters(found.shown))),
     ]
     if text := direction(found.shown):
-        blocks.append(Text(text))
+        blocks.append(Text(minus(text)))
     return blocks

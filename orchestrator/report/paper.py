@@ -495,7 +495,7 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
                            "cannot be told apart that can be without --quick.", "note"))
     for n, found in numbers.findings.items():
         blocks.append(Text(factorial.minus(f"Scenario {n}. {answer(found.shown)}"), "answer"))
-        blocks.append(Text(factorial.what_matters(found.shown)))
+        blocks.append(Text(factorial.minus(factorial.what_matters(found.shown))))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
         number_, table = _table_of(n)
