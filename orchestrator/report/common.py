@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from .. import artifacts
 from ..study import Study
+from ..tables import toml
 from .page import Block, Code, Section, Table, Text
 
 METHOD = {
@@ -43,11 +45,24 @@ def seeding(study: Study) -> str:
     return f"seeds {study.seed} to {last} ({how[study.seeding]})"
 
 
+def as_toml(tables: Mapping[str, Any], above: str = "") -> str:
+    """Nested tables as the text of a TOML file."""
+    lines = [f"{key} = {toml(value)}" for key, value in tables.items()
+             if not isinstance(value, Mapping) and value is not None]
+    text = "\n".join([*([f"[{above}]"] if above and lines else []), *lines])
+    below = [
+        as_toml(value, f"{above}.{key}" if above else key)
+        for key, value in tables.items() if isinstance(value, Mapping)
+    ]
+    return "\n\n".join(part for part in (text, *below) if part)
+
+
 def reproduce(
-    commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str]
+    commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str], file: str = ""
 ) -> Section:
-    """How to do it again."""
+    """How to do it again; `file` is what must be saved before."""
     blocks: list[Block] = [
+        *([Text("Save this as a file of the name below:"), Code(file)] if file else []),
         Code("\n".join(commands)),
         *(Text(line) for line in lines),
         Text("Equal versions, seeds and FMUs give equal results to the last bit, whatever the "

@@ -110,8 +110,8 @@ def what_matters(analysis: Factorial) -> str:
     text = f"{significant} of {len(effects)} effects are statistically significant"
     if analysis.practical is None:
         return (
-            f"{text}. With many runs almost everything is; no smallest effect that matters was "
-            "given (option --practical)."
+            f"{text}. With many runs almost all are, whether they matter or not; no smallest "
+            "effect that matters was given (option --practical)."
         )
     line = _line(analysis)
     groups = {

@@ -230,8 +230,9 @@ def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:
     """Runs that are there, and runs in all."""
     folder = Path(out).resolve() / RUNS
     wanted = plans(quick)
-    done = sum(len(store.finished(folder / name)) for name in wanted)
-    return done, sum(len(s.plan.points) * s.replicates for s in wanted.values())
+    runs = {name: len(s.plan.points) * s.replicates for name, s in wanted.items()}
+    done = sum(min(len(store.finished(folder / name)), number) for name, number in runs.items())
+    return done, sum(runs.values())
 
 
 @contextmanager

@@ -10,9 +10,9 @@ import pandas as pd
 
 from .. import analysis, artifacts, store, style, sweep
 from ..factorial import Transform
-from ..study import Study
+from ..study import Study, load, shipped
 from . import factorial
-from .common import DEFINITIONS, METHOD, reproduce, seeding
+from .common import DEFINITIONS, METHOD, as_toml, reproduce, seeding
 from .factorial import Findings, number, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 
@@ -70,7 +70,8 @@ def save(
         artifacts.write_table(means, folder, "means")
         page = _means_page(study, table, means, column, folder, failed, again)
         (folder / REPORT).write_text(render(page), "utf-8")
-    shown = means.drop(columns="factor") if not study.factors else means
+    shown = means.replace({"factor": study.labels})
+    shown = shown if study.factors else shown.drop(columns=["factor", "value"])
     text = _means_answer(study, means, analysis.words(column, table), analysis.unit_of(column))
     return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
 
@@ -78,21 +79,34 @@ def save(
 def _again(study: Study, results: Path, command: str) -> Section:
     """How to reproduce."""
     about = store.described(results)
-    name = study.name
     lines = [
-        f"The file {store.STUDY} in the folder of results has the whole study: scenario, "
-        f"factors, levels and seeds. {name[0].upper()}{name[1:]} has {len(study.plan.points)} "
-        f"points and {study.replicates} replicates; {seeding(study)}.",
+        f"{len(study.plan.points)} points, {study.replicates} replicates; {seeding(study)}.",
     ]
+    source, file = study.name, ""
+    if source in shipped() and _same(study, load(source)):
+        if study.replicates != load(source).replicates:
+            source += f" --replicates {study.replicates}"
+    else:
+        file = as_toml(study.model_dump(exclude_unset=True))
+        source = shlex.quote(f"{source}.toml")
     return reproduce(
-        [f"sblcosim study {shlex.quote(name)} --out {shlex.quote(str(results))}", command],
-        lines, about["definition"]["fmus"],
+        [f"sblcosim study {source} --out {shlex.quote(str(results))}", command],
+        lines, about["definition"]["fmus"], file,
+    )
+
+
+def _same(one: Study, other: Study) -> bool:
+    """Whether two studies have the same runs, but for the number of replicates."""
+    kept = {"title", "replicates", "scenario", "fixed"}
+    return (
+        one.model_dump(exclude=kept) == other.model_dump(exclude=kept)
+        and one.base.given() == other.base.given()
     )
 
 
 def _lead(study: Study, runs: int, failed: int) -> str:
-    title = study.title or study.name
-    text = f"{title.rstrip('.')}. {runs} runs at {len(study.plan.points)} points"
+    title = f"{study.title.rstrip('.')}. " if study.title else ""
+    text = f"{title}{runs} runs at {len(study.plan.points)} points"
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 

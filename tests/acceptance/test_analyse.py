@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import html5lib
 import pandas as pd
 import pytest
-from sblcosim import analysis, campaign
+from sblcosim import analysis, campaign, points, study
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from typer.testing import CliRunner
@@ -152,6 +153,19 @@ def test_people_read_labels_and_data_keep_columns(tmp_path: Path) -> None:
         assert word in html
     assert html.count("<figure") == 5
     assert "http" not in html
+
+
+def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
+    _, html = reported(tmp_path, LABELLED)
+    tree = html5lib.parse(html, namespaceHTMLElements=False)
+    file, commands = ("".join(code.itertext()) for code in tree.iter("code"))
+    assert commands.splitlines()[0] == f"sblcosim study small.toml --out {tmp_path / 'own'}"
+    (tmp_path / "small.toml").write_text(file)
+    again = study.load(tmp_path / "small.toml")
+    assert points.prepare(again).definition() == json.loads(
+        (tmp_path / "own" / "study.json").read_text()
+    )["definition"]
+    assert (again.replicates, again.labels["gps"]) == (3, "GPS error")
 
 
 def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
