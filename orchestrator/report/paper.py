@@ -58,6 +58,8 @@ PRACTICAL = 0.5
 """Smallest effect that matters if nobody says otherwise [m]: about half of the paper's errors."""
 NEAR = 0.10
 """Relative difference up to which numbers agree."""
+UNEVEN = 0.1
+"""Rank correlation of fit and size of the residual from which on the scatter is not even."""
 TOTAL, MEAN = "absolute_total_rms_m", "absolute_total_mean_m"
 
 FAVOURABLE: dict[str, dict[str, float]] = {
@@ -693,19 +695,12 @@ def _scenario(n: int, numbers: Numbers, drawings: Mapping[str, str]) -> Section:
         "pareto": [_ranking(n, found)],
         "interactions": [Text(_interactions(found))],
         "main_effects": [Text(factorial.direction(a))],
-        "residuals": [Text(
-            f"Ours: the residuals of {a.runs} runs scatter more where the fitted value is larger, "
-            f"and are skewed; R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted "
-            f"{a.r2_predicted:.1%}. So the intervals in metres are an average over the points; "
-            "the ratios below, from the logarithm, do not have this weakness."
-            if _uneven(found) else
-            f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}.")],
+        "residuals": [Text(_residuals(found))],
     }
     for name, where in names.items():
         drawn = factorial.picture(found, name, "")
-        caption = f"{drawn.caption[0].lower()}{drawn.caption[1:]}"
         sections.append(
-            _figure(where).section(drawings, shown[name], caption=caption, alt=drawn.alt)
+            _figure(where).section(drawings, shown[name], caption=drawn.caption, alt=drawn.alt)
         )
     beyond = factorial.tables(found)
     for name in ("residuals", "box_cox"):
@@ -723,10 +718,18 @@ def _figure(name: str) -> Figure:
     return Figure(int(name.rpartition("-")[2]))
 
 
-def _uneven(found: Findings) -> bool:
-    """Whether residuals scatter more where the fit is larger."""
-    residuals = found.data.residuals
-    return float(residuals["fit"].corr(residuals["residual"].abs(), method="spearman")) > 0.1
+def _residuals(found: Findings) -> str:
+    """What the residuals say about the model."""
+    a = found.shown
+    residuals = a.residuals
+    text = (f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}; "
+            f"skewness of the residuals {residuals['residual'].skew():.2g}, excess kurtosis "
+            f"{residuals['residual'].kurt():.2g} (normal: 0).")
+    if residuals["fit"].corr(residuals["residual"].abs(), method="spearman") > UNEVEN:
+        text += (" They scatter more where the fitted value is larger, so that the intervals in "
+                 "metres are an average over the points; the ratios below, from the logarithm, "
+                 "suffer less from it.")
+    return factorial.minus(text)
 
 
 def _averages(n: int, numbers: Numbers) -> list[Block]:
