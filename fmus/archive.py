@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import platform
 import zipfile
 from collections.abc import Mapping
 from importlib import metadata
@@ -14,44 +13,13 @@ from .description import PACKAGE, Fmi, build_description, model_description, ter
 from .documentation import index_html
 from .errors import BuildError
 from .files import write_file
+from .platforms import in_folders, suffix
 from .terminals import TERMINALS
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
 DESCRIPTION = "modelDescription.xml"
-
-_FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
-_MACHINES = {"amd64": "x86_64", "x64": "x86_64", "arm64": "aarch64"}
-
-
-def this_machine() -> tuple[str, str]:
-    """System and machine as Python names them, e.g. ``("Linux", "x86_64")``."""
-    return platform.system(), platform.machine()
-
-
-def platform_folder(system: str, machine: str, fmi: Fmi) -> str:
-    """Name of the folder in ``binaries`` for a platform.
-
-    FMI 3 (section 2.5.1.4.1) joins architecture and system. FMI 2 has older names for the x86-64
-    platforms; for the others it takes those of FMI 3.
-
-    Parameters
-    ----------
-    system, machine
-        As from `platform.system` and `platform.machine`, in any case: ``Windows``, ``AMD64``.
-    """
-    machine = machine.lower()
-    folder = f"{_MACHINES.get(machine, machine)}-{system.lower()}"
-    return _FMI2_FOLDERS.get(folder, folder) if fmi == 2 else folder
-
-
-def library_suffix(folder: str) -> str:
-    """File name suffix of a shared library, by platform folder or system."""
-    name = folder.lower()
-    if "darwin" in name:
-        return ".dylib"
-    return ".dll" if "win" in name else ".so"
 
 
 def contents(
@@ -70,7 +38,7 @@ def contents(
     sources
         C files by name; those that end in ``.c`` are to be compiled, the rest are included.
     binaries
-        Shared libraries by platform folder.
+        Shared libraries by platform, a name of `sblcosim.fmus.platforms`.
     """
     component = model.component
     compiled = sorted(name for name in sources if name.endswith(".c"))
@@ -86,8 +54,8 @@ def contents(
         files["sources/buildDescription.xml"] = build_description(component, compiled)
     files |= {f"sources/{name}": data for name, data in sources.items()}
     files |= {
-        f"binaries/{folder}/{component.name}{library_suffix(folder)}": data
-        for folder, data in binaries.items()
+        f"binaries/{folder}/{component.name}{suffix(folder)}": data
+        for folder, data in in_folders(binaries, fmi).items()
     }
     return files
 

@@ -31,9 +31,10 @@ from fmpy.validation import validate_fmu
 from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from .archive import DESCRIPTION, library_suffix, platform_folder, this_machine
-from .description import FMI2_TYPES, Fmi
+from .archive import DESCRIPTION
+from .description import FMI2_TYPES
 from .errors import FmuError, nearest
+from .platforms import folders, suffix, this_platform
 from .terminals import PORTS, TERMINALS, members, port_names
 
 Severity = Literal["ok", "absent", "warning", "error"]
@@ -239,10 +240,8 @@ def binary_files(description: ModelDescription) -> dict[str, str]:
     """Where the binary for this machine may be, by the name of its folder."""
     assert description.coSimulation is not None
     identifier = description.coSimulation.modelIdentifier
-    # FMI 2.0.4 also has the folder names of FMI 3.
-    folders: tuple[Fmi, ...] = (2, 3) if description.fmiVersion == "2.0" else (3,)
-    names = [platform_folder(*this_machine(), fmi) for fmi in folders]
-    return {name: f"binaries/{name}/{identifier}{library_suffix(name)}" for name in names}
+    names = folders(this_platform(), 2 if description.fmiVersion == "2.0" else 3)
+    return {name: f"binaries/{name}/{identifier}{suffix(name)}" for name in names}
 
 
 _LOAD = """

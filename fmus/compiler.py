@@ -1,4 +1,7 @@
-"""The C compiler: the system's, else the one that the package ``ziglang`` brings."""
+"""The C compiler: the system's, else the one that the package ``ziglang`` brings.
+
+The latter compiles for every platform.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 from .errors import BuildError
+from .platforms import PLATFORMS, ZIG_TARGETS, this_platform
 
 VARIABLE = "SBLCOSIM_CC"
 """Environment variable that names the compiler to use, e.g. ``clang`` or ``zig``."""
@@ -39,10 +43,13 @@ class Compiler:
         Program and first arguments.
     identity
         Changes when the compiler changes; part of what a cached FMU is known by.
+    platform
+        What it compiles for; a name of `sblcosim.fmus.platforms`.
     """
 
     command: tuple[str, ...]
     identity: str
+    platform: str = field(default_factory=this_platform)
 
     def compile(
         self, source: str, output: str, include: Sequence[Path], flags: Sequence[str], folder: Path
@@ -66,8 +73,8 @@ class Compiler:
         BuildError
             As `compile`.
         """
-        platform = _LINUX_FLAGS if sys.platform.startswith("linux") else ()
-        self._run([*LINK_FLAGS, *platform, *objects, "-o", output], folder)
+        system = _LINUX_FLAGS if self.platform.endswith("-linux") else ()
+        self._run([*LINK_FLAGS, *system, *objects, "-o", output], folder)
 
     def _run(self, arguments: Sequence[str], folder: Path) -> None:
         try:
@@ -82,13 +89,38 @@ class Compiler:
             raise BuildError(f"{' '.join(self.command)} failed:\n{done.stderr.strip()}")
 
 
-def zig() -> Compiler | None:
-    """The compiler of the package ``ziglang``, if it is installed."""
+def zig(platform: str | None = None) -> Compiler | None:
+    """The compiler of the package ``ziglang``, if it is installed.
+
+    Parameters
+    ----------
+    platform
+        What to compile for; None: this machine as it is.
+    """
     spec = importlib.util.find_spec("ziglang")
     if spec is None:
         return None
     command = (sys.executable, "-m", "ziglang", "cc", *_ZIG_FLAGS)
-    return Compiler(command, f"zig {version('ziglang')}")
+    identity = f"zig {version('ziglang')}"
+    if platform is None:
+        return Compiler(command, identity)
+    return Compiler((*command, "-target", ZIG_TARGETS[platform]), identity, platform)
+
+
+def for_every_platform() -> tuple[Compiler, ...]:
+    """A compiler for each platform.
+
+    Raises
+    ------
+    BuildError
+        The package ``ziglang`` is not installed.
+    """
+    found = tuple(compiler for name in PLATFORMS if (compiler := zig(name)) is not None)
+    if not found:
+        raise BuildError(
+            "building for all platforms needs the package ziglang: pip install 'sblcosim[zig]'"
+        )
+    return found
 
 
 def system(name: str) -> Compiler | None:

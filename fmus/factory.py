@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import platform
 import tempfile
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from ..models import COMPONENTS, module_of
 from . import compiler as compilers
 from .errors import BuildError, nearest
 from .files import write_file
+from .platforms import suffix, this_platform
 
 if TYPE_CHECKING:
     from ..models.declaration import Component
@@ -33,13 +33,18 @@ if TYPE_CHECKING:
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, in place of the user's cache."""
 
+READY = Path(__file__).with_name("ready")
+"""The folder for what a release brings ready-made: in folders named after what it is made from."""
+
 _SHELLS = {2: "fmi2.c", 3: "fmi3.c"}
 _LANES = ("lanes.h", "lanes.c", "dispatch.c")
 _HEADERS = ("engine.h", "elementary.h", "instance.h", "noise.h", "philox.h", "real.h")
 
 
-def build(name: str, fmi: Fmi = 2, baked: Component | None = None) -> Path:
-    """Return the FMU of a component for this machine; it is built if it has changed.
+def build(
+    name: str, fmi: Fmi = 2, all_platforms: bool = False, baked: Component | None = None
+) -> Path:
+    """Return the FMU of a component; it is built if it has changed.
 
     Parameters
     ----------
@@ -47,6 +52,8 @@ def build(name: str, fmi: Fmi = 2, baked: Component | None = None) -> Path:
         A key of `sblcosim.models.COMPONENTS`.
     fmi
         Version of the standard, 2 or 3.
+    all_platforms
+        Whether it is to run on all of `sblcosim.fmus.platforms.PLATFORMS`, not only on this one.
     baked
         The component's declaration with start values and a default experiment of one's own. Such
         an FMU is for other tools: it has no engine for many simulations.
@@ -54,12 +61,13 @@ def build(name: str, fmi: Fmi = 2, baked: Component | None = None) -> Path:
     Returns
     -------
     Path
-        ``NAME.fmu`` in the user's cache, in a folder named after everything it was made from.
+        ``NAME.fmu``: the one that came along with the package, or one in the user's cache, in a
+        folder named after everything it was made from.
 
     Raises
     ------
     BuildError
-        There is no such component or no compiler, or the compiler fails.
+        There is no such component, CasADi or a compiler is missing, or the compiler fails.
     """
     if name not in COMPONENTS:
         raise BuildError(
@@ -68,11 +76,15 @@ def build(name: str, fmi: Fmi = 2, baked: Component | None = None) -> Path:
         )
     if fmi not in _SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
-    compiler = compilers.find()
-    path = cache() / _fingerprint(name, fmi, compiler, baked) / f"{name}.fmu"
+    found = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
+    if found is not None:
+        return found
+    _versions()  # without CasADi no compiler helps
+    ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
+    path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
     if not os.path.isfile(path):
         _make_folder(path)
-        write(path, name, fmi, compiler, baked)
+        write(path, name, fmi, ccs, baked)
     return path
 
 
@@ -80,13 +92,19 @@ def write(
     path: Path,
     name: str,
     fmi: Fmi,
-    compiler: compilers.Compiler,
+    ccs: Sequence[compilers.Compiler],
     baked: Component | None = None,
 ) -> None:
-    """Build the FMU of a component; equal sources and compiler give equal bytes."""
+    """Build the FMU of a component; equal sources and compilers give equal bytes.
+
+    Parameters
+    ----------
+    ccs
+        A compiler for each platform.
+    """
     # CasADi and the XML are loaded only when something has to be built.
     from ..models.equations import load
-    from .archive import contents, platform_folder, this_machine, write_fmu
+    from .archive import contents, write_fmu
 
     model = load(name)
     if baked is not None:
@@ -94,12 +112,19 @@ def write(
     sources = _sources(model, fmi)
     token = _token(model, sources, fmi)
     sources["tables.h"] = _tables(model, token)
-    lanes = _lane_objects(name, compiler) if baked is None else ()
-    binary = compile_shared(sources, [Unit(_SHELLS[fmi])], compiler, lanes)
-    folder = platform_folder(*this_machine(), fmi)
-    files = contents(model, fmi, token, sources, {folder: binary})
+    shell = [Unit(_SHELLS[fmi])]
+    binaries = {}
+    for cc in ccs:
+        lanes = _lane_objects(name, cc) if baked is None else ()
+        binaries[cc.platform] = compile_shared(sources, shell, cc, lanes)
     with _caching():
-        write_fmu(path, files)
+        write_fmu(path, contents(model, fmi, token, sources, binaries))
+
+
+def _ready(of: str, file: str) -> Path | None:
+    """A file that came along ready-made from the same sources, unless a compiler is asked for."""
+    path = READY / of / file
+    return path if path.is_file() and not os.environ.get(compilers.VARIABLE) else None
 
 
 def cache() -> Path:
@@ -146,33 +171,46 @@ class Unit:
     flags: tuple[str, ...] = ()
 
 
-def lane_units(source: str) -> tuple[Unit, ...]:
-    """One build of a source per number of lanes worth having on this kind of machine."""
+def lane_units(source: str, platform: str) -> tuple[Unit, ...]:
+    """One build of a source per number of lanes worth having on a platform."""
     sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
-    if platform.machine().lower() in ("x86_64", "amd64"):
+    if platform.startswith("x86_64-"):
         sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
     return tuple(Unit(source, (f"-DLANES={n}", *flags)) for n, flags in sets.items())
 
 
-def library(name: str, sources: Mapping[str, bytes], units: Sequence[Unit]) -> Path:
-    """Return a shared library for this process; it is compiled if it has changed.
+def library(
+    name: str,
+    sources: Mapping[str, bytes],
+    lanes: bool = False,
+    compiler: compilers.Compiler | None = None,
+) -> Path:
+    """Return the shared library of ``NAME.c``; it is compiled if it has changed.
 
     Parameters
     ----------
     sources
         All C files by name, those that are only included, too.
+    lanes
+        Whether it is compiled once per number of lanes.
+    compiler
+        By default one for this process, if the library did not come along with the package.
 
     Raises
     ------
     BuildError
         There is no compiler, or it fails.
     """
-    compiler = compilers.find()
-    compiled = [(unit.source, unit.flags) for unit in units]
-    digest = _digest([compiler.command, compiler.identity, compiled])
-    for file in sorted(sources):
-        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
-    path = cache() / digest.hexdigest()[:32] / f"{name}.so"
+    platform = this_platform() if compiler is None else compiler.platform
+    file = f"{name}{suffix(platform)}"
+    units = lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
+    made_from = library_key(sources, units, platform)
+    found = _ready(made_from, file) if compiler is None else None
+    if found is not None:
+        return found
+    compiler = compiler or compilers.find()
+    folder = _digest([made_from, compiler.command, compiler.identity]).hexdigest()[:32]
+    path = cache() / folder / file
     if not os.path.isfile(path):
         _make_folder(path)
         binary = compile_shared(sources, units, compiler)
@@ -236,7 +274,7 @@ def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
     from ..models.equations import load
 
     sources = {**engine_sources(load(name)), **_c_files(_LANES)}
-    return compile_objects(sources, [Unit("dispatch.c"), *lane_units("lanes.c")], compiler)
+    return compile_objects(sources, [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)], compiler)
 
 
 def fmi_headers() -> Path:
@@ -272,11 +310,9 @@ def _c_files(names: Sequence[str]) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in names}
 
 
-def _fingerprint(
-    name: str, fmi: Fmi, compiler: compilers.Compiler, baked: Component | None = None
-) -> str:
-    """A name for everything an FMU is made from; reading it needs no CasADi."""
-    digest = _digest([name, fmi, compiler.command, compiler.identity, _versions(), repr(baked)])
+def key(name: str, fmi: Fmi) -> str:
+    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
+    digest = _digest([name, fmi])
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):
         for file in _files(place):
@@ -284,9 +320,30 @@ def _fingerprint(
     return digest.hexdigest()[:32]
 
 
+def library_key(sources: Mapping[str, bytes], units: Sequence[Unit], platform: str) -> str:
+    """A name for everything that a shared library is made from, but the compiler."""
+    digest = _digest([platform, [(unit.source, unit.flags) for unit in units]])
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
+    return digest.hexdigest()[:32]
+
+
+def _fingerprint(
+    name: str, fmi: Fmi, ccs: Sequence[compilers.Compiler], baked: Component | None = None
+) -> str:
+    """A name for everything that an FMU is made from, with the tools."""
+    tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
+    return _digest([key(name, fmi), tools, _versions(), repr(baked)]).hexdigest()[:32]
+
+
 @remember
 def _versions() -> list[str]:
-    return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
+    try:
+        return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
+    except metadata.PackageNotFoundError as error:
+        raise BuildError(
+            f"building FMUs needs the package {error.name}: pip install 'sblcosim[models]'"
+        ) from None
 
 
 def _digest(facts: object) -> hashlib._Hash:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from sblcosim.fmus import compiler, factory
+from sblcosim.fmus import factory
+from sblcosim.fmus.compiler import Compiler
 from sblcosim.fmus.errors import BuildError
 
 FOLDER = Path(__file__).with_name("c")
 
 
-@cache
-def load(name: str, lanes: bool = False, header: str = "") -> ctypes.CDLL:
-    """Load a driver.
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """What a driver is made from.
 
-    Parameters
+    Attributes
     ----------
     name
         Of its source in ``c/``, without the suffix.
@@ -24,28 +26,45 @@ def load(name: str, lanes: bool = False, header: str = "") -> ctypes.CDLL:
         Whether it is built once per number of lanes, with the engine's headers.
     header
         Text of its generated header, of the same name.
+    """
+
+    name: str
+    lanes: bool = False
+    header: str = ""
+
+
+def library(driver: Driver, compiler: Compiler | None = None) -> Path:
+    """Return a driver's shared library: for this process, or by a compiler for any platform.
 
     Raises
     ------
     BuildError
         It has to be compiled, and there is no compiler or it fails.
     """
-    path = FOLDER / f"{name}.so"
-    if not path.is_file():
-        file = f"{name}.c"
-        sources = {file: (FOLDER / file).read_bytes()}
-        if header:
-            sources[f"{name}.h"] = header.encode()
-        if lanes:
-            sources |= factory.engine_headers()
-        units = factory.lane_units(file) if lanes else (factory.Unit(file),)
-        path = factory.library(name, sources, units)
-    return ctypes.CDLL(str(path))
+    file = f"{driver.name}.c"
+    sources = {file: (FOLDER / file).read_bytes()}
+    if driver.header:
+        sources[f"{driver.name}.h"] = driver.header.encode()
+    if driver.lanes:
+        sources |= factory.engine_headers()
+    return factory.library(driver.name, sources, driver.lanes, compiler)
 
 
-def available(name: str) -> bool:
-    """Whether a driver is there or could be compiled."""
+@cache
+def load(driver: Driver) -> ctypes.CDLL:
+    """Load a driver.
+
+    Raises
+    ------
+    BuildError
+        As `library`.
+    """
+    return ctypes.CDLL(str(library(driver)))
+
+
+def available(driver: Driver) -> bool:
+    """Whether a driver is there or can be compiled."""
     try:
-        return (FOLDER / f"{name}.so").is_file() or bool(compiler.find())
+        return bool(library(driver))
     except BuildError:
         return False

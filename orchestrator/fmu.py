@@ -32,6 +32,7 @@ import numpy as np
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from numpy.typing import NDArray
+from sblcosim.fmus.platforms import folders, suffix, this_platform
 from sblcosim.fmus.terminals import TERMINALS, port_names
 from sblcosim.models.declaration import Number, Variable
 
@@ -218,14 +219,15 @@ def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
 
 def _binary(fmu: Fmu, names: Iterable[str]) -> PurePosixPath:
     """Where the FMU keeps the binary for this machine."""
-    folders = (fmpy.platform_tuple,) if fmu.fmi == 3 else (fmpy.platform_tuple, fmpy.platform)
+    here = this_platform()
+    places = folders(here, 2 if fmu.fmi == 2 else 3)
     binaries = [PurePosixPath(n) for n in names if n.startswith("binaries/") and n[-1] != "/"]
-    for folder in folders:
-        binary = PurePosixPath("binaries", folder, fmu.identifier + fmpy.sharedLibraryExtension)
+    for folder in places:
+        binary = PurePosixPath("binaries", folder, fmu.identifier + suffix(here))
         if binary in binaries:
             return binary
     has = ", ".join(sorted({binary.parts[1] for binary in binaries})) or "no binary at all"
-    raise FmuError(f"{fmu.path}: must have a binary for {folders[-1]}, got {has}")
+    raise FmuError(f"{fmu.path}: must have a binary for {places[0]}, got {has}")
 
 
 def ports_of(variables: Iterable[Variable]) -> dict[str, Port]:

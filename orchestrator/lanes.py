@@ -32,6 +32,13 @@ Floats = NDArray[np.float64]
 ENTRY = "sblcosim_lanes"
 _MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16
 _GROUPS_PER_CALL = 16
+DRIVER = drivers.Driver(
+    "lanes_master",
+    lanes=True,
+    header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
+    " /* sums per receiver and run */\n"
+    f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS} }};\n",
+)
 
 
 class _Lanes(ctypes.Structure):
@@ -447,12 +454,7 @@ def _starts(component: PlannedComponent, engine: _Lanes) -> Floats:
 
 
 def _driver() -> ctypes.CDLL:
-    names = ", ".join(name.upper() for name in SUMS)
-    header = (
-        f"enum sum {{ {names}, SUMS }}; /* sums per receiver and run */\n"
-        f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS} }};\n"
-    )
-    return drivers.load("lanes_master", lanes=True, header=header)
+    return drivers.load(DRIVER)
 
 
 def _engine(component: PlannedComponent, lanes: int) -> Any:

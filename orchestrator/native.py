@@ -67,9 +67,12 @@ class _Run(ctypes.Structure):
     )  # fmt: skip
 
 
+DRIVER = drivers.Driver("native")
+
+
 def available() -> bool:
     """Whether the loop is there or can be compiled."""
-    return drivers.available("native")
+    return drivers.available(DRIVER)
 
 
 def foreign(plan: Plan) -> PlannedComponent | None:
@@ -129,7 +132,7 @@ def execute(
 
 
 def _driver() -> ctypes.CDLL:
-    driver = drivers.load("native")
+    driver = drivers.load(DRIVER)
     driver.native_run.argtypes, driver.native_run.restype = (ctypes.POINTER(_Run),), None
     driver.native_guard.argtypes, driver.native_guard.restype = (ctypes.c_int,), None
     return driver

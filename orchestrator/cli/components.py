@@ -24,6 +24,14 @@ def build(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
         Path("fmus")
     ),
+    all_platforms: Annotated[
+        bool,
+        typer.Option(
+            "--all-platforms",
+            help="For Linux and macOS on x86-64 and ARM and Windows on x86-64 in one file; "
+            "none: for this machine.",
+        ),
+    ] = False,
 ) -> None:
     """Build our components as FMUs.
 
@@ -34,7 +42,7 @@ def build(
 
     with waiting("building"):
         built = [
-            (build_fmu(name, version), out / f"fmi{version}" / f"{name}.fmu")
+            (build_fmu(name, version, all_platforms), out / f"fmi{version}" / f"{name}.fmu")
             for version in ((2, 3) if fmi is None else (fmi,))
             for name in (names or COMPONENTS)
         ]

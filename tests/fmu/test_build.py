@@ -159,7 +159,7 @@ def test_two_builds_are_byte_identical(
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
     monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
-    factory.write(tmp_path / f"{name}.fmu", name, fmi, compiler.find())
+    factory.write(tmp_path / f"{name}.fmu", name, fmi, [compiler.find()])
     assert (tmp_path / f"{name}.fmu").read_bytes() == expected
 
 
@@ -182,7 +182,7 @@ def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     cc = compiler.find()
 
     def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = cc) -> str:
-        return factory._fingerprint(name, fmi, cc)
+        return factory._fingerprint(name, fmi, [cc])
 
     seen = {known_as()}
 

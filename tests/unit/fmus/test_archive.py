@@ -6,7 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from sblcosim.fmus.archive import contents, library_suffix, licence, platform_folder, write_fmu
+from sblcosim.fmus.archive import contents, licence, write_fmu
 from sblcosim.fmus.description import Fmi
 from sblcosim.models.equations import load
 
@@ -47,28 +47,10 @@ def test_failed_write_leaves_the_old_archive_and_no_remains(tmp_path: Path) -> N
     assert [p.name for p in tmp_path.iterdir()] == ["a.fmu"]
 
 
-@pytest.mark.parametrize(
-    ("system", "machine", "folders"),
-    [
-        ("Linux", "x86_64", ("linux64", "x86_64-linux")),
-        ("Windows", "AMD64", ("win64", "x86_64-windows")),
-        ("Darwin", "x86_64", ("darwin64", "x86_64-darwin")),
-        ("Darwin", "arm64", ("aarch64-darwin", "aarch64-darwin")),
-        ("Linux", "aarch64", ("aarch64-linux", "aarch64-linux")),
-    ],
-)
-def test_platform_folders_have_the_names_of_the_standard(
-    system: str, machine: str, folders: tuple[str, str]
-) -> None:
-    assert (platform_folder(system, machine, 2), platform_folder(system, machine, 3)) == folders
-    suffix = {"Linux": ".so", "Windows": ".dll", "Darwin": ".dylib"}[system]
-    assert {library_suffix(name) for name in (system, *folders)} == {suffix}
-
-
 @pytest.mark.parametrize(("fmi", "folder"), [(2, "win64"), (3, "x86_64-windows")])
 def test_contents_have_their_places(fmi: Fmi, folder: str) -> None:
     sources = {"model.c": b"1", "model.h": b"2"}
-    files = contents(load("range_model"), fmi, "token", sources, {folder: b"3"})
+    files = contents(load("range_model"), fmi, "token", sources, {"x86_64-windows": b"3"})
     assert files[f"binaries/{folder}/RangeModel.dll"] == b"3"
     assert files["sources/model.h"] == b"2"
     assert files["documentation/licenses/license.txt"] == licence().encode()

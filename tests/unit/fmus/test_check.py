@@ -12,16 +12,11 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 from sblcosim.fmus import compiler, factory
-from sblcosim.fmus.archive import (
-    contents,
-    library_suffix,
-    platform_folder,
-    this_machine,
-    write_fmu,
-)
+from sblcosim.fmus.archive import contents, write_fmu
 from sblcosim.fmus.check import Report, check_receiver
 from sblcosim.fmus.description import Fmi
 from sblcosim.fmus.errors import FmuError
+from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.terminals import TERMINALS
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model
@@ -42,11 +37,11 @@ UNITS = (
 
 
 def here(fmi: Fmi) -> str:
-    return platform_folder(*this_machine(), fmi)
+    return folder(this_platform(), fmi)
 
 
 def binary(fmi: Fmi) -> dict[str, bytes]:
-    return {f"binaries/{here(fmi)}/R{library_suffix(here(fmi))}": b""}
+    return {f"binaries/{here(fmi)}/R{suffix(here(fmi))}": b""}
 
 
 def fmi2(variables: Mapping[str, str], interface: str = "CoSimulation") -> bytes:

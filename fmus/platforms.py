@@ -1,0 +1,96 @@
+"""The platforms that FMUs are built for. A platform has the name that FMI 3 gives it.
+
+FMI 3 (section 2.5.1.4.1) joins architecture and system, e.g. ``aarch64-linux``, to name the folder
+of a binary. FMI 2 has older names for the x86-64 platforms and since 2.0.4 takes those of FMI 3 for
+the others.
+"""
+
+from __future__ import annotations
+
+import platform
+import struct
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .description import Fmi
+
+ZIG_TARGETS = {
+    "x86_64-linux": "x86_64-linux-gnu.2.17",
+    "aarch64-linux": "aarch64-linux-gnu.2.17",
+    "x86_64-windows": "x86_64-windows-gnu",
+    "x86_64-darwin": "x86_64-macos.11.0",
+    "aarch64-darwin": "aarch64-macos.11.0",
+}
+"""All platforms, with what zig calls them: the oldest glibc and macOS that will do."""
+
+PLATFORMS = tuple(ZIG_TARGETS)
+
+_FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
+_MACHINES = {"amd64": "x86_64", "x64": "x86_64", "arm64": "aarch64"}
+
+
+def platform_of(system: str, machine: str) -> str:
+    """Name of a platform, from `platform.system` and `platform.machine`, in any case."""
+    machine = machine.lower()
+    return f"{_MACHINES.get(machine, machine)}-{system.lower()}"
+
+
+def this_platform() -> str:
+    """The platform that Python runs on."""
+    return platform_of(platform.system(), platform.machine())
+
+
+def folder(name: str, fmi: Fmi) -> str:
+    """The folder in ``binaries`` that the standard has for a platform."""
+    return _FMI2_FOLDERS.get(name, name) if fmi == 2 else name
+
+
+def folders(name: str, fmi: Fmi) -> tuple[str, ...]:
+    """The folders in ``binaries`` where a platform's library may be, the likeliest first.
+
+    In FMI 2, many tools put (and, as FMPy, look for) the library of a 64-bit system into the folder
+    of its x86-64 kind whatever the processor.
+    """
+    if fmi == 3:
+        return (name,)
+    x86 = _FMI2_FOLDERS.get(f"x86_64-{name.partition('-')[2]}")
+    return tuple(dict.fromkeys((folder(name, 2), name, *([x86] if x86 else []))))
+
+
+def suffix(name: str) -> str:
+    """File name suffix of a shared library, by platform, folder or system."""
+    name = name.lower()
+    if "darwin" in name:
+        return ".dylib"
+    return ".dll" if "win" in name else ".so"
+
+
+def in_folders(libraries: Mapping[str, bytes], fmi: Fmi) -> dict[str, bytes]:
+    """Shared libraries by folder, from those by platform.
+
+    In FMI 2 the library in ``darwin64`` is for both processors if there are both, because tools
+    look there on either. (Linux has no such files: there ``aarch64-linux`` is the only place.)
+    """
+    found = {folder(name, fmi): library for name, library in libraries.items()}
+    both = [libraries.get(f"{machine}-darwin") for machine in _MACH_O]
+    if fmi == 2 and None not in both:
+        found["darwin64"] = universal([library for library in both if library is not None])
+    return found
+
+
+_MACH_O = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}
+"""Processors of macOS: type and subtype in a Mach-O file."""
+
+
+def universal(libraries: list[bytes]) -> bytes:
+    """Join Mach-O libraries, in the order x86-64 and ARM, to one file for both processors."""
+    alignment = 14  # as a power of two: pages of 16 KiB
+    header = struct.pack(">II", 0xCAFEBABE, len(libraries))
+    body = bytearray()
+    start = 1 << alignment
+    for (kind, subtype), library in zip(_MACH_O.values(), libraries, strict=True):
+        header += struct.pack(">5I", kind, subtype, start + len(body), len(library), alignment)
+        body += library
+        body += bytes(-len(body) % (1 << alignment))
+    return header.ljust(start, b"\0") + bytes(body)
