@@ -203,8 +203,7 @@ def library(
     """
     platform = this_platform() if compiler is None else compiler.platform
     file = f"{name}{suffix(platform)}"
-    units = lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
-    made_from = library_key(sources, units, platform)
+    made_from = library_key(name, sources, lanes, platform)
     found = _ready(made_from, file) if compiler is None else None
     if found is not None:
         return found
@@ -213,10 +212,14 @@ def library(
     path = cache() / folder / file
     if not os.path.isfile(path):
         _make_folder(path)
-        binary = compile_shared(sources, units, compiler)
+        binary = compile_shared(sources, _library_units(name, lanes, platform), compiler)
         with _caching():
             write_file(path, binary)
     return path
+
+
+def _library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
+    return lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
 
 
 def compile_shared(
@@ -274,7 +277,8 @@ def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
     from ..models.equations import load
 
     sources = {**engine_sources(load(name)), **_c_files(_LANES)}
-    return compile_objects(sources, [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)], compiler)
+    units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
+    return compile_objects(sources, units, compiler)
 
 
 def fmi_headers() -> Path:
@@ -320,9 +324,10 @@ def key(name: str, fmi: Fmi) -> str:
     return digest.hexdigest()[:32]
 
 
-def library_key(sources: Mapping[str, bytes], units: Sequence[Unit], platform: str) -> str:
-    """A name for everything that a shared library is made from, but the compiler."""
-    digest = _digest([platform, [(unit.source, unit.flags) for unit in units]])
+def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
+    """A name for everything that a `library` is made from, but the compiler."""
+    units = [(unit.source, unit.flags) for unit in _library_units(name, lanes, platform)]
+    digest = _digest([platform, units])
     for file in sorted(sources):
         digest.update(file.encode() + b"\0" + sources[file] + b"\0")
     return digest.hexdigest()[:32]

@@ -41,13 +41,22 @@ def library(driver: Driver, compiler: Compiler | None = None) -> Path:
     BuildError
         It has to be compiled, and there is no compiler or it fails.
     """
+    return factory.library(driver.name, _sources(driver), driver.lanes, compiler)
+
+
+def key(driver: Driver, platform: str) -> str:
+    """A name for everything that a driver is made from, but the compiler."""
+    return factory.library_key(driver.name, _sources(driver), driver.lanes, platform)
+
+
+def _sources(driver: Driver) -> dict[str, bytes]:
     file = f"{driver.name}.c"
     sources = {file: (FOLDER / file).read_bytes()}
     if driver.header:
         sources[f"{driver.name}.h"] = driver.header.encode()
     if driver.lanes:
         sources |= factory.engine_headers()
-    return factory.library(driver.name, sources, driver.lanes, compiler)
+    return sources
 
 
 @cache

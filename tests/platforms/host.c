@@ -25,7 +25,7 @@ static void *load(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL)
 static void *look_up(void *library, const char *name) { return dlsym(library, name); }
 #endif
 
-enum { FLOAT64, INT32, BOOLEAN, TYPES };
+enum { REAL, INTEGER, LOGICAL, TYPES };
 static const char *const NAMES[2][TYPES] = {{"Real", "Integer", "Boolean"},
                                             {"Float64", "Int32", "Boolean"}};
 
@@ -119,9 +119,9 @@ static void call(const struct component *c, const char *verb, const struct acces
     int *booleans2 = memory;
     bool *booleans3 = memory;
     for (size_t i = 0; i < n && !get; i++) {
-        if (a->type == FLOAT64)
+        if (a->type == REAL)
             floats[i] = values[i];
-        else if (a->type == INT32)
+        else if (a->type == INTEGER)
             integers[i] = (int32_t)values[i];
         else if (c->fmi == 2)
             booleans2[i] = values[i] != 0;
@@ -133,8 +133,8 @@ static void call(const struct component *c, const char *verb, const struct acces
     else
         check(((fmi3GetFloat64TYPE *)f)(c->instance, a->references, r, memory, n), verb);
     for (size_t i = 0; i < n && get; i++)
-        values[i] = a->type == FLOAT64  ? floats[i]
-                    : a->type == INT32  ? integers[i]
+        values[i] = a->type == REAL  ? floats[i]
+                    : a->type == INTEGER  ? integers[i]
                     : c->fmi == 2       ? booleans2[i]
                                         : booleans3[i];
     free(memory);
@@ -168,7 +168,7 @@ static double element(const struct component *c, unsigned i)
 {
     const char type = c->types[i];
     unsigned reference = i + 1; /* 0 is the time */
-    const struct access a = {.type = type == 'F' ? FLOAT64 : type == 'I' ? INT32 : BOOLEAN,
+    const struct access a = {.type = type == 'F' ? REAL : type == 'I' ? INTEGER : LOGICAL,
                              .n_references = 1, .n_values = 1, .references = &reference};
     double value;
     call(c, "Get", &a, &value);

@@ -1,0 +1,93 @@
+"""Make the wheels of a release: they bring FMUs and drivers ready-made.
+
+    python tools/release.py --out dist
+
+There is one wheel per platform, because the drivers are for one; the FMUs in each are for all. Who
+installs such a wheel needs neither a compiler nor CasADi, unless they change a model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from sblcosim import drivers, lanes, native
+from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.platforms import PLATFORMS
+from sblcosim.models import COMPONENTS
+
+ROOT = Path(__file__).parents[1]
+SOURCES = ("orchestrator", "models", "fmus", "pyproject.toml", "README.md", "LICENSE")
+TAGS = {
+    "x86_64-linux": "manylinux_2_17_x86_64",
+    "aarch64-linux": "manylinux_2_17_aarch64",
+    "x86_64-windows": "win_amd64",
+    "x86_64-darwin": "macosx_11_0_x86_64",
+    "aarch64-darwin": "macosx_11_0_arm64",
+}
+"""What wheels call the platforms; the versions are those of `ZIG_TARGETS`."""
+
+
+def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[str, Path]:
+    """All our FMUs, built, by their places among the ready-made files."""
+    return {
+        f"{factory.key(name, fmi)}/{name}.fmu": factory.build(name, fmi, all_platforms)
+        for fmi in versions
+        for name in COMPONENTS
+    }
+
+
+def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
+    """Write the wheel for what a compiler compiles for.
+
+    Parameters
+    ----------
+    ready
+        Files that come along beside the drivers, by their places.
+    """
+    made = dict(ready)
+    for driver in (native.DRIVER, lanes.DRIVER):
+        file = drivers.library(driver, cc)
+        made[f"{drivers.key(driver, cc.platform)}/{file.name}"] = file
+    with tempfile.TemporaryDirectory(prefix="sblcosim-release-") as name:
+        source = Path(name)
+        for entry in SOURCES:
+            if (ROOT / entry).is_dir():
+                skip = shutil.ignore_patterns("__pycache__", "ready")
+                shutil.copytree(ROOT / entry, source / entry, ignore=skip)
+            else:
+                shutil.copyfile(ROOT / entry, source / entry)
+        for place, file in made.items():
+            target = source / "fmus" / factory.READY.name / place
+            target.parent.mkdir(parents=True)
+            shutil.copyfile(file, target)
+        subprocess.run(
+            [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
+             f"--config-settings=--build-option=--plat-name={TAGS[cc.platform]}",
+             "--wheel-dir", str(out), str(source)],
+            check=True,
+        )
+
+
+def main() -> None:
+    """Make all wheels, or those that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("dist"), help="folder for the wheels")
+    parser.add_argument(
+        "--platform", action="append", choices=PLATFORMS, help="may be repeated; none: all"
+    )
+    arguments = parser.parse_args()
+    ready = fmus()
+    for cc in compiler.for_every_platform():
+        if cc.platform in (arguments.platform or PLATFORMS):
+            wheel(arguments.out, cc, ready)
+    print(*sorted(arguments.out.glob("*.whl")), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
