@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import zipfile
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,10 @@ from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
 from sblcosim.fmus import compiler, factory
 from sblcosim.fmus.errors import BuildError
+from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
 
+from . import binaries
 from .host import NOISY, TICKS, Host, assert_same_bits, chain, grid, host
 
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -291,6 +295,72 @@ def test_zig_builds_fmus_with_equal_results(
         assert exported == declared_functions(fmi) | {LANES}
 
 
+def libraries(path: Path, fmi: Any) -> dict[str, bytes]:
+    """The shared libraries of an FMU by the name of their folder."""
+    with zipfile.ZipFile(path) as archive:
+        return {
+            name.split("/")[1]: archive.read(name)
+            for name in archive.namelist()
+            if name.startswith("binaries/")
+        }
+
+
+FOUR = tuple(name for name in PLATFORMS if name != "x86_64-windows")
+"""Those for which zig needs no minutes to make the C runtime when it is first used."""
+
+
+@pytest.mark.skipif(compiler.zig() is None, reason="needs ziglang")
+@pytest.mark.parametrize(
+    ("name", "platforms"),
+    [
+        (SMALL, FOUR),
+        *(pytest.param(name, PLATFORMS, marks=pytest.mark.slow) for name in COMPONENTS),
+    ],
+)
+def test_one_fmu_runs_on_all_platforms(
+    name: str, platforms: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Each library exports the functions of the standard and the lanes, and needs an old libc."""
+    allowed = {
+        "linux": r"libc\.so\.6|ld-linux-.*",
+        "windows": r"kernel32\.dll|api-ms-win-crt-.*\.dll",
+        "darwin": r"/usr/lib/libSystem\.B\.dylib",
+    }
+    monkeypatch.setattr(compiler, "PLATFORMS", platforms)
+    for fmi in (2, 3):
+        path = factory.build(name, fmi, all_platforms=True)  # type: ignore[arg-type]
+        assert validate_fmu(str(path)) == []
+        found = libraries(path, fmi)
+        assert set(found) == {folder(platform, fmi) for platform in platforms}  # type: ignore[arg-type]
+        if fmi == 2:
+            slices = found["darwin64"]
+            assert slices[:4] == bytes.fromhex("cafebabe")
+            (start, size) = struct.unpack_from(">8xII", slices, 8)
+            found["darwin64"] = slices[start : start + size]
+        for platform in platforms:
+            binary = binaries.read(found[folder(platform, fmi)])  # type: ignore[arg-type]
+            assert binary.machine == platform
+            # zig's linker adds two labels for the header of a Mach-O file.
+            exports = binary.exports - {"_mh_dylib_header", "__dso_handle"}
+            assert exports == declared_functions(fmi) | {LANES}
+            system = platform.partition("-")[2]
+            needs = [re.fullmatch(allowed[system], library) for library in binary.needs]
+            assert needs
+            assert all(needs), binary.needs
+            versions = {tuple(map(int, v[6:].split("."))) for v in binary.versions}
+            assert (max(versions) <= (2, 17)) if system == "linux" else not versions
+        here = this_platform()
+        if here in platforms:
+            assert_same_bits(
+                run_of(path, name, fmi),
+                host(name, fmi).start(NOISY[name]).run(grid(TICKS), chain()[name]),
+            )
+    if name == SMALL:
+        again = tmp_path / "again.fmu"
+        factory.write(again, name, 3, compiler.for_every_platform())
+        assert again.read_bytes() == path.read_bytes()
+
+
 # Errors ------------------------------------------------------------------------------------------
 
 
@@ -312,6 +382,51 @@ def test_without_a_compiler_the_error_says_what_to_install(
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
     with pytest.raises(BuildError, match=r"install gcc or clang, or pip install 'sblcosim\[zig\]'"):
         factory.build(SMALL)
+
+
+def test_without_zig_the_error_says_what_to_install(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiler, "zig", lambda _: None)
+    with pytest.raises(
+        BuildError, match=r"all platforms needs the package ziglang: pip install 'sblcosim\[zig\]'"
+    ):
+        factory.build(SMALL, all_platforms=True)
+
+
+def test_without_casadi_the_error_says_what_to_install(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def version(package: str) -> str:
+        if package == "casadi":
+            raise PackageNotFoundError(package)
+        return "1"
+
+    factory._versions.cache_clear()
+    monkeypatch.setattr(factory.metadata, "version", version)
+    with pytest.raises(
+        BuildError, match=r"needs the package casadi: pip install 'sblcosim\[models\]'"
+    ):
+        factory.build(SMALL)
+
+
+def test_ready_made_fmu_is_used_while_the_sources_are_its_own(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factory, "READY", fresh_cache / "ready")
+    monkeypatch.delenv(compiler.VARIABLE, raising=False)
+    ready = factory.READY / factory.key(SMALL, 2) / f"{SMALL}.fmu"
+    ready.parent.mkdir(parents=True)
+    ready.write_bytes(b"ready-made")
+    monkeypatch.setattr(factory, "write", lambda *_: pytest.fail("built"))
+    assert factory.build(SMALL, 2) == factory.build(SMALL, 2, all_platforms=True) == ready
+    with monkeypatch.context() as patch:
+        patch.setenv(compiler.VARIABLE, compiler.find().command[0])
+        with pytest.raises(pytest.fail.Exception):
+            factory.build(SMALL, 2)
+    monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-g"))
+    with pytest.raises(pytest.fail.Exception):
+        factory.build(SMALL, 2)
 
 
 def test_compiler_that_is_asked_for_must_be_there(
