@@ -265,7 +265,7 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
     return build(
         name,
         fmi,
-        replace(
+        baked=replace(
             declared,
             variables=tuple(
                 replace(v, start=values[v.name] if v.shape else values[v.name][0])

@@ -22,7 +22,7 @@ def test_every_model_folder_has_a_readme() -> None:
 def test_files_that_a_document_names_exist(path: Path) -> None:
     text = path.read_text()
     links = re.findall(r'(?:src|srcset)="([^"]+)"|\]\(([^)#:]+)\)', text)
-    folders = "tests|benchmarks|examples|models|fmus|orchestrator|docs"
+    folders = "tests|tools|benchmarks|examples|models|fmus|orchestrator|docs"
     named = re.findall(rf"`((?:{folders})/[\w/.-]+\.\w+)`", text)
     for name in [*(a or b for a, b in links), *named]:
         assert (path.parent / name).exists() or (ROOT / name).exists(), name
