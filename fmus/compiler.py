@@ -81,7 +81,12 @@ class Compiler:
     def _run(self, arguments: Sequence[str], folder: Path) -> None:
         try:
             done = subprocess.run(
-                [*self.command, *arguments], cwd=folder, capture_output=True, text=True, check=False
+                [*self.command, *arguments],
+                cwd=folder,
+                env={**os.environ, "SOURCE_DATE_EPOCH": "315532800"},  # 1980: DLLs have a date
+                capture_output=True,
+                text=True,
+                check=False,
             )
         except OSError as error:
             raise BuildError(
