@@ -66,6 +66,13 @@ def suffix(name: str) -> str:
     return ".dll" if "win" in name else ".so"
 
 
+def machine_of(start: bytes) -> str | None:
+    """The processor a Linux library is for, from its first 20 bytes; None if they do not say."""
+    if len(start) < 20 or start[:4] != b"\x7fELF":
+        return None
+    return {62: "x86_64", 183: "aarch64"}.get(int.from_bytes(start[18:20], "little"))
+
+
 def in_folders(libraries: Mapping[str, bytes], fmi: Fmi) -> dict[str, bytes]:
     """Shared libraries by folder, from those by platform.
 

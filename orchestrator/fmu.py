@@ -32,7 +32,7 @@ import numpy as np
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from numpy.typing import NDArray
-from sblcosim.fmus.platforms import folders, suffix, this_platform
+from sblcosim.fmus.platforms import folders, machine_of, suffix, this_platform
 from sblcosim.fmus.terminals import TERMINALS, port_names
 from sblcosim.models.declaration import Number, Variable
 
@@ -213,7 +213,13 @@ def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
         log_categories=tuple(category.name for category in description.logCategories),
         ports=MappingProxyType(ports),
     )
-    _binary(fmu, names)
+    binary = str(_binary(fmu, names))
+    with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open(binary) as file:
+        machine = machine_of(file.read(20))
+    here = this_platform()
+    if machine not in (None, here.partition("-")[0]):
+        # Said here, as the loader of Linux only says that there is no such file.
+        raise FmuError(f"{path}: must have a binary for {here}, got {binary} for {machine}")
     return fmu
 
 

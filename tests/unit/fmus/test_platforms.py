@@ -11,6 +11,7 @@ from sblcosim.fmus.platforms import (
     folder,
     folders,
     in_folders,
+    machine_of,
     platform_of,
     suffix,
     this_platform,
@@ -74,3 +75,9 @@ def test_fmi_2_has_one_library_for_both_macs() -> None:
     assert in_folders(libraries, 3) == libraries
     one = {"x86_64-darwin": b"1"}
     assert in_folders(one, 2) == {"darwin64": b"1"}
+
+
+def test_the_processor_of_a_linux_library_is_told_from_its_header() -> None:
+    for number, machine in ((62, "x86_64"), (183, "aarch64"), (243, None)):
+        assert machine_of(b"\x7fELF".ljust(18, b"\0") + bytes([number, 0])) == machine
+    assert machine_of(b"") is machine_of(b"MZ" * 10) is None

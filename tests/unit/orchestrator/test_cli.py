@@ -193,6 +193,21 @@ def test_build_writes_the_fmus_of_both_versions(cli: Callable[..., Result]) -> N
     assert {p.stem for p in Path("all/fmi3").iterdir()} == set(COMPONENTS)
 
 
+def test_build_for_all_platforms_says_so_to_the_factory_and_what_is_missing(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sblcosim.fmus import compiler
+
+    monkeypatch.setattr(compiler, "zig", lambda *_: None)
+    done = cli("build", "range_model", "--all-platforms")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "error: building for all platforms needs the package ziglang: "
+        "pip install 'sblcosim[zig]'\n"
+    )
+    assert not Path("fmus").exists()
+
+
 def test_check_says_whether_an_fmu_can_be_a_receiver(cli: Callable[..., Result]) -> None:
     good, bad = cli("check", build("sequential", 3)), cli("check", build("platform"))
     assert (good.exit_code, bad.exit_code) == (0, 1)

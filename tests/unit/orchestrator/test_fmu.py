@@ -142,6 +142,17 @@ def test_an_fmu_for_another_machine_says_what_it_has(tmp_path, stranger, fmi):
     assert refusal(path).endswith(f"must have a binary for {here}, got pdp11, riscv64-linux")
 
 
+def test_an_fmu_for_another_processor_in_the_usual_folder_says_so(tmp_path, stranger, monkeypatch):
+    path = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(stranger(2)) as source, zipfile.ZipFile(path, "w") as target:
+        target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+        target.writestr("binaries/linux64/stranger.so", b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")
+    monkeypatch.setattr(fmus, "this_platform", lambda: "aarch64-linux")
+    assert refusal(path).endswith(
+        "must have a binary for aarch64-linux, got binaries/linux64/stranger.so for x86_64"
+    )
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_wrong_token_shows_what_the_fmu_says(tmp_path, fmi):
     path = build_stranger(fmi, tmp_path, lambda text: text.replace("stranger-1", "stranger-2"))

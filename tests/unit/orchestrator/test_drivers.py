@@ -1,0 +1,76 @@
+"""The drivers: for every platform, ready-made or compiled once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from sblcosim import drivers, lanes, native
+from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.compiler import Compiler
+from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
+
+BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes.DRIVER], ids=lambda d: d.name)
+
+
+@pytest.fixture
+def units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sequence[factory.Unit]]:
+    """What is compiled: nothing, in truth."""
+    compiled: list[Sequence[factory.Unit]] = []
+
+    def compile_shared(_: object, units: Sequence[factory.Unit], cc: Compiler) -> bytes:
+        compiled.append(units)
+        return cc.platform.encode()
+
+    monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.delenv(compiler.VARIABLE, raising=False)
+    monkeypatch.setattr(factory, "READY", tmp_path / "ready")
+    monkeypatch.setattr(factory, "compile_shared", compile_shared)
+    return compiled
+
+
+@BOTH
+def test_each_platform_has_its_own_library(
+    driver: drivers.Driver, units: list[Sequence[factory.Unit]]
+) -> None:
+    for _ in range(2):  # the second time they are there
+        for name in PLATFORMS:
+            path = drivers.library(driver, Compiler(("cc",), "cc 1", name))
+            assert path.name == f"{driver.name}{suffix(name)}"
+            assert path.read_bytes() == name.encode()
+    assert len(units) == len(PLATFORMS)
+    assert len({drivers.key(driver, name) for name in PLATFORMS}) == len(PLATFORMS)
+    if driver.lanes:  # 1, 2, 4 and 8 simulations at once on x86-64, 1 and 2 on ARM
+        assert [len(u) for u in units] == [4 if "x86" in name else 2 for name in PLATFORMS]
+
+
+@BOTH
+def test_what_came_along_is_used_while_the_sources_are_its_own(
+    driver: drivers.Driver,
+    units: list[Sequence[factory.Unit]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    here = this_platform()
+    ready = factory.READY / drivers.key(driver, here) / f"{driver.name}{suffix(here)}"
+    ready.parent.mkdir(parents=True)
+    ready.write_bytes(b"")
+    assert drivers.library(driver) == ready
+    assert drivers.available(driver)
+    changed = tmp_path / "c"
+    changed.mkdir()
+    source = (drivers.FOLDER / f"{driver.name}.c").read_text()
+    (changed / f"{driver.name}.c").write_text(source + "\n")
+    monkeypatch.setattr(drivers, "FOLDER", changed)
+    assert drivers.library(driver) != ready
+    assert len(units) == 1
+
+
+def test_a_driver_is_not_available_without_a_compiler(
+    units: list[Sequence[factory.Unit]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compiler, "zig", lambda: None)
+    compiler.find.cache_clear()
+    assert not drivers.available(native.DRIVER)
