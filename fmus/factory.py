@@ -314,8 +314,12 @@ def _c_files(names: Sequence[str]) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in names}
 
 
+@remember
 def key(name: str, fmi: Fmi) -> str:
-    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
+    """A name for the sources that an FMU is made from; reading them needs no CasADi.
+
+    They are read once: the modules among them have been imported.
+    """
     digest = _digest([name, fmi])
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):

@@ -418,12 +418,7 @@ def _values(where: str, port: Port, value: Any) -> tuple[Number, ...]:
     if len(elements) != port.size or (not port.shape and isinstance(value, (list, tuple))):
         must = f"{port.size} numbers" if port.shape else "one number"
         raise ConfigurationError(f"{where}: must be {must}, got {len(elements)}")
-    return tuple(
-        _element(where + _subscript(index), port, element, low, high)
-        for index, element, low, high in zip(
-            np.ndindex(port.shape), elements, port.min, port.max, strict=True
-        )
-    )
+    return tuple(_element(where, port, i, element) for i, element in enumerate(elements))
 
 
 def _subscript(index: tuple[int, ...]) -> str:
@@ -440,26 +435,35 @@ def _flat(value: Any) -> Iterator[Any]:
         yield value
 
 
-def _element(where: str, port: Port, value: Any, low: float, high: float) -> Number:
+def _element(name: str, port: Port, number: int, value: Any) -> Number:
+    problem = _problem(port, value, port.min[number], port.max[number])
+    if problem is not None:
+        index = tuple(int(i) for i in np.unravel_index(number, port.shape)) if port.shape else ()
+        raise ConfigurationError(f"{name}{_subscript(index)}: must be {problem}")
+    return float(value) if port.type.startswith("Float") else value
+
+
+def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
+    """What a value must be and is not."""
     if port.type == "Boolean":
         if not isinstance(value, bool):
-            raise ConfigurationError(f"{where}: must be true or false, got {value!r}")
-        return value
+            return f"true or false, got {value!r}"
+        return None
     real = port.type.startswith("Float")
     if isinstance(value, bool) or not isinstance(value, (int, float) if real else int):
         must = "a number" if real else "a whole number"
-        raise ConfigurationError(f"{where}: must be {must}, got {value!r}")
+        return f"{must}, got {value!r}"
     if not math.isfinite(value):
-        raise ConfigurationError(f"{where}: must be finite, got {value!r}")
+        return f"finite, got {value!r}"
     if not real:
         limits = np.iinfo(DTYPES[port.type])  # type: ignore[type-var]
         low, high = max(low, limits.min), min(high, limits.max)
     unit = f" {port.unit}" if port.unit else ""
     if value < low:
-        raise ConfigurationError(f"{where}: must be at least {low:.10g}{unit}, got {value!r}{unit}")
+        return f"at least {low:.10g}{unit}, got {value!r}{unit}"
     if value > high:
-        raise ConfigurationError(f"{where}: must be at most {high:.10g}{unit}, got {value!r}{unit}")
-    return float(value) if real else value
+        return f"at most {high:.10g}{unit}, got {value!r}{unit}"
+    return None
 
 
 def _connections(

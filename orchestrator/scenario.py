@@ -14,6 +14,7 @@ from decimal import Decimal
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -91,7 +92,7 @@ class Scenario(Table):
             presets["waypoint_count"] = len(self.target.waypoint_m) // 3
         for name, table in self._tables("target", "platform", "acoustics"):
             table.fill(
-                {k: default(COMPONENTS[name], v) for k, v in table.variables.items()}
+                {**_starts(name)}
                 | {k: v for k, v in presets.items() if k in table.variables}
                 | common
             )
@@ -107,7 +108,6 @@ class Scenario(Table):
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": "ekf"})
         update = float(Decimal(repr(self.time.sampling_time_s)) * self.time.ekf_ratio)
-        own = RECEIVERS.get(receiver.type or "")
         levels = {"range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m}
         derived = {
             key: max(level, receiver.variables[key].min or 0.0) for key, level in levels.items()
@@ -115,9 +115,9 @@ class Scenario(Table):
         derived["update_interval_s"] = update
         if receiver.prior == TRUE:
             derived["initialisation"] = "prior"
-        if own is not None:
-            known = {v.key: default(own, v) for v in own.of("parameter")}
-            derived = known | {k: v for k, v in derived.items() if k in known}
+        if receiver.type in RECEIVERS:
+            known = _starts(receiver.type)
+            derived = {**known} | {k: v for k, v in derived.items() if k in known}
         receiver.fill(derived)
         receiver.fill({"interval_s": receiver.update_interval_s})
 
@@ -224,6 +224,13 @@ class Scenario(Table):
     def true_prior(self) -> bool:
         """Whether the receivers are told the true start."""
         return bool(self.receiver.prior == TRUE)
+
+
+@cache
+def _starts(component: str) -> Mapping[str, Any]:
+    """A component's parameters where nothing is said of them."""
+    made = COMPONENTS[component]
+    return MappingProxyType({v.key: default(made, v) for v in made.of("parameter")})
 
 
 def _relative(file: Path, folder: Path) -> str:

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -335,9 +336,9 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
 
 def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
     """Write the true start, at rest, into the receivers' priors."""
-    position = initial_outputs(parts["target"].spec, ("position",))["position"]
+    position = _at_start(parts["target"].spec, "position")
     start: dict[str, Value] = {
-        "prior_position": tuple(float(x) for x in position),
+        "prior_position": position,
         "prior_velocity": (0.0, 0.0, 0.0),
     }
     for label in labels:
@@ -347,12 +348,29 @@ def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
         parts[label] = replace(part, spec=spec)
 
 
+def _at_start(spec: ComponentSpec, name: str) -> tuple[float, ...]:
+    """An output of a component at the start, its elements row by row."""
+    if isinstance(spec.fmu, Path):
+        known = tuple(sorted(spec.parameters.items()))
+        return _fmu_at_start(spec.fmu, read(spec.fmu).sha256, spec.interval_ns, known, name)
+    return tuple(map(float, initial_outputs(spec, (name,))[name].flat))
+
+
+@lru_cache(64)
+def _fmu_at_start(
+    fmu: Path, sha256: str, interval_ns: int, parameters: tuple[tuple[str, Value], ...], name: str
+) -> tuple[float, ...]:
+    """`_at_start` of an FMU, remembered: the points of a study share it."""
+    outputs = initial_outputs(ComponentSpec(fmu, interval_ns, dict(parameters)), (name,))
+    return tuple(map(float, outputs[name].flat))
+
+
 def _stop_ns(scenario: Scenario, target: _Part) -> int:
     duration = scenario.time.duration_s
     if duration == PATH:
         duration = 0.0
         if "path_duration" in target.names:
-            duration = float(initial_outputs(target.spec, ("path_duration",))["path_duration"])
+            (duration,) = _at_start(target.spec, "path_duration")
         if not 0.0 < duration < math.inf:
             raise ConfigurationError(
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
