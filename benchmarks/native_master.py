@@ -23,7 +23,7 @@ from pathlib import Path
 
 from python_master import CONNECTIONS, INTERVAL_NS, NAMES, Bare
 from sblcosim import native
-from sblcosim.fmus.factory import Unit, build, library
+from sblcosim.fmus.factory import build, library
 from sblcosim.master import chosen, initialised
 from sblcosim.masters import execute
 from sblcosim.models import COMPONENTS
@@ -71,7 +71,7 @@ def master(fmi: int, name: str) -> Benchmark:
 
 def loop_alone(fmi: int) -> Benchmark:
     """The native master's loop, with the same calls of functions that do nothing."""
-    nothing = ctypes.CDLL(str(library("nothing", {"nothing.c": NOTHING}, (Unit("nothing.c"),))))
+    nothing = ctypes.CDLL(str(library("nothing", {"nothing.c": NOTHING})))
     address = ctypes.cast(nothing.nothing, ctypes.c_void_p).value
 
     def seconds(steps: int) -> float:

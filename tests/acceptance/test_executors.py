@@ -216,7 +216,8 @@ def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch)
 
 def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "sblcosim", "study", "paper-scenario-1", "--executor", "processes"],
+        [sys.executable, "-m", "sblcosim", "study", "paper-scenario-1", "--executor", "processes",
+         "--replicates", "500"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
