@@ -73,17 +73,6 @@ FAVOURABLE: dict[str, dict[str, float]] = {
     "receiver": {"acceleration_psd_m2_s3": 0.1},
 }
 """The design point that fits the paper's Table 4, with what else was changed of the preset."""
-FAVOURABLE_TEXT = (
-    "GPS 0.1 m, baseline 3 m, sampling time 0.1 s, range 0.1 m, no packet loss, IMU 10°, depth "
-    "0.1 m; speed 0.3 m/s and process noise 0.1 m²/s³, where the preset has 0.5 and 0.01"
-)
-SESSION_TEXT = (
-    "GPS error that varies slowly (Gauss–Markov, 1.05 m per horizontal axis, 100 s, no white "
-    "part), baseline 3 m, sampling time 0.1 s, range 0.1 m, depth 0.05 m, IMU 1°, loss 50%, wave "
-    "angles of 3°, R squared, process noise 0.01 m²/s³, speed 0.5 m/s, depth 2 m"
-)
-
-
 @cache
 def facts() -> dict[str, Any]:
     """What the paper states."""
@@ -142,6 +131,38 @@ def plans(quick: bool = False) -> dict[str, Study]:
             "replicates": QUICK_SESSION_RUNS if quick else SESSION_RUNS,
         })
     return made
+
+
+def _favourable_in_words() -> str:
+    point = load_scenario("paper-scenario-1", FAVOURABLE)
+    preset = load_scenario("paper-scenario-1")
+    return (
+        f"{_sensors(point)}; speed {point.target.speed_m_s:g} m/s and process noise "
+        f"{point.receiver.acceleration_psd_m2_s3:g} m²/s³, where the preset has "
+        f"{preset.target.speed_m_s:g} and {preset.receiver.acceleration_psd_m2_s3:g}"
+    )
+
+
+def _sessions_in_words() -> str:
+    session = load_scenario("harbour-square")
+    platform, target = session.platform, session.target
+    return (
+        f"GPS error that varies slowly (Gauss–Markov, {platform.gps_horizontal_markov_std_m:g} m "
+        f"per horizontal axis, {platform.gps_correlation_time_s:g} s), {_sensors(session)}, wave "
+        f"angles of {platform.roll_amplitude_deg:g}°, R of variances, process noise "
+        f"{session.receiver.acceleration_psd_m2_s3:g} m²/s³, speed {target.speed_m_s:g} m/s, "
+        f"depth {target.depth_start_m:g} m"
+    )
+
+
+def _sensors(scenario: Any) -> str:
+    platform, acoustics = scenario.platform, scenario.acoustics
+    return (
+        f"white GPS error {platform.gps_horizontal_std_m:g} m, baseline "
+        f"{platform.arm_length_m:g} m, sampling time {scenario.time.sampling_time_s:g} s, range "
+        f"{acoustics.range_std_m:g} m, packet loss {acoustics.loss_probability:.0%}, IMU "
+        f"{platform.imu_tilt_std_deg:g}°, depth {scenario.target.depth_std_m:g} m"
+    )
 
 
 def run(
@@ -570,7 +591,7 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> Section:
         f"Ours: mean and standard deviation over all samples of {count} sessions each.")
     blocks: list[Block] = [
         Text(f"The paper gives sea state, depth, loss and sound speed of its sessions; the rest "
-             f"was chosen to come near its EKF rows: {SESSION_TEXT}."),
+             f"was chosen to come near its EKF rows: {_sessions_in_words()}."),
         table,
         Text("The EKF's errors are those of a GPS error that all beacons share and that varies "
              "slowly: its standard deviation is half of its mean, as a two-dimensional Gaussian "
@@ -766,7 +787,7 @@ def _averages(n: int, numbers: Numbers) -> list[Block]:
     return [
         Text(f"The paper calls them average values and does not say over what; they obey e_tot² = "
              f"e_x² + e_y² + e_z², as RMS errors do, and so ours are RMS errors of a run, then "
-             f"averaged. The favourable point: {FAVOURABLE_TEXT}."),
+             f"averaged. The favourable point: {_favourable_in_words()}."),
         _compared(f"Table {place} and the favourable point, mean of {count} runs", rows),
         Text(reading),
         _compared(
