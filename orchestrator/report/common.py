@@ -61,8 +61,9 @@ def reproduce(
     commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str], file: str = ""
 ) -> Section:
     """How to do it again; `file` is what must be saved before."""
+    given: list[Block] = [Text("Save this as a file of the name below:"), Code(file)]
     blocks: list[Block] = [
-        *([Text("Save this as a file of the name below:"), Code(file)] if file else []),
+        *(given if file else ()),
         Code("\n".join(commands)),
         *(Text(line) for line in lines),
         Text("Equal versions, seeds and FMUs give equal results to the last bit, whatever the "

@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from sblcosim.models.platform.beaufort import LEVELS
+from scipy import stats
 
 from .. import artifacts, campaign, plots, store
 from .. import study as studies
@@ -312,8 +313,6 @@ def pooled(table: pd.DataFrame, receiver: str) -> tuple[float, float]:
 
 def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
     """Mean over the runs, and its 95% interval."""
-    from scipy import stats
-
     values = table[column].dropna()
     reach = float(stats.t.ppf(0.975, len(values) - 1)) * float(values.std()) / len(values) ** 0.5
     mean = float(values.mean())
@@ -322,8 +321,6 @@ def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
 
 def overall(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
     """Mean over all points of a balanced study, and its 95% interval from the points' scatter."""
-    from scipy import stats
-
     groups = table.groupby("point")[column]
     mean = float(groups.mean().mean())
     error = float(np.sqrt((groups.var() / groups.size()).sum())) / groups.ngroups
@@ -743,9 +740,10 @@ def _residuals(found: Findings) -> str:
     """What the residuals say about the model."""
     a = found.shown
     residuals = a.residuals
+    skewness, kurtosis = (float(f(residuals["residual"])) for f in (stats.skew, stats.kurtosis))
     text = (f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}; "
-            f"skewness of the residuals {residuals['residual'].skew():.2g}, excess kurtosis "
-            f"{residuals['residual'].kurt():.2g} (normal: 0).")
+            f"skewness of the residuals {skewness:.2g}, excess kurtosis "
+            f"{kurtosis:.2g} (normal: 0).")
     if residuals["fit"].corr(residuals["residual"].abs(), method="spearman") > UNEVEN:
         text += (" They scatter more where the fitted value is larger, so that the intervals in "
                  "metres are an average over the points; the ratios below, from the logarithm, "
