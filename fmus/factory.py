@@ -314,18 +314,20 @@ def _c_files(names: Sequence[str]) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in names}
 
 
-@remember
 def key(name: str, fmi: Fmi) -> str:
-    """A name for the sources that an FMU is made from; reading them needs no CasADi.
+    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
+    return _digest([name, fmi, _read(name)]).hexdigest()[:32]
 
-    They are read once: the modules among them have been imported.
-    """
-    digest = _digest([name, fmi])
+
+@remember
+def _read(name: str) -> str:
+    """Hash of a component's sources. They are read once: those in Python have been imported."""
+    digest = hashlib.sha256()
     models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
     for place in (models, models / module_of(name)[0], fmus, fmus / "c"):
         for file in _files(place):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    return digest.hexdigest()[:32]
+    return digest.hexdigest()
 
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:

@@ -59,6 +59,8 @@ class Advice:
         The cheapest point that meets the requirement, as its place in `points`; None if none does.
     runs_needed
         Runs per point from which on a bound exists.
+    free
+        Factors that no cost was given for.
     """
 
     response: str
@@ -70,6 +72,7 @@ class Advice:
     points: pd.DataFrame
     chosen: int | None
     runs_needed: int
+    free: tuple[str, ...] = ()
 
     @property
     def statistic(self) -> str:
@@ -85,6 +88,7 @@ class Advice:
             self,
             response=response,
             factors=tuple(names.values()),
+            free=tuple(names[name] for name in self.free),
             points=self.points.rename(columns=names),
         )
 
@@ -110,30 +114,42 @@ class Advice:
                 f"{text} By its estimate {self._levels(int(hopeful[0]))} has; more replicates "
                 "may decide it."
             )
-        return f"{text} The best has {self.points['estimate'].min():.4g}{unit}."
+        best = self.points.sort_values("upper", kind="stable").iloc[0]
+        return (
+            f"{text} The best has {best['estimate']:.4g}{unit}, at most {best['upper']:.4g}{unit}."
+        )
 
     def _levels(self, place: int) -> str:
         levels = self.points.loc[place, list(self.factors)].astype(float)
         return ", ".join(f"{name} {level:g}" for name, level in levels.items())
 
     def __str__(self) -> str:
-        shown = self.points.loc[self.points["front"] | (self.points.index == self.chosen)]
-        return "\n".join(
-            (
-                self.answer(),
-                "",
-                "Points that no other one beats in cost and estimate"
-                + (", and the chosen one:" if self.chosen is not None else ":"),
-                shown.drop(columns="front").to_string(index=False, float_format="{:.4g}".format),
-                "",
-                f"The upper bounds hold for all {len(self.points)} points at once, with a "
-                f"confidence of {self.confidence:g}.",
-            )
+        lines = [
+            self.answer(),
+            "",
+            "Points that no other one beats in cost and estimate"
+            + (", and the chosen one:" if self.chosen is not None else ":"),
+            self._shown().to_string(index=False, float_format="{:.4g}".format),
+            "",
+            f"The upper bounds hold for all {len(self.points)} points at once, with a confidence "
+            f"of {self.confidence:g}.",
+        ]
+        if self.free:
+            lines.append(f"No cost was given for {', '.join(self.free)}: taken as free.")
+        return "\n".join(lines)
+
+    def _shown(self) -> pd.DataFrame:
+        """The points worth their cost, for people."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        statistic = "mean" if self.percentile is None else f"{self.percentile:g}th percentile"
+        shown = self.points[self.points["front"] | (self.points.index == self.chosen)]
+        idle = ["front", "failed"] if not self.points["failed"].any() else ["front"]
+        return shown.drop(columns=idle if self.limit is not None else [*idle, "meets"]).rename(
+            columns={"estimate": f"{statistic}{unit}", "upper": f"upper bound{unit}"}
         )
 
     def _repr_html_(self) -> str:
-        shown = self.points[self.points["front"] | (self.points.index == self.chosen)]
-        table = shown.to_html(index=False, float_format="{:.4g}".format)
+        table = self._shown().to_html(index=False, float_format="{:.4g}".format)
         return f"<p>{escape(self.answer())}</p>{table}"
 
 
@@ -219,6 +235,7 @@ def advise(
         points=points,
         chosen=int(meeting[0]) if len(meeting) else None,
         runs_needed=needed,
+        free=tuple(name for name in factors if name not in costs),
     )
 
 
@@ -250,8 +267,10 @@ def _cost(levels: pd.Series[float], costs: Mapping[float, float]) -> Floats:
     """Cost of each level in a column."""
     known = np.array([float(level) for level in costs])
     prices = np.array([float(price) for price in costs.values()])
-    if not np.isfinite(prices).all():
-        raise ConfigurationError(f"costs.{levels.name}: must be finite, got {list(costs.values())}")
+    if not (np.isfinite(prices) & (prices >= 0)).all():
+        raise ConfigurationError(
+            f"costs.{levels.name}: must be finite and not negative, got {list(costs.values())}"
+        )
     values = levels.to_numpy(np.float64)
     same = np.isclose(values[:, None], known, rtol=TOLERANCE, atol=0)
     if not same.any(axis=1).all():

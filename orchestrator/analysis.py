@@ -87,6 +87,9 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     """
     responses = [c for c in table.columns if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
+    owner, _, own = response.partition(".")
+    if own and owner in receivers and receiver in (None, owner):
+        receiver, response = owner, own  # named as in the table
     chosen = receivers[0] if receiver is None else receiver
     if chosen not in receivers:
         raise ConfigurationError(

@@ -26,7 +26,7 @@ from .points import (
 )
 from .result import Result
 from .simulation import silent, simulate, steps_of
-from .store import RUNS, finished, open_folder, save, study_of, table, write
+from .store import RUNS, check_folder, finished, open_folder, save, study_of, table, write
 from .study import Study
 from .wiring import FIXED
 
@@ -34,6 +34,8 @@ BATCH = 2048
 """Runs at a time, as a whole number of replicates: all points of a replicate, or none."""
 BATCH_STEPS = 200_000_000
 """The same in communication steps, where runs are long: what a kill can cost."""
+SAMPLE_SECONDS = 0.3
+"""What a sample must take at least, to tell how long all will take."""
 _PART = 16  # runs at a time and worker where each runs alone: what a kill can cost
 
 
@@ -125,19 +127,37 @@ def _missing(
             yield runs[i : i + size]
 
 
-def estimate(campaign: Campaign, workers: int | None = None, master: str | None = None) -> float:
-    """Seconds that all runs will take, from a small sample; nothing is written."""
-    sample = [
-        run
-        for group in campaign.groups
-        for run in batch(campaign, 1, 1)
-        if run.place in [*group.places][: 64 if group.in_lanes else 1]
-    ]
-    simulate(campaign, sample[:1], workers, master, silent)  # libraries are loaded
-    started = time.perf_counter()
-    simulate(campaign, sample, workers, master, silent)
-    seconds = time.perf_counter() - started
-    return seconds * campaign.steps / sum(steps_of(campaign, sample))
+def missing(campaign: Campaign, out: str | Path) -> list[Run]:
+    """Runs that are not in a folder of results yet; nothing is written.
+
+    Raises
+    ------
+    ConfigurationError
+        The folder is of another study.
+    """
+    folder = Path(out).resolve()
+    check_folder(folder, campaign)
+    before = finished(folder)
+    return [r for r in batch(campaign, 1, campaign.study.replicates) if r.run_id not in before]
+
+
+def estimate(
+    campaign: Campaign, runs: Sequence[Run], workers: int | None = None, master: str | None = None
+) -> float:
+    """Seconds that some runs will take, from a sample of them; nothing is written."""
+    if not runs:
+        return 0.0
+    simulate(campaign, runs[:1], workers, master, silent)  # libraries are loaded
+    groups = [[run for run in runs if run.place in g.places] for g in campaign.groups]
+    size = 1
+    while True:
+        sample = [run for group in groups for run in group[:size]]
+        started = time.perf_counter()
+        simulate(campaign, sample, workers, master, silent)
+        seconds = time.perf_counter() - started
+        if seconds > SAMPLE_SECONDS or len(sample) >= len(runs):
+            return seconds * sum(steps_of(campaign, runs)) / sum(steps_of(campaign, sample))
+        size *= 4
 
 
 def replay(
@@ -187,4 +207,6 @@ def replay(
     )
 
 
-__all__ = ["Campaign", "estimate", "finished", "prepare", "replay", "run", "study_of", "table"]
+__all__ = [
+    "Campaign", "estimate", "finished", "missing", "prepare", "replay", "run", "study_of", "table",
+]

@@ -143,10 +143,10 @@ class Design:
         """
         groups = self.aliases(order)
         if groups:
-            more = f" (and {len(groups) - 1} more)" if len(groups) > 1 else ""
+            named = "; ".join(" aliased with ".join(group) for group in groups)
             raise ConfigurationError(
-                f"design: must tell terms up to order {order} apart, got "
-                f"{' aliased with '.join(groups[0])}{more}; use a larger fraction"
+                f"design: must tell terms up to order {order} apart, got {named}; use a larger "
+                "fraction or a full design"
             )
 
     def table(self) -> pd.DataFrame:
@@ -347,8 +347,8 @@ def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
                 for j, word in enumerate(best)
             }
     raise ConfigurationError(
-        f"resolution: must be at most {k} - 1 for a fraction of {k} factors, got {resolution}"
-        if resolution >= k
+        f"resolution: must be at most {k} for a fraction of {k} factors, got {resolution}"
+        if resolution > k
         else f"resolution: must be that of a fraction of {k} factors, got {resolution}; "
         "use a full design"
     )

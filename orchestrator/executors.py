@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
 import multiprocessing
 import os
 import pickle
@@ -15,7 +16,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -34,7 +35,7 @@ from .simulation import silent, simulate
 
 EXECUTORS = ("threads", "processes")
 """Those on this machine, by name."""
-PATIENCE = 10
+PATIENCE = 5
 """Seconds for a scheduler to answer."""
 
 Done = Callable[[Sequence[Run], float], None]
@@ -153,15 +154,20 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
         return future.result()
     except SblcosimError:
         raise
+    except CancelledError:
+        raise ConfigurationError(
+            "scheduler: must stay until all runs are done, got none any more; runs that are "
+            "finished are kept, the same command goes on"
+        ) from None
     except BrokenExecutor:
         raise ConfigurationError(
             "workers: must live until their runs are done, got one that ended (a crash of an FMU, "
-            "or too little memory); runs that are finished are kept"
+            "or too little memory); runs that are finished are kept, the same command goes on"
         ) from None
     except Exception as error:
         raise ConfigurationError(
             f"workers: must be able to simulate, got {type(error).__name__}: {one_line(error)}; "
-            "runs that are finished are kept"
+            "runs that are finished are kept, the same command goes on"
         ) from error
 
 
@@ -205,7 +211,7 @@ def _cluster(address: str) -> Iterator[Any]:
             f"scheduler: must be the address of a Dask scheduler that answers, got {address!r} "
             f"({one_line(error)})"
         ) from None
-    with client:
+    with _quiet("distributed"), client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
@@ -213,6 +219,20 @@ def _cluster(address: str) -> Iterator[Any]:
                 f"scheduler: must have workers, got none at {address}"
             ) from None
         yield client
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No messages of a library that says with an exception what has happened."""
+    logs = [logging.getLogger(n) for n in logging.root.manager.loggerDict if n.startswith(name)]
+    before = [log.disabled for log in logs]
+    for log in logs:
+        log.disabled = True
+    try:
+        yield
+    finally:
+        for log, disabled in zip(logs, before, strict=True):
+            log.disabled = disabled
 
 
 # --- Parcels -------------------------------------------------------------------------------------

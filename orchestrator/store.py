@@ -31,6 +31,33 @@ PARTS = "parts"
 FORMAT = 1
 
 
+def check_folder(folder: Path, campaign: Campaign) -> int:
+    """See that the folder is of this study, or could be; the replicates that it is to have so far.
+
+    Raises
+    ------
+    ConfigurationError
+        It is of another study, or holds something else.
+    """
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
+    if (folder / STUDY).exists():
+        before, definition = described(folder), campaign.definition()
+        if before["definition"] != definition:
+            raise ConfigurationError(
+                f"{folder}: must be empty or hold results of this study, got those of "
+                f"{before['definition']['study']['name']!r} with other "
+                f"{_difference(before['definition'], definition)}"
+            )
+        return int(before["replicates"])
+    if folder.is_dir():
+        for file in sorted(folder.iterdir()):
+            raise ConfigurationError(
+                f"{folder}: must be empty or hold results of this study, got {file.name!r} in it"
+            )
+    return 0
+
+
 def open_folder(folder: Path, campaign: Campaign) -> None:
     """Make the folder, or see that it is of this study.
 
@@ -39,32 +66,14 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
     ConfigurationError
         It is of another study, holds something else, or cannot be written to.
     """
-    definition = campaign.definition()
-    replicates = campaign.study.replicates
-    if os.path.lexists(folder) and not folder.is_dir():
-        raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
-    if (folder / STUDY).exists():
-        before = described(folder)
-        if before["definition"] != definition:
-            raise ConfigurationError(
-                f"{folder}: must be empty or hold results of this study, got those of "
-                f"{before['definition']['study']['name']!r} with other "
-                f"{_difference(before['definition'], definition)}"
-            )
-        replicates = max(replicates, before["replicates"])
-    elif folder.is_dir():
-        for file in sorted(folder.iterdir()):
-            raise ConfigurationError(
-                f"{folder}: must be empty or hold results of this study, got {file.name!r} in it"
-            )
     content = {
         "format": FORMAT,
-        "replicates": replicates,
+        "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
         "title": campaign.study.title,
         "names": {
             name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()
         },
-        "definition": definition,
+        "definition": campaign.definition(),
         "software": artifacts.software(),
     }
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -107,8 +116,8 @@ def _parquet(path: Path, columns: list[str] | None = None) -> pa.Table:
         return parquet.read_table(path, columns=columns, partitioning=None)
     except (OSError, pa.ArrowInvalid) as error:
         raise ConfigurationError(
-            f"{path}: must be a Parquet file that can be read, got {one_line(error)}; without it "
-            "its runs are done again"
+            f"{path}: must be a Parquet file that can be read, got {one_line(error)}; delete it, "
+            "and its runs are done again"
         ) from None
 
 

@@ -83,11 +83,16 @@ def study(
                 raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master)
-            seconds = campaign.estimate(prepared, workers, master)
+            missing = campaign.missing(prepared, out)
+            seconds = campaign.estimate(prepared, missing, workers, master)
     if dry_run:
+        done = prepared.runs - len(missing)
         typer.echo(
             f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
-            f"runs, {prepared.steps} steps; {_duration(seconds)} on this machine; nothing was run"
+            f"runs, {prepared.steps} steps"
+            + (f"; {done} runs are in {out}" if done else "")
+            + (f"; {_duration(seconds)} on this machine" if missing else "")
+            + "; nothing was run"
         )
         return
     typer.echo(_summary(runs))
@@ -245,7 +250,10 @@ def advise(
         Path | None, typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-advice].")
     ] = None,
 ) -> None:
-    """Find the cheapest design of a study that is good enough."""
+    """Find the cheapest design of a study that is good enough.
+
+    The exit code is 1 if none is sure to be.
+    """
     with waiting("weighing"):
         from .. import analysis, artifacts
 

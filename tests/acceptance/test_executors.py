@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -243,3 +244,46 @@ def test_the_table_of_a_part_is_that_of_its_pieces(tmp_path: Path) -> None:
     assert [p.name for p in parts[0]] == [p.name for p in parts[1]]
     for one, two in zip(*parts, strict=True):
         pd.testing.assert_frame_equal(pd.read_parquet(one), pd.read_parquet(two), check_exact=True)
+
+
+def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_path: Path) -> None:
+    address = tmp_path / "scheduler.json"
+    programs = [
+        ["dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
+         "--scheduler-file", str(address)],
+        ["dask_worker", "--scheduler-file", str(address), "--no-nanny", "--no-dashboard"],
+    ]  # fmt: skip
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.{name}", *options],
+            cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for name, *options in programs
+    ]  # fmt: skip
+    try:
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not (address.exists() and address.read_text()):
+            time.sleep(0.05)
+        scheduler = json.loads(address.read_text())["address"]
+        study_command = [
+            sys.executable, "-m", "sblcosim", "study", "paper-scenario-1", "--replicates", "500",
+            "--scheduler", scheduler,
+        ]  # fmt: skip
+        campaign_ = subprocess.Popen(
+            study_command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        parts = tmp_path / "studies" / "paper-scenario-1" / "parts"
+        while time.monotonic() < until and not (parts.is_dir() and list(parts.glob("*.parquet"))):
+            assert campaign_.poll() is None, campaign_.communicate()
+            time.sleep(0.005)
+        running[0].kill()
+        out, err = campaign_.communicate(timeout=120)
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+    assert (campaign_.returncode, out) == (2, "")
+    assert err.count("\n") == 1
+    assert err.startswith("error: scheduler: must stay until all runs are done")
+    assert err.endswith("runs that are finished are kept, the same command goes on\n")
+    assert len(campaign.table(tmp_path / "studies" / "paper-scenario-1")) >= 2048

@@ -136,6 +136,20 @@ def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["gps.toml"]
 
 
+def test_a_dry_run_tells_what_is_missing(tmp_path: Path, whole: Path) -> None:
+    shutil.copytree(whole, tmp_path / "studies" / "gps")
+    (tmp_path / "studies" / "gps" / "runs.parquet").unlink()
+    code, out, err = finish(command(tmp_path, "study", "gps.toml", "--dry-run"))
+    assert (code, err) == (0, "")
+    assert out.endswith("; 600 runs are in studies/gps; nothing was run\n")
+    code, out, err = finish(
+        command(tmp_path, "study", "gps.toml", "--dry-run", "--replicates", "160")
+    )
+    assert "= 640 runs, " in out
+    assert "; 600 runs are in studies/gps; about " in out
+    assert not (tmp_path / "studies" / "gps" / "runs.parquet").exists()
+
+
 def test_a_run_of_a_campaign_can_be_replayed(tmp_path: Path, whole: Path) -> None:
     run_id = pd.read_parquet(whole / "runs.parquet")["run_id"][17]
     shutil.copytree(whole, tmp_path / "results")
