@@ -34,6 +34,7 @@ from sblcosim.models.ports import REQUIRED_ESTIMATE
 from .archive import DESCRIPTION
 from .description import FMI2_TYPES
 from .errors import FmuError, nearest
+from .factory import fmi_headers
 from .platforms import folders, suffix, this_platform
 from .terminals import PORTS, TERMINALS, members, port_names
 
@@ -253,12 +254,31 @@ except OSError as error:
     sys.exit(str(error))
 missing = [name for name in sys.argv[2:] if not hasattr(library, name)]
 if missing:
-    sys.exit("it has no function " + ", ".join(missing))
+    more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+    sys.exit("the standard asks for functions that it lacks: " + ", ".join(missing[:3]) + more)
 """
-_FUNCTIONS = {
-    "2": ("fmi2Instantiate", "fmi2DoStep"),
-    "3": ("fmi3InstantiateCoSimulation", "fmi3DoStep"),
-}
+
+
+def functions_of(description: ModelDescription) -> tuple[str, ...]:
+    """The functions that the standard's header has for the FMU's kinds of interface."""
+    fmi = description.fmiMajorVersion
+    text = (fmi_headers() / f"fmi{fmi}Functions.h").read_text()
+    offered = {
+        "Model Exchange": description.modelExchange is not None,
+        "Co-Simulation": True,
+        "Scheduled Execution": description.scheduledExecution is not None,
+    }
+    names = []
+    section = ""
+    for heading, name in re.findall(
+        rf"/\*{{5,}}\s*(\w[^\n]*)|FMI{fmi}_Export\s+\w+TYPE\s+(\w+);", text
+    ):
+        section = heading or section
+        kinds = (k for k in offered if k in section or re.sub("[ -]", "", k) in name)
+        if name and all(offered[kind] for kind in kinds):
+            names.append(name)
+    return tuple(names)
+
 
 
 def _check_binary(path: Path, description: ModelDescription, files: Sequence[str]) -> Finding:
@@ -268,7 +288,7 @@ def _check_binary(path: Path, description: ModelDescription, files: Sequence[str
         try:
             extract(path, folder)
             binary = Path(folder, name)
-            wanted = _FUNCTIONS[description.fmiVersion[0]]
+            wanted = functions_of(description)
             done = subprocess.run(
                 [sys.executable, "-I", "-c", _LOAD, str(binary), *wanted],
                 capture_output=True,

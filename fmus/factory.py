@@ -352,8 +352,9 @@ def _versions() -> list[str]:
     try:
         return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
     except metadata.PackageNotFoundError as error:
+        why = f", as {compilers.VARIABLE} asks for" if os.environ.get(compilers.VARIABLE) else ""
         raise BuildError(
-            f"building FMUs needs the package {error.name}: pip install 'sblcosim[models]'"
+            f"building FMUs{why} needs the package {error.name}: pip install 'sblcosim[models]'"
         ) from None
 
 

@@ -170,15 +170,27 @@ def read(path: Path) -> Fmu:
 _READ: dict[str, Fmu] = {}
 
 
+_DESCRIPTION = "modelDescription.xml"
+
+
 def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
             terminals = archive.read(TERMINALS) if TERMINALS in names else None
+            xml = archive.read(_DESCRIPTION) if _DESCRIPTION in names else None
     except zipfile.BadZipFile as error:
         raise FmuError(f"{path}: is not an FMU (not a ZIP archive)") from error
-    if "modelDescription.xml" not in names:
+    if xml is None:
         raise FmuError(f"{path}: must be an FMU, got a zip archive without modelDescription.xml")
+    try:
+        version = ET.fromstring(xml).get("fmiVersion", "none")
+    except ET.ParseError as error:
+        raise FmuError(
+            f"{path}: modelDescription.xml must be well-formed XML, got: {error}"
+        ) from error
+    if not version.startswith(("2.", "3.")):
+        raise FmuError(f"{path}: must be FMI 2.0 or 3.0, got {version}")
     try:
         description = read_model_description(io.BytesIO(content), validate=False)
         if description.fmiMajorVersion not in (2, 3):
@@ -232,7 +244,12 @@ def _binary(fmu: Fmu, names: Iterable[str]) -> PurePosixPath:
         binary = PurePosixPath("binaries", folder, fmu.identifier + suffix(here))
         if binary in binaries:
             return binary
-    has = ", ".join(sorted({binary.parts[1] for binary in binaries})) or "no binary at all"
+    here_too = [binary for binary in binaries if binary.parts[1] in places]
+    has = ", ".join(map(str, here_too) if here_too else sorted({b.parts[1] for b in binaries}))
+    if here_too:
+        expected = PurePosixPath("binaries", places[0], fmu.identifier + suffix(here))
+        raise FmuError(f"{fmu.path}: must have the binary {expected}, got {has}")
+    has = has or "no binary at all"
     raise FmuError(f"{fmu.path}: must have a binary for {places[0]}, got {has}")
 
 

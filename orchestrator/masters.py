@@ -33,7 +33,7 @@ def execute(
         of ours, meant for many runs (`sblcosim.lanes`). None: native if all components are FMUs
         and there is a C compiler, else python.
     step_timeout
-        As in `sblcosim.native.execute`; the other masters wait for ever.
+        As in `sblcosim.native.execute`; for this master only, the others wait for ever.
 
     Raises
     ------
@@ -42,6 +42,11 @@ def execute(
     """
     if master is None:
         master = "native" if native.foreign(plan) is None and native.available() else "python"
+    if master in MASTERS and master != "native" and step_timeout is not None:
+        raise ConfigurationError(
+            f"step_timeout: must be left out with the {master} master, which waits for ever, got "
+            f"{step_timeout}"
+        )
     if master == "native":
         return native.execute(plan, progress, record, step_timeout)
     if master == "python":

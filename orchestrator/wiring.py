@@ -294,7 +294,8 @@ def _source(source: Source) -> Source:
     if os.path.isfile(path):
         return path
     if path.suffix == ".fmu":
-        raise ConfigurationError(f"receiver: must be an existing file, got {str(source)!r}")
+        got = "a folder" if path.is_dir() else "no such file"
+        raise ConfigurationError(f"receiver: {source}: must be an FMU file, got {got}")
     raise ConfigurationError(
         f"receiver: must be {', '.join(RECEIVERS)} or an .fmu file, got {str(source)!r}"
         + nearest(str(source), RECEIVERS)

@@ -49,7 +49,8 @@ def run(
     step_timeout: Annotated[
         float | None,
         typer.Option(
-            "--step-timeout", help="Seconds until an FMU that hangs is given up [default: 60]."
+            "--step-timeout",
+            help="Seconds until the native master gives up an FMU that hangs [default: 60].",
         ),
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,

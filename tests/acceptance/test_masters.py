@@ -91,3 +91,12 @@ def test_the_command_runs_the_master_it_is_told(
     assert wrong.exit_code == 2
     assert "master: must be" in wrong.stderr
     assert "did you mean 'python'?" in wrong.stderr
+
+
+@pytest.mark.parametrize("master", ["python", "lanes"])
+def test_a_master_that_waits_for_ever_takes_no_timeout(master: str) -> None:
+    done = CliRunner().invoke(
+        app, ["run", "paper-scenario-1", "--master", master, "--step-timeout", "3"]
+    )
+    assert done.exit_code == 2
+    assert f"step_timeout: must be left out with the {master} master" in done.output

@@ -257,6 +257,18 @@ def rewritten(source: Path, target: Path, change: Any) -> Path:
     return target
 
 
+def test_a_terminal_of_ours_that_names_nothing_breaks_the_plug_contract(tmp_path: Path) -> None:
+    def renamed(name: str, content: bytes) -> Any:
+        if name == "modelDescription.xml":
+            content = content.replace(b'name="update_count"', b'name="other"')
+        return [(name, content)]
+
+    broken = rewritten(factory.build("ekf"), tmp_path / "ekf.fmu", renamed)
+    report = examine(broken, only=["plug contract"])
+    assert failed(report) == {"plug contract"}
+    assert "terminal estimate" in str(report)
+
+
 def test_what_cannot_be_checked_is_said_and_ends_with_2(tmp_path: Path) -> None:
     good = build_planted(2, tmp_path)
     (tmp_path / "text.fmu").write_text("not an archive")

@@ -242,7 +242,7 @@ def test_calibrate_prints_the_speed_of_sound_and_writes_the_range_test(
         (("run", "paper-scenaro-1"), "did you mean 'paper-scenario-1'?"),
         (("run", "broken.toml"), "broken.toml, line 1, column "),
         (("run", "paper-scenario-1", "--receiver", "efk"), "did you mean 'ekf'?"),
-        (("run", "paper-scenario-1", "--receiver", "no.fmu"), "'no.fmu'"),
+        (("run", "paper-scenario-1", "--receiver", "no.fmu"), "no.fmu: must be an FMU file"),
         (("run", "paper-scenario-1", "--set", "target.fmu=no.fmu"), "no.fmu"),
         (("run", "paper-scenario-1", "--set", "seed"), "must be table.key=value"),
         (("run", "paper-scenario-1", *SHORT, "--out", "full"), "must be empty or hold nothing"),

@@ -154,7 +154,7 @@ def test_a_key_that_no_receiver_of_the_run_has_is_refused() -> None:
     ("receiver", "message"),
     [
         ("efk", "must be ekf, .* did you mean 'ekf'?"),
-        ("nothing.fmu", "must be an existing file, got 'nothing.fmu'"),
+        ("nothing.fmu", "receiver: nothing.fmu: must be an FMU file, got no such file"),
         (build("target"), "must honour the plug contract of a receiver, got depth: must be an"),
     ],
 )
