@@ -4,9 +4,9 @@
     sblcosim export ssp paper-scenario-1 --bake
     python examples/in_fmpy.py paper-scenario-1.ssp
 
-An SSP package is a ZIP archive with the FMUs in it; these are baked: they start with the scenario's
-numbers, so there is nothing to set. Prints the epoch of each estimate and the position: north,
-east, down.
+An SSP package is a ZIP archive with the FMUs and their connections in it. These FMUs are baked: they
+start with the scenario's numbers, so there is nothing to set. Prints the epoch of each estimate and
+the position: north, east, down.
 """
 
 import shutil
@@ -14,6 +14,7 @@ import sys
 import zipfile
 from pathlib import Path
 from tempfile import mkdtemp
+from xml.etree import ElementTree
 
 try:
     from fmpy import extract, read_model_description
@@ -21,20 +22,18 @@ try:
 except ImportError:
     sys.exit("this example needs FMPy: pip install fmpy")
 
-# Outputs and the inputs of the same shape that they go to: name, number of elements.
-CONNECTIONS = [
-    ("target", "position", "acoustics", "target_position", (3,)),
-    ("target", "velocity", "acoustics", "target_velocity", (3,)),
-    ("platform", "beacon_position", "acoustics", "beacon_position", (4, 3)),
-    ("platform", "reported_beacon_position", "acoustics", "reported_beacon_position", (4, 3)),
-    ("acoustics", "range", "ekf", "range", (4,)),
-    ("acoustics", "range_epoch", "ekf", "range_epoch", (4,)),
-    ("acoustics", "reception_count", "ekf", "reception_count", (4,)),
-    ("acoustics", "ping_beacon_position", "ekf", "ping_beacon_position", (4, 3)),
-    ("acoustics", "packet_beacon_position", "ekf", "packet_beacon_position", (4, 3)),
-    ("target", "depth", "ekf", "depth", ()),
-    ("target", "depth_epoch", "ekf", "depth_epoch", ()),
-]
+
+def structure_of(package):
+    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    try:
+        with zipfile.ZipFile(package) as archive:
+            structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    except (OSError, zipfile.BadZipFile, KeyError) as error:
+        sys.exit(f"{package}: must be an SSP package, got {error}")
+    receiver = structure.find(".//{*}Connector[@name='update_count']/../..")
+    if receiver is None:
+        sys.exit(f"{package}: must have a component with update_count, got none")
+    return structure, receiver.get("name")
 
 
 def estimates(package, gauss_seidel=False):
@@ -43,12 +42,19 @@ def estimates(package, gauss_seidel=False):
     With `gauss_seidel`, each FMU gets what the FMUs before it have just computed. That is another
     kind of master, and it gives other numbers: see "Use the FMUs in another tool" in the README.
     """
+    structure, receiver = structure_of(package)
+    if structure.find(".//{*}ParameterBinding") is not None:
+        sys.exit(f"{package}: FMPy ignores its parameter sets; export it with --bake")
+    stop = float(structure.find("{*}DefaultExperiment").get("stopTime"))
+    step = float(structure.find(".//{*}FixedStepAlgorithm").get("baseStepSize"))
+    ends = ("startElement", "startConnector", "endElement", "endConnector")
+    connections = [[c.get(end) for end in ends] for c in structure.findall(".//{*}Connection")]
     folder = Path(mkdtemp())
     with zipfile.ZipFile(package) as archive:
         archive.extractall(folder)
-    fmus, references = {}, {}
-    for name in ("target", "platform", "acoustics", "ekf"):
-        file = folder / "resources" / f"{name}.fmu"
+    fmus, variables = {}, {}
+    for component in structure.findall(".//{*}Component"):
+        name, file = component.get("name"), folder / component.get("source")
         description = read_model_description(file)
         fmu = fmus[name] = FMU2Slave(
             guid=description.guid,
@@ -56,36 +62,35 @@ def estimates(package, gauss_seidel=False):
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        references[name] = {v.name: v.valueReference for v in description.modelVariables}
+        variables[name] = {v.name: v for v in description.modelVariables}
         fmu.instantiate()
         fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()
         fmu.exitInitializationMode()
-        stop, step = (getattr(description.defaultExperiment, k) for k in ("stopTime", "stepSize"))
 
-    def values(name, variable, shape=()):
-        get = fmus[name].getInteger if variable.endswith("count") else fmus[name].getReal
-        return get([references[name][element] for element in elements(variable, shape)])
+    def get(name, output):
+        variable = variables[name][output]
+        return getattr(fmus[name], f"get{variable.type}")([variable.valueReference])[0]
 
     def transfer(to=None):
-        fresh = [(link, values(link[0], link[1], link[4])) for link in CONNECTIONS]
-        for (_, variable, target, input_, shape), numbers in fresh:
-            if to in (None, target):
-                fmu = fmus[target]
-                set_ = fmu.setInteger if variable.endswith("count") else fmu.setReal
-                set_([references[target][element] for element in elements(input_, shape)], numbers)
+        chosen = [c for c in connections if to in (None, c[2])]
+        values = [get(source, output) for source, output, _, _ in chosen]
+        for (_, _, target, input_), value in zip(chosen, values, strict=True):
+            variable = variables[target][input_]
+            getattr(fmus[target], f"set{variable.type}")([variable.valueReference], [value])
 
     found, count = [], 0
-    for k in range(round(float(stop) / float(step))):
+    for k in range(round(stop / step)):
         if not gauss_seidel:
             transfer()  # all inputs of this instant, before anything moves
         for name, fmu in fmus.items():
             if gauss_seidel:
                 transfer(to=name)
-            fmu.doStep(currentCommunicationPoint=k * float(step), communicationStepSize=float(step))
-        if values("ekf", "update_count") != [count]:
-            (count,) = values("ekf", "update_count")
-            found.append((*values("ekf", "epoch"), *values("ekf", "position", (3,))))
+            fmu.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
+        if get(receiver, "update_count") != count:
+            count = get(receiver, "update_count")
+            names = ("epoch", "position[1]", "position[2]", "position[3]")
+            found.append(tuple(get(receiver, name) for name in names))
     for fmu in fmus.values():
         fmu.terminate()
         fmu.freeInstance()
@@ -93,15 +98,8 @@ def estimates(package, gauss_seidel=False):
     return found
 
 
-def elements(variable, shape):
-    """Names of the elements of an array in FMI 2: x[1], x[2] or x[1,1], x[1,2]."""
-    if len(shape) == 1:
-        return [f"{variable}[{i + 1}]" for i in range(shape[0])]
-    if len(shape) == 2:
-        return [f"{variable}[{i + 1},{j + 1}]" for i in range(shape[0]) for j in range(shape[1])]
-    return [variable]
-
-
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python examples/in_fmpy.py PACKAGE.ssp")
     for estimate in estimates(sys.argv[1]):
         print(*estimate)

@@ -18,22 +18,38 @@ except ImportError:
     sys.exit("this example needs FMPy: pip install fmpy")
 
 
+def structure_of(package):
+    """Return the XML that says what is in the package, and the name of its (first) receiver."""
+    try:
+        with zipfile.ZipFile(package) as archive:
+            structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    except (OSError, zipfile.BadZipFile, KeyError) as error:
+        sys.exit(f"{package}: must be an SSP package, got {error}")
+    receiver = structure.find(".//{*}Connector[@name='update_count']/../..")
+    if receiver is None:
+        sys.exit(f"{package}: must have a component with update_count, got none")
+    return structure, receiver.get("name")
+
+
 def estimates(package):
     """Return (epoch, north, east, down) of each estimate."""
-    with zipfile.ZipFile(package) as archive:
-        structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    structure, receiver = structure_of(package)
+    if structure.find(".//{*}ParameterBinding") is not None:
+        sys.exit(f"{package}: FMPy ignores its parameter sets; export it with --bake")
     stop = float(structure.find("{*}DefaultExperiment").get("stopTime"))
     step = float(structure.find(".//{*}FixedStepAlgorithm").get("baseStepSize"))
     rows = simulate_ssp(package, stop_time=stop, step_size=step)
+    names = ("epoch", "position[1]", "position[2]", "position[3]")
     found, count = [], 0
-    for row in rows:
-        if row["ekf.update_count"] != count:
-            count = row["ekf.update_count"]
-            names = ("ekf.epoch", "ekf.position[1]", "ekf.position[2]", "ekf.position[3]")
-            found.append(tuple(float(row[name]) for name in names))
+    for row in rows[: round(stop / step)]:  # FMPy may take one step past the stop time
+        if row[f"{receiver}.update_count"] != count:
+            count = row[f"{receiver}.update_count"]
+            found.append(tuple(float(row[f"{receiver}.{name}"]) for name in names))
     return found
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python examples/in_fmpy_ssp.py PACKAGE.ssp")
     for estimate in estimates(sys.argv[1]):
         print(*estimate)

@@ -6,7 +6,7 @@ of its variables, all FMUs inside, and the step sizes as annotations of OMSimula
 Simulation Platform. Connectors and units are those of the FMUs' model descriptions.
 
 Some tools do not look at parameter sets. For them the FMUs can be *baked*: built with the
-scenario's numbers as start values.
+scenario's numbers as start values. A baked package has no parameter sets: that shows what it is.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -87,7 +87,7 @@ def export_ssp(
         1: SSP 1.0, FMI 2, scalars. 2: SSP 2.0, FMI 3, arrays.
     bake
         Build the FMUs with the scenario's numbers as start values, for tools that do not look at
-        parameter sets. Needs a C compiler.
+        parameter sets; there are none in the package then. Needs a C compiler.
 
     Returns
     -------
@@ -119,8 +119,9 @@ def export_ssp(
     )
     if settled.title:
         document.set("description", settled.title)
+    sets = {part.name for part in parts if part.planned.settings and not bake}
     units = _units(parts)
-    _system(document, plan, parts, units, version)
+    _system(document, plan, parts, units, version, sets)
     if units:
         group = ET.SubElement(document, "ssd:Units")
         for name, unit in units.items():
@@ -130,7 +131,7 @@ def export_ssp(
     files = {"SystemStructure.ssd": _document(document)}
     for part in parts:
         files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
-        if part.planned.settings:
+        if part.name in sets:
             files[f"resources/{part.name}.ssv"] = _document(_parameter_set(part, version))
     return _written(Path(path or f"{settled.name}.ssp"), lambda file: write_fmu(file, files))
 
@@ -325,6 +326,7 @@ def _system(
     parts: list[_Part],
     units: Mapping[str, Unit],
     version: Version,
+    sets: Collection[str],
 ) -> None:
     system = ET.SubElement(document, "ssd:System", {"name": "system"})
     elements = ET.SubElement(system, "ssd:Elements")
@@ -346,7 +348,7 @@ def _system(
         connectors = ET.SubElement(component, "ssd:Connectors")
         for variable in _connectors(part, connected):
             _connector(connectors, variable, part, units, version)
-        if part.planned.settings:
+        if part.name in sets:
             bindings = ET.SubElement(component, "ssd:ParameterBindings")
             ET.SubElement(
                 bindings, "ssd:ParameterBinding", {"source": f"resources/{part.name}.ssv"}

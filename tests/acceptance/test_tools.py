@@ -10,6 +10,7 @@ import os
 import shlex
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +22,7 @@ import sblcosim
 from numpy.typing import NDArray
 from sblcosim.cli import app
 from sblcosim.export import export_fmu, export_ssp
+from sblcosim.fmus.factory import build
 from sblcosim.masters import MASTERS, execute
 from sblcosim.plan import resolve
 from typer.testing import CliRunner
@@ -35,6 +37,13 @@ SCENARIOS = {
             "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0},
             "acoustics": {"loss_probability": 0.2, "outlier_probability": 0.05},
             "receiver": {"prior": "true"},
+        },
+        {},
+    ),
+    "one with another receiver": (
+        {
+            "time": {"sampling_time_s": 0.1, "duration_s": 20.0},
+            "receiver": {"type": "sequential", "prior": "true"},
         },
         {},
     ),
@@ -90,8 +99,9 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 def ours(name: str, master: str) -> NDArray[np.float64]:
     """Epoch and position of each estimate."""
     scenario, overrides = SCENARIOS[name]
-    record = execute(resolve(sblcosim.load(scenario, overrides).system()), master=master)
-    found = record.estimates("ekf")
+    settled = sblcosim.load(scenario, overrides)
+    record = execute(resolve(settled.system()), master=master)
+    found = record.estimates(settled.values["receiver"]["type"])
     return np.column_stack([found.epoch_ns / 1e9, found.position])
 
 
@@ -189,3 +199,76 @@ def test_without_its_tool_an_example_says_what_to_install(
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert advice in line
+
+
+@pytest.mark.parametrize("script", ["in_fmpy.py", "in_fmpy_ssp.py"])
+def test_where_parameter_sets_are_ignored_a_package_that_is_not_baked_is_refused(
+    script: str, packages: Callable[[str], Path]
+) -> None:
+    done = start(script, packages("another") / "plain.ssp")
+    assert done.returncode == 1
+    assert not done.stdout
+    (line,) = done.stderr.splitlines()
+    assert line.endswith("export it with --bake")
+
+
+SCRIPTS = sorted(path.name for path in EXAMPLES.glob("in_*.py"))
+
+
+@pytest.mark.parametrize("script", [*SCRIPTS, "receiver_in_c/build.py"])
+def test_without_a_file_an_example_says_how_it_is_used(script: str) -> None:
+    done = start(script)
+    skip_without(done.stderr)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"usage: python examples/{script} ")
+
+
+@pytest.mark.parametrize("what", ["not there", "no archive", "another archive", "no receiver"])
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_file_that_is_of_no_use_gets_one_line(script: str, what: str, tmp_path: Path) -> None:
+    file = tmp_path / "x"
+    if what == "no archive":
+        file.write_text("x")
+    elif what != "not there":
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("x", "")
+            if what == "no receiver":
+                archive.writestr("SystemStructure.ssd", "<SystemStructureDescription/>")
+        if what == "no receiver" and script == "in_container.py":
+            file.write_bytes(build("target", 2).read_bytes())
+    done = start(script, file)
+    skip_without(done.stderr)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"{file}: must ")
+
+
+def test_without_cc_the_receiver_in_c_is_compiled_by_zig(tmp_path: Path) -> None:
+    if find_spec("ziglang") is None:
+        pytest.skip("needs ziglang")
+    done = start("receiver_in_c/build.py", tmp_path / "receiver.fmu", PATH=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert CliRunner().invoke(app, ["check", str(tmp_path / "receiver.fmu")]).exit_code == 0
+
+
+def test_without_any_compiler_it_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import importlib.util as u\n"
+        "found = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'ziglang' else found(name, *a)\n"
+    )
+    done = start(
+        "receiver_in_c/build.py", tmp_path / "x.fmu", PATH=str(tmp_path), PYTHONPATH=str(tmp_path)
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.endswith("needs a C compiler: cc, or pip install ziglang")
+    assert not (tmp_path / "x.fmu").exists()
+
+
+def test_the_receiver_in_c_that_cannot_be_written_gets_one_line(tmp_path: Path) -> None:
+    done = start("receiver_in_c/build.py", tmp_path / "nowhere" / "x.fmu")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "must be writable" in line

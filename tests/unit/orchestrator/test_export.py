@@ -310,6 +310,17 @@ def test_baked_fmus_start_with_the_scenarios_numbers(version: int, tmp_path: Pat
     assert fmpy.simulate_fmu(str(fmu), stop_time=0.1, output=["arm_length"])[0][1] == 0.7
 
 
+def test_a_baked_package_has_no_parameter_sets(
+    version: int, package: zipfile.ZipFile, tmp_path: Path
+) -> None:
+    baked = zipfile.ZipFile(export_ssp(SCENARIO, tmp_path / "x.ssp", version=version, bake=True))
+    assert not [name for name in baked.namelist() if name.endswith(".ssv")]
+    assert b"ParameterBinding" not in baked.read("SystemStructure.ssd")
+    assert b"ParameterBinding" in package.read("SystemStructure.ssd")
+    structure = etree.fromstring(baked.read("SystemStructure.ssd"))
+    etree.XMLSchema(file=str(SCHEMAS[version] / KINDS[".ssd"])).assertValid(structure)
+
+
 def test_the_single_fmu_is_valid_and_has_every_output(tmp_path: Path) -> None:
     path = export_fmu(SCENARIO, tmp_path / "x.fmu")
     assert validate_fmu(str(path)) == []
