@@ -4,9 +4,9 @@
     sblcosim export ssp paper-scenario-1 --bake
     python examples/in_fmpy.py paper-scenario-1.ssp
 
-An SSP package is a ZIP archive with the FMUs and their connections in it. These FMUs are baked: they
-start with the scenario's numbers, so there is nothing to set. Prints the epoch of each estimate and
-the position: north, east, down.
+An SSP package is a ZIP archive with the FMUs and their connections in it. These FMUs are baked:
+they start with the scenario's numbers, so there is nothing to set. Prints the epoch of each
+estimate and the position: north, east, down.
 """
 
 import shutil

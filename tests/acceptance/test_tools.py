@@ -101,7 +101,7 @@ def ours(name: str, master: str) -> NDArray[np.float64]:
     scenario, overrides = SCENARIOS[name]
     settled = sblcosim.load(scenario, overrides)
     record = execute(resolve(settled.system()), master=master)
-    found = record.estimates(settled.values["receiver"]["type"])
+    found = record.estimates(settled.receiver.type)
     return np.column_stack([found.epoch_ns / 1e9, found.position])
 
 
@@ -199,6 +199,13 @@ def test_without_its_tool_an_example_says_what_to_install(
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert advice in line
+
+
+def test_fmpys_ssp_master_shows_nothing_past_the_stop_time(
+    packages: Callable[[str], Path],
+) -> None:
+    baked = packages("the paper's") / "baked.ssp"
+    assert load("in_fmpy_ssp").estimates(baked) == load("in_fmpy").estimates(baked)
 
 
 @pytest.mark.parametrize("script", ["in_fmpy.py", "in_fmpy_ssp.py"])
