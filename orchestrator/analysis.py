@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ def of_study(
     practical: float | None = None,
 ) -> Factorial:
     """Analyse the runs in a folder of results; see `sblcosim.factorial.analyse`.
+
+    The tables have the columns' names; what is printed or drawn has the study's labels.
 
     Parameters
     ----------
@@ -67,9 +70,12 @@ def of_table(
             f"analysis of effects, got kind {study.design.kind!r}"
         )
     column = column_of(table, response, receiver)
-    return analyse(
+    found = analyse(
         table, list(study.factors), column, order=order, transform=transform,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
+    )
+    return replace(
+        found, units=study.units, labels=study.labels, label=words(column, table)
     )
 
 
@@ -128,11 +134,6 @@ WORDS = {
     "nees_position": "NEES of the position", "nis": "NIS",
     "inconsistent": "share of inconsistent runs", "lost": "share of lost runs",
 }
-
-
-def readable(analysis: Factorial, study: Study, table: pd.DataFrame) -> Factorial:
-    """The same with the study's labels in place of the columns' names."""
-    return analysis.named(study.labels, study.units, words(analysis.response, table))
 
 
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
@@ -226,17 +227,10 @@ def save(
     analysis: Factorial,
     directory: str | Path,
     theme: style.ThemeName = "light",
-    shown: Factorial | None = None,
 ) -> Path:
-    """Write the tables, the paper's four pictures (Figures 15 to 18) and a manifest.
-
-    Parameters
-    ----------
-    shown
-        The same analysis as people are to read it, for the pictures; see `readable`.
-    """
+    """Write the tables, the paper's four pictures (Figures 15 to 18) and a manifest."""
     with artifacts.folder(directory, about(analysis)) as folder:
-        write(analysis, folder, theme, shown)
+        write(analysis, folder, theme)
     return Path(directory)
 
 
@@ -249,12 +243,11 @@ def write(
     analysis: Factorial,
     folder: Path,
     theme: style.ThemeName = "light",
-    shown: Factorial | None = None,
 ) -> None:
     """As `save`, into a folder that there is."""
     for name in ("effects", "anova", "main_effects", "interactions"):
         artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
-    shown = analysis if shown is None else shown
+    shown = analysis.readable
     style.save(factorial_plots.plot_pareto(shown, theme=theme), folder, "pareto")
     style.save(factorial_plots.plot_main_effects(shown, theme=theme), folder, "main_effects")
     for name, axes in (

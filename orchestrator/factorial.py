@@ -18,12 +18,13 @@ to its uncertainty:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from itertools import combinations
 from math import log
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -32,6 +33,11 @@ from scipy import optimize, stats
 
 from .design import TIMES
 from .errors import ConfigurationError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from .style import ThemeName
 
 Floats = NDArray[np.float64]
 Seeding = Literal["independent", "common"]
@@ -149,6 +155,10 @@ class Factorial:
         The runs: factors, response (transformed), replicate and run order as far as they exist.
     units
         Of the factors, for texts.
+    reduced
+        Whether interactions are left out because the design points cannot tell them apart.
+    labels, label
+        What people read for the factors and for the response, as far as it is something else.
     """
 
     response: str
@@ -182,6 +192,9 @@ class Factorial:
     replicate_effects: pd.DataFrame | None
     table: pd.DataFrame
     units: Mapping[str, str] = field(default_factory=dict)
+    reduced: bool = False
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -193,6 +206,12 @@ class Factorial:
         """What the effects are effects on."""
         word = {"none": "", "log": "ln ", "spread": "ln s of "}[self.transform]
         return f"{word}{self.response}"
+
+    @property
+    def readable(self) -> Factorial:
+        """The same with `labels` and `label` in place of the columns' names; texts and pictures
+        are made of it."""
+        return self.named(self.labels, None, self.label or None)
 
     @property
     def reference(self) -> float:
@@ -242,6 +261,8 @@ class Factorial:
             else self.replicate_effects.rename(columns=terms),
             table=self.table.rename(columns=names | {self.response: response}),
             units={names[name]: unit for name, unit in (units or self.units).items()},
+            labels={},
+            label="",
         )
 
     def ranked(self) -> pd.DataFrame:
@@ -250,6 +271,9 @@ class Factorial:
 
     def summary(self, most: int = 12) -> str:
         """The analysis in words, with the `most` largest effects."""
+        return self.readable._summary(most)
+
+    def _summary(self, most: int) -> str:
         columns = ["effect", "std_error", "low", "high", "t", "p", "share"]
         columns += [c for c in ("ratio", "verdict") if c in self.effects]
         shown = self.ranked()[columns].head(most)
@@ -272,12 +296,42 @@ class Factorial:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        table = self.ranked().to_html(float_format="{:.4g}".format)
-        notes = "\n".join(_notes(self))
+        shown = self.readable
+        table = shown.ranked().to_html(float_format="{:.4g}".format)
+        notes = "\n".join(_notes(shown))
         return (
-            f"<h3>Effects on {escape(self.quantity)}</h3><p>{escape(answer(self))}</p>{table}"
+            f"<h3>Effects on {escape(shown.quantity)}</h3><p>{escape(answer(shown))}</p>{table}"
             f"<pre>{escape(notes)}</pre>"
         )
+
+    def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+        """See `sblcosim.factorial_plots.plot_pareto`."""
+        return _plots().plot_pareto(self.readable, ax, theme)
+
+    def plot_interactions(
+        self, ax: Axes | None = None, theme: ThemeName = "light"
+    ) -> Sequence[Axes]:
+        """See `sblcosim.factorial_plots.plot_interactions`."""
+        return _plots().plot_interactions(self.readable, ax, theme)
+
+    def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+        """See `sblcosim.factorial_plots.plot_main_effects`."""
+        return _plots().plot_main_effects(self.readable, ax, theme)
+
+    def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Sequence[Axes]:
+        """See `sblcosim.factorial_plots.plot_residuals`."""
+        return _plots().plot_residuals(self.readable, ax, theme)
+
+    def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+        """See `sblcosim.factorial_plots.plot_box_cox`."""
+        return _plots().plot_box_cox(self.readable, ax, theme)
+
+
+def _plots() -> Any:
+    # imported when first used: an analysis must not wait for Matplotlib
+    from . import factorial_plots
+
+    return factorial_plots
 
 
 def analyse(
@@ -306,7 +360,8 @@ def analyse(
     factors, response
         Columns.
     order
-        Interactions of up to so many factors are in the model; without it of two.
+        Interactions of up to so many factors are in the model; without it of two, or none if the
+        design points cannot tell those apart.
     terms
         The model itself instead: factors, and interactions as sequences of factors or as the
         analysis names them, ``A × B``.
@@ -370,9 +425,21 @@ def analyse(
     coded = _coded(data, bounds)
     x = _matrix(coded, model)
     centre = _centre(coded)
+    extra = [CURVATURE] if centre.any() else []
+    reduced = order is None and terms is None and _rank(x) < x.shape[1]
+    if reduced:
+        model = _terms(factors, 1, None)
+        x = _matrix(coded, model)
     names = [_name(term, factors) for term in model]
-    columns = ["mean", *names, *([CURVATURE] if centre.any() else [])]
-    _check_estimable(x, columns)
+    try:
+        _check_estimable(x, ["mean", *names, *extra])
+    except ConfigurationError as error:
+        alone = _matrix(coded, _terms(factors, 1, None))
+        if order is None or _rank(alone) < alone.shape[1]:
+            raise
+        raise ConfigurationError(
+            f"{error}; main effects alone can be told apart: order 1 (--order 1)"
+        ) from None
     points, place = np.unique(coded, axis=0, return_inverse=True)
     place = place.reshape(-1)
 
@@ -486,6 +553,7 @@ def analyse(
         aliases=_aliases(points[~_centre(points)], model, factors),
         replicate_effects=per_replicate,
         table=data,
+        reduced=reduced,
     )
 
 
@@ -523,7 +591,8 @@ def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.D
     Returns
     -------
     DataFrame
-        ``lambda`` (1: as it is, 0: its logarithm), ``log_likelihood``, up to a constant, and
+        ``lambda`` (1: as it is, 0: its logarithm; without `lambdas` from −2 to 2, the best one and
+        the ends of its interval among them), ``log_likelihood``, up to a constant, and
         ``inside``: whether λ is in the confidence interval, by the likelihood ratio. With common
         random numbers the replicates' means are part of the model.
 
@@ -550,15 +619,42 @@ def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.D
             f"runs: must be more than the {x.shape[1]} terms for a Box–Cox profile, got {len(y)}"
         )
     q = np.linalg.qr(x)[0]
-    grid = np.linspace(-2, 2, 81) if lambdas is None else np.asarray(lambdas, np.float64)
     logs = np.log(y)
-    mean = logs.mean()  # scaled by the geometric mean, so that no power overflows
-    value = np.empty(len(grid))
-    for i, power in enumerate(grid):
-        z = np.expm1(power * (logs - mean)) / power if abs(power) > 1e-12 else logs - mean
-        value[i] = -len(y) / 2 * np.log(((z - q @ (q.T @ z)) ** 2).sum() / len(y))
-    inside = value >= value.max() - stats.chi2.ppf(analysis.confidence, 1) / 2
+    logs -= logs.mean()  # scaled by the geometric mean, so that no power overflows
+
+    def height(power: float) -> float:
+        z = np.expm1(power * logs) / power if abs(power) > 1e-12 else logs
+        left = float(((z - q @ (q.T @ z)) ** 2).sum())
+        return -len(y) / 2 * log(left / len(y)) if left > 0 else np.inf
+
+    depth = float(stats.chi2.ppf(analysis.confidence, 1)) / 2
+    grid = np.linspace(-2, 2, 41) if lambdas is None else np.asarray(lambdas, np.float64)
+    value = np.array([height(power) for power in grid])
+    if lambdas is None and np.isfinite(value).all():
+        grid = np.union1d(grid, _summit(height, grid, value, depth))
+        value = np.array([height(power) for power in grid])
+    inside = value >= value.max() - depth - 1e-6
     return pd.DataFrame({"lambda": grid, "log_likelihood": value, "inside": inside})
+
+
+def _summit(
+    height: Callable[[float], float], grid: Floats, value: Floats, depth: float
+) -> list[float]:
+    """Where the highest point is and where, on both sides, it is lower by `depth`."""
+    at = int(value.argmax())
+    low, high = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
+    best = float(optimize.minimize_scalar(
+        lambda power: -height(power), bounds=(low, high), method="bounded",
+        options={"xatol": 1e-5},
+    ).x)
+    if value[at] > height(best):
+        best = float(grid[at])
+    line = height(best) - depth
+    ends = [
+        float(optimize.brentq(lambda power: height(power) - line, best, end, xtol=1e-7))
+        for end in (grid[0], grid[-1]) if best != end and height(end) < line
+    ]
+    return [best, *ends]
 
 
 def detectable(analysis: Factorial, power: float = 0.8) -> pd.Series[float]:
@@ -586,40 +682,139 @@ def _p(p: float) -> str:
 
 
 def answer(analysis: Factorial, most: int = 3) -> str:
-    """What matters, in one sentence: the largest main effects and the largest interaction.
+    """What matters, in a few sentences: the largest main effects and the largest interaction.
 
-    Factors whose effects cannot be told apart from the last one named are named, too.
+    A factor is named from its worse to its better level, as if less of the response is better.
+    Factors whose effects cannot be told apart share a place; places are named until there are
+    `most` factors.
     """
-    ranked = analysis.ranked()
+    a = analysis
+    ranked = a.ranked()
     worth = ranked["significant"].astype(bool)
+    what = {"none": "", "log": "geometric mean of the ", "spread": "spread of the "}[a.transform]
+    what = f"the {what}{a.response}"
+    if not worth.any():
+        return f"No effect on {what} can be told from noise."
     if "verdict" in ranked:
         worth &= ranked["verdict"] != "too small"
+        if not worth.any():
+            return (f"No effect on {what} is large enough to matter: those that can be told from "
+                    f"noise are smaller than {limit_of(a)}.")
     single, several = ranked[worth & (ranked["order"] == 1)], ranked[worth & (ranked["order"] > 1)]
-    if single.empty and several.empty:
-        return f"No effect on {analysis.quantity} can be told from noise or is large enough."
-    parts = []
-    if len(single):
-        named = list(single.index[:most])
-        same = [n for n in single.index[most:] if tied(analysis, named[-1], n)]
-        parts.append("largest main effects " + ", ".join(
-            f"{name} ({_size(analysis, name)})" for name in named))
-        if same:
-            parts[-1] += "; not to be told from the last: " + ", ".join(
-                f"{name} ({_size(analysis, name)})" for name in same)
+    level = f"{100 * a.confidence:.4g}% interval" + (" by Lenth's method" if a.lenth else "")
+    parts: list[str] = []
+    named: list[str] = []
+    for same in _groups(a, [str(name) for name in single.index]):
+        if len(named) >= most:
+            break
+        shown, rest = same[: most + 1], len(same) - most - 1
+        named += shown
+        words = []
+        for name in shown:
+            size, interval = _reach(a, name)
+            first = not parts and not words
+            words.append(
+                f"{name} from {_worse_to_better(a, name)}, by {size}"
+                + (f" on average ({level} {interval})" if first else f" ({interval})")
+            )
+        text = ", tied with ".join(words)
+        parts.append(text + (f", and with {rest} more" if rest > 0 else ""))
+    if parts:
+        sentences = [f"{what[0].upper()}{what[1:]} falls most with {'; then with '.join(parts)}."]
+    else:
+        sentences = [f"No factor alone changes {what} surely."]
     if len(several):
-        name = several.index[0]
-        parts.append(f"largest interaction {name} ({_size(analysis, name)})")
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}."
+        name = str(several.index[0])
+        named.append(name)
+        size, interval = _signed(a, name)
+        sentences.append(
+            f"The largest interaction is {name} ({size}, {interval})." if parts else
+            f"The largest interaction is {name} ({size}, {level} {interval})."
+        )
+    same_as = [f"{name} from {' and '.join(a.aliases[name])}" for name in named
+               if name in a.aliases]
+    if same_as:
+        sentences.append(
+            "This holds as far as interactions that are not in the model may be neglected: the "
+            f"design points cannot tell {'; '.join(same_as)}."
+        )
+    elif len(a.factors) > 1 and all(len(term) == 1 for term in a.terms):
+        sentences.append("Interactions are not in the model.")
+    return " ".join(sentences)
 
 
-def _size(analysis: Factorial, name: str) -> str:
-    """An effect with its interval, as a ratio if it is one of logarithms."""
-    row = analysis.effects.loc[name]
+def places(analysis: Factorial) -> dict[str, str]:
+    """Rank of each main effect by its size; those that cannot be told apart share a place."""
+    ranked = analysis.ranked()
+    found: dict[str, str] = {}
+    for same in _groups(analysis, [str(n) for n in ranked.index[ranked["order"] == 1]]):
+        first, last = len(found) + 1, len(found) + len(same)
+        found |= dict.fromkeys(same, f"{first}" if first == last else f"{first} to {last}")
+    return found
+
+
+def _groups(analysis: Factorial, names: list[str]) -> list[list[str]]:
+    """Terms, the largest first, in groups that cannot be told from their first one."""
+    found = []
+    while names:
+        found.append([n for n in names if n == names[0] or tied(analysis, names[0], n)])
+        names = [n for n in names if n not in found[-1]]
+    return found
+
+
+def limit_of(analysis: Factorial) -> str:
+    """The smallest effect that matters, in words."""
+    assert analysis.practical is not None
     if analysis.transform != "none":
-        return f"×{row.ratio:.3g}, {row.ratio_low:.3g} to {row.ratio_high:.3g}"
+        return f"a factor of {np.exp(analysis.practical):.3g}"
+    return f"{analysis.practical:g} {analysis.unit}".rstrip()
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
+
+
+def figures(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, trailing zeros among them, and a true minus."""
+    if not np.isfinite(value):
+        return "–" if np.isnan(value) else "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    text = f"{value:#.{digits}g}" if abs(value) < 10**digits else f"{value:,.0f}"
+    return minus(text.removesuffix("."))
+
+
+def minus(text: str) -> str:
+    """With true minus signs before numbers."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<=\de)-(?=\d)", "−", text))
+
+
+def _worse_to_better(analysis: Factorial, name: str) -> str:
+    low, high = (quantity(x, analysis.units.get(name, "")) for x in analysis.levels[name])
+    row: Any = analysis.effects.loc[name]
+    return f"{high} to {low}" if row.effect > 0 else f"{low} to {high}"
+
+
+def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
+    """By how much the response falls to the better level, and the interval of it."""
+    row: Any = analysis.effects.loc[name]
+    ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
+    if analysis.transform != "none":
+        size, *ends = np.exp([abs(row.effect), *ends])
+        return f"a factor of {figures(size)}", f"{figures(ends[0])} to {figures(ends[1])}"
     unit = f" {analysis.unit}" if analysis.unit else ""
-    return f"{row.effect:+.3g}{unit}, {row.low:+.3g} to {row.high:+.3g}"
+    return f"{figures(abs(row.effect))}{unit}", f"{figures(ends[0])} to {figures(ends[1])}"
+
+
+def _signed(analysis: Factorial, name: str) -> tuple[str, str]:
+    """An effect and its interval, as a ratio if it is one of logarithms."""
+    row: Any = analysis.effects.loc[name]
+    if analysis.transform != "none":
+        return f"×{figures(row.ratio)}", f"{figures(row.ratio_low)} to {figures(row.ratio_high)}"
+    unit = f" {analysis.unit}" if analysis.unit else ""
+    sign = "+" if row.effect > 0 else ""
+    return f"{sign}{figures(row.effect)}{unit}", f"{figures(row.low)} to {figures(row.high)}"
 
 
 def tied(analysis: Factorial, one: str, other: str) -> bool:
@@ -658,13 +853,20 @@ def _notes(analysis: Factorial) -> list[str]:
                      + (", of the jackknife's values." if a.transform == "spread"
                         and a.seeding == "common" else "."))
     if a.lenth is not None:
-        lines.append(f"Lenth: PSE {a.lenth.pse:.4g}, ME {a.lenth.me:.4g}, SME {a.lenth.sme:.4g}.")
+        unit = f" {a.unit}" if a.unit else ""
+        lines.append(
+            f"Lenth: pseudo standard error {a.lenth.pse:.4g}{unit}; an effect is significant from "
+            f"{a.lenth.me:.4g}{unit} on, the largest of all from {a.lenth.sme:.4g}{unit} on."
+        )
     for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
         if test is not None:
             lines.append(f"{word}: F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
                          f"p {_p(test.p) if test.p < 1e-300 else f'= {_p(test.p)}'}.")
     if a.practical is not None:
-        lines.append(f"An effect matters from {a.practical:.4g} on, its whole interval beyond it.")
+        lines.append(f"An effect matters from {limit_of(a)} on, its whole interval beyond it.")
+    if a.reduced:
+        lines.append("Main effects only: the design points cannot tell the interactions of two "
+                     "factors apart.")
     if a.aliases:
         pairs = [f"{term} with {', '.join(same)}" for term, same in a.aliases.items()]
         more = f" and {len(pairs) - NAMED} more" if len(pairs) > NAMED else ""
@@ -789,6 +991,11 @@ def _matrix(coded: Floats, model: tuple[Term, ...]) -> Floats:
 
 def _name(term: Term, factors: Sequence[str]) -> str:
     return TIMES.join(factors[i] for i in term)
+
+
+def _rank(x: Floats) -> int:
+    """Columns that the design points can tell apart."""
+    return int(np.linalg.matrix_rank(np.unique(x, axis=0)))
 
 
 def _check_estimable(x: Floats, columns: Sequence[str]) -> None:

@@ -13,7 +13,6 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -22,7 +21,7 @@ from scipy import stats
 
 from .advice import Advice
 from .design import TIMES
-from .factorial import Factorial
+from .factorial import Factorial, box_cox, minus
 from .style import LINES, Theme, ThemeName, new_figure, use
 
 MOST_BARS = 20
@@ -221,9 +220,10 @@ def plot_residuals(
 
 
 def plot_box_cox(
-    profile: pd.DataFrame, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """Profile of the Box–Cox transform, as `sblcosim.factorial.box_cox` gives it."""
+    """Profile of the Box–Cox transform; see `sblcosim.factorial.box_cox`."""
+    profile = box_cox(analysis)
     with use(theme) as look:
         if ax is None:
             ax = new_figure(5.6, 3.2).add_subplot()
@@ -231,9 +231,10 @@ def plot_box_cox(
         best = float(power.to_numpy()[height.argmax()])
         inside = power[profile["inside"]]
         ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
-                   label="confidence interval")
+                   label=f"{100 * analysis.confidence:.4g}% interval")
         ax.plot(power, height - height.max(), color=look.receivers[1])
-        ax.axvline(best, color=look.receivers[0], ls=LINES[1], label=f"best λ = {best:.3g}")
+        ax.axvline(best, color=look.receivers[0], ls=LINES[1],
+                   label=f"best λ = {minus(f'{best:.2g}')}")
         for value, word in ((0, "logarithm"), (1, "as it is")):
             ax.axvline(value, color=look.ink, ls=LINES[2], lw=0.9)
             ax.annotate(word, (value, 0.02), xycoords=("data", "axes fraction"), rotation=90,
@@ -241,8 +242,8 @@ def plot_box_cox(
                         fontsize="small")
         ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
         ax.set_title("Box–Cox profile", loc="left")
-        ax.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none",
-                  facecolor=look.paper)
+        # below: wherever it is within, it may hide a word or the curve
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return ax
 
 

@@ -11,9 +11,19 @@ import numpy as np
 import pandas as pd
 
 from .. import factorial_plots, style
-from ..analysis import RESPONSE, of_table, readable
+from ..analysis import RESPONSE, of_table
 from ..errors import ConfigurationError
-from ..factorial import Factorial, Transform, answer, box_cox, detectable, tied
+from ..factorial import (
+    Factorial,
+    Transform,
+    answer,
+    box_cox,
+    detectable,
+    figures,
+    limit_of,
+    quantity,
+)
+from ..factorial import minus as true_minus
 from ..study import Study
 from .page import Block, Picture, Table, Text
 
@@ -71,7 +81,7 @@ def find(
     """
     options: dict[str, Any] = {"receiver": receiver, "order": order}
     data = of_table(study, table, response, transform=transform, practical=practical, **options)
-    shown = readable(data, study, table)
+    shown = data.readable
     missing: list[str] = []
 
     def attempt(what: str, make: Callable[[], Any]) -> Any:
@@ -84,9 +94,7 @@ def find(
             return None
 
     def again(kind: Transform) -> Factorial:
-        return readable(
-            of_table(study, table, response, transform=kind, **options), study, table
-        )
+        return of_table(study, table, response, transform=kind, **options).readable
 
     return Findings(
         study,
@@ -113,7 +121,7 @@ def what_matters(analysis: Factorial) -> str:
             f"{text}. With many runs almost all are, whether they matter or not; no smallest "
             "effect that matters was given (option --practical)."
         )
-    line = _line(analysis)
+    line = limit_of(analysis)
     groups = {
         verdict: list(effects.index[effects["verdict"] == verdict])
         for verdict in ("matters", "open", "too small")
@@ -133,30 +141,9 @@ def what_matters(analysis: Factorial) -> str:
     return " ".join(parts)
 
 
-def _line(analysis: Factorial) -> str:
-    assert analysis.practical is not None
-    if analysis.transform != "none":
-        return f"a factor of {np.exp(analysis.practical):.3g}"
-    return f"{analysis.practical:g}{unit(analysis)}"
-
-
 def unit(analysis: Factorial) -> str:
     """The response's, with a space before it."""
     return f" {analysis.unit}" if analysis.unit else ""
-
-
-def places(analysis: Factorial) -> dict[str, str]:
-    """Rank of each main effect by its size; those that cannot be told apart share a place."""
-    ranked = analysis.ranked()
-    names = [str(name) for name in ranked.index[ranked["order"] == 1]]
-    found: dict[str, str] = {}
-    while names:
-        same = [n for n in names if n == names[0] or tied(analysis, names[0], n)]
-        first = len(found) + 1
-        last = first + len(same) - 1
-        found |= dict.fromkeys(same, f"{first}" if first == last else f"{first} to {last}")
-        names = [n for n in names if n not in same]
-    return found
 
 
 def direction(analysis: Factorial) -> str:
@@ -203,18 +190,12 @@ def number(value: Any, digits: int = 3) -> str:
 
 def minus(text: str) -> str:
     """With true minus signs before numbers, and units kept beside them."""
-    text = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
-    return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", text)
-
-
-def quantity(value: float, own: str) -> str:
-    """A number with its unit."""
-    return f"{value:g}{own}" if own == "°" else f"{value:g} {own}".rstrip()
+    return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", true_minus(text))
 
 
 def signed(value: float, digits: int = 3) -> str:
     """A number with its sign."""
-    return minus(f"{value:+.{digits}g}") if np.isfinite(value) else number(value)
+    return f"{'+' if value > 0 else ''}{figures(value, digits)}"
 
 
 def probability(p: float) -> str:
@@ -303,7 +284,7 @@ def ratio_table(found: Findings) -> Table | None:
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
     low, high = row["ratio_low"], row["ratio_high"]
-    return f"{row['ratio']:.3g} ({low:.3g} to {high:.3g})"
+    return f"{figures(row['ratio'])} ({figures(low)} to {figures(high)})"
 
 
 def anova_table(a: Factorial) -> Table:
@@ -395,7 +376,7 @@ def jobs(found: Findings, prefix: str = "") -> list[Job]:
     if len(a.factors) > 1:
         made.insert(1, Job(f"{prefix}interactions", factorial_plots.plot_interactions, (a,)))
     if found.profile is not None:
-        made.append(Job(f"{prefix}box_cox", factorial_plots.plot_box_cox, (found.profile,)))
+        made.append(Job(f"{prefix}box_cox", factorial_plots.plot_box_cox, (a,)))
     return made
 
 

@@ -33,7 +33,7 @@ from .. import study as studies
 from ..api import run as run_scenario
 from ..design import TIMES
 from ..errors import ConfigurationError
-from ..factorial import answer
+from ..factorial import answer, places
 from ..metrics import AXES, recorded
 from ..record import Record
 from ..scenario import load as load_scenario
@@ -550,7 +550,7 @@ def _order_row(n: int, found: Findings) -> tuple[str, ...]:
     """The paper's most influential factors and ours, in words."""
     labels = found.study.labels
     named = [labels[name] for name in facts()["order"][str(n)]["named"]]
-    ranks = factorial.places(found.shown)
+    ranks = places(found.shown)
     groups: dict[str, list[str]] = {}
     for name, rank in ranks.items():
         groups.setdefault(rank, []).append(name)
@@ -804,7 +804,7 @@ def _ranking(n: int, found: Findings) -> Table:
     labels = found.study.labels
     named = {labels[name] for name in facts()["order"][str(n)]["named"]}
     rows = []
-    for name, place in factorial.places(a).items():
+    for name, place in places(a).items():
         row: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", place, signed(row["effect"]),
                      span(row["low"], row["high"]), number(abs(row["t"]))))

@@ -10,6 +10,7 @@ import pandas as pd
 
 from .. import analysis, artifacts, store, style, sweep
 from ..factorial import Transform
+from ..factorial import quantity as quantity_of
 from ..study import Study, load, shipped
 from . import factorial
 from .common import DEFINITIONS, METHOD, as_toml, reproduce, seeding
@@ -59,7 +60,7 @@ def save(
         found = factorial.find(study, table, response, receiver=receiver, order=order,
                                transform=transform, practical=practical)
         with artifacts.folder(directory, analysis.about(found.data)) as folder:
-            analysis.write(found.data, folder, shown=found.shown)
+            analysis.write(found.data, folder)
             page = _factorial_page(found, folder, failed, again)
             (folder / REPORT).write_text(render(page), "utf-8")
         return str(found.shown)
@@ -155,7 +156,7 @@ def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -
         mine = means[means["factor"] == name].reset_index(drop=True)
         best, worst = mine.iloc[mine["mean"].argmin()], mine.iloc[mine["mean"].argmax()]
         own = study.units[name]
-        ends = [factorial.quantity(row["value"], own) for row in (best, worst)]
+        ends = [quantity_of(row["value"], own) for row in (best, worst)]
         parts.append(
             f"{study.labels[name]}: from {number(best['mean'])}{unit} at {ends[0]} to "
             f"{number(worst['mean'])}{unit} at {ends[1]}"

@@ -48,7 +48,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_large_factor_is_found_and_written(results: Path) -> None:
     done = CliRunner().invoke(app, ["analyse", str(results)])
     assert done.exit_code == 0, done.output
-    assert "Largest main effects gps" in done.stdout.replace("\n", " ")
+    assert "The RMS total error falls most with gps from 3.5" in done.stdout
     folder = results.with_name("small-analysis")
     effects = pd.read_csv(folder / "effects.csv", index_col=0)
     runs = pd.read_parquet(results / "runs.parquet")
@@ -141,7 +141,7 @@ LABELLED = STUDY.replace(
 
 def test_people_read_labels_and_data_keep_columns(tmp_path: Path) -> None:
     out, html = reported(tmp_path, LABELLED, "--practical", "0.5")
-    assert "Largest main effects GPS error (" in out
+    assert "The RMS total error falls most with GPS error from 3.5 m to 0.1 m, by " in out
     assert "RMS total error" in out
     assert "GPS error 0.1\u00a0m" in html or "GPS error 0.1 m" in html
     effects = pd.read_csv(tmp_path / "own-analysis" / "effects.csv", index_col=0)
@@ -168,6 +168,15 @@ def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
     assert (again.replicates, again.labels["gps"]) == (3, "GPS error")
 
 
+def test_an_analysis_in_python_reads_as_on_the_command_line(tmp_path: Path) -> None:
+    out, _ = reported(tmp_path, LABELLED)
+    found = analysis.of_study(tmp_path / "own")
+    assert out.startswith(str(found))
+    assert list(found.effects.index[:2]) == ["gps", "depth"]
+    names = [text.get_text() for text in found.plot_pareto().get_yticklabels()]
+    assert "GPS error" in names
+
+
 def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
     _, html = reported(
         tmp_path, STUDY.replace('kind = "full"', 'kind = "full"\ncentre_points = 2')
@@ -178,8 +187,15 @@ def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
 def test_a_fraction_s_report_names_what_is_aliased(tmp_path: Path) -> None:
     text = STUDY.replace('kind = "full"', 'kind = "fraction"\ngenerators = ["C=AB"]')
     text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
-    _, html = reported(tmp_path, text, "--order", "1")
+    out, html = reported(tmp_path, text)
+    assert "may be neglected: the design points cannot tell gps from " in out
+    assert "Main effects only" in out
     assert "Aliased terms" in html
+    refused = CliRunner().invoke(
+        app, ["analyse", str(tmp_path / "own"), "--order", "2", "--out", str(tmp_path / "x")]
+    )
+    assert refused.exit_code == 2
+    assert "(--order 1)" in refused.stderr
     assert "gps × depth" in html
 
 

@@ -118,7 +118,7 @@ def test_ctrl_c_says_how_to_go_on_and_nothing_is_done_twice(made: dict[str, Any]
 def test_it_says_the_answers_and_where_the_time_went(finished: tuple[Path, str]) -> None:
     out = finished[1]
     for n in (1, 2, 3):
-        assert f"Scenario {n}: Largest main effects" in out
+        assert f"Scenario {n}: The RMS total error falls most with " in out
     for word in ("simulations", "statistics", "figures", "report", "together"):
         assert re.search(rf"^{word} +\d+\.\d s$", out, re.MULTILINE)
     assert out.rstrip().endswith(str(finished[0] / "report" / "report.html"))
@@ -189,9 +189,9 @@ def test_sampling_time_and_range_noise_tie_for_third_in_scenario_1(
     assert set(main[2:4]) == {"sampling_time", "range"}
     assert tied(a, "sampling_time", "range")
     line = next(s for s in finished[1].splitlines() if s.startswith("Scenario 1"))
-    third, _, fourth = line.partition("not to be told from the last: ")
-    assert "sampling time (+" in third
-    assert re.match(r"range error \(\+[\d.]+ m, \+[\d.]+ to \+[\d.]+\)", fourth)
+    third, _, fourth = line.partition(", tied with ")
+    assert "sampling time from 1 s to 0.1 s, by " in third
+    assert re.match(r"range error from 1 m to 0.1 m, by [\d.]+ m \([\d.]+ to [\d.]+\)", fourth)
 
 
 @pytest.mark.parametrize("n", paper.SCENARIOS)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from itertools import product
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 from sblcosim.errors import ConfigurationError
 from sblcosim.factorial import analyse, answer, box_cox, detectable, lenth
+from scipy import stats
 from statsmodels.regression.linear_model import OLS
 
 
@@ -233,6 +235,17 @@ def test_box_cox_finds_the_logarithm_of_a_product():
         assert not profile.loc[profile["lambda"] == 1, "inside"].any()
 
 
+def test_a_box_cox_interval_ends_where_the_likelihood_says_and_not_on_a_grid():
+    table = noisy("abc", 60)
+    runs = table.assign(y=np.exp(table["a"] + 0.5 * table["b"] + 0.2 * (table["y"] - 10)))
+    profile = box_cox(analyse(runs, "abc", "y", order=1))
+    inside = profile.loc[profile["inside"], "lambda"]
+    height = profile["log_likelihood"].max() - profile["log_likelihood"]
+    ends = height[profile["lambda"].isin([inside.min(), inside.max()])]
+    assert ends.to_numpy() == pytest.approx(np.full(2, stats.chi2.ppf(0.95, 1) / 2), rel=1e-4)
+    assert inside.min() < profile.loc[height.idxmin(), "lambda"] < inside.max()
+
+
 def test_a_detectable_effect_is_found_as_often_as_it_says():
     first = analyse(noisy(), "abc", "y")
     sigma = first.rmse
@@ -270,16 +283,56 @@ def test_the_answer_names_the_largest_and_those_it_cannot_tell_from_the_last():
     table["y"] += 5 * table["d"] + 3 * table["b"] + table["a"] + 0.98 * table["c"]
     table["y"] += 0.4 * table["a"] * table["d"]
     text = answer(analyse(table, "abcd", "y", unit="m"))
-    assert text.startswith("Largest main effects d (+")
-    assert "not to be told from the last: " in text
-    assert "largest interaction a × d (+" in text
+    number = r"\d+\.\d+"
+    shown = re.fullmatch(
+        rf"The y falls most with d from 1 to −1, by {number} m on average \(95% interval {number} "
+        rf"to {number}\); then with b from 1 to −1, by {number} m \({number} to {number}\); then "
+        rf"with a from 1 to −1, by {number} m \(.*\), tied with c from 1 to −1, by {number} m "
+        rf"\(.*\)\. The largest interaction is a × d \(\+{number} m, {number} to {number}\)\.",
+        text,
+    )
+    assert shown is not None, text
     assert text in str(analyse(table, "abcd", "y", unit="m"))
     assert "<table" in analyse(table, "abcd", "y")._repr_html_()
 
 
 def test_without_effects_the_answer_says_so():
     table = noisy(seed=4)
-    assert answer(analyse(table, "abc", "y", order=1, practical=5)).startswith("No effect")
+    assert answer(analyse(table, "abc", "y", order=1)) == (
+        "No effect on the y can be told from noise."
+    )
+    table["y"] += table["a"]
+    found = analyse(table, "abc", "y", order=1, practical=5, unit="m")
+    assert answer(found) == (
+        "No effect on the y is large enough to matter: those that can be told from noise are "
+        "smaller than 5 m."
+    )
+
+
+def test_all_that_tie_for_the_first_place_are_said_to():
+    table = noisy("abc", 30, seed=2)
+    table["y"] += 3 * table["a"] - 3 * table["b"]
+    text = answer(analyse(table, "abc", "y", order=1))
+    first, _, second = text.partition(", tied with ")
+    assert sorted([first.split()[5], second.split()[0]]) == ["a", "b"]
+    assert "b from −1 to 1, by " in text
+    assert text.endswith("Interactions are not in the model.")
+
+
+@pytest.mark.parametrize(("transform", "what"), [("log", "geometric mean"), ("spread", "spread")])
+def test_the_answer_about_a_logarithm_is_a_factor(transform: str, what: str):
+    table = noisy("abc", 50)
+    table["y"] = np.exp((table["y"] - table["y"].mean()) * 0.1 + 2 * table["a"])
+    text = answer(analyse(table, "abc", "y", order=1, transform=transform, unit="m"))
+    assert text.startswith(f"The {what} of the y falls most with a from 1 to −1, by a factor of ")
+    assert " m " not in text
+
+
+def test_an_unreplicated_answer_says_where_its_interval_comes_from():
+    table = design("abcd")
+    table["y"] = 5 * table["a"] + np.random.default_rng(1).normal(0, 0.1, 16)
+    text = answer(analyse(table, "abcd", "y", order=4))
+    assert "(95% interval by Lenth's method " in text
 
 
 def half_fraction():
@@ -291,7 +344,19 @@ def test_aliased_terms_are_named():
     with pytest.raises(ConfigurationError, match="c × d aliased with a × b") as caught:
         analyse(half_fraction(), "abcd", "y", order=2)
     assert "b × d aliased with a × c" in str(caught.value)
+    assert str(caught.value).endswith("main effects alone can be told apart: order 1 (--order 1)")
     assert "\n" not in str(caught.value)
+
+
+def test_without_an_order_a_fraction_is_analysed_as_far_as_it_goes():
+    found = analyse(half_fraction(), "abcd", "y", unit="m")
+    assert found.reduced
+    assert len(found.effects) == 4
+    text = str(found)
+    assert "This holds as far as interactions that are not in the model may be neglected" in text
+    assert "a from b × c × d" in text
+    assert "the design points cannot tell the interactions of two factors apart" in text
+    assert not analyse(noisy(), "abc", "y").reduced
 
 
 def test_terms_outside_of_the_model_that_cannot_be_told_apart_are_listed():
@@ -352,8 +417,8 @@ def test_rounding_is_not_taken_for_an_effect(seeding: str):
     assert effects.loc["a", "effect"] == 0
     assert effects["std_error"].eq(0).all()
     assert found.lack_of_fit is None
-    assert answer(found).startswith("Largest main effects b (-0.0667")
-    assert "a (" not in answer(found)
+    assert answer(found).startswith("The y falls most with b from −1 to 1, by 0.0667 on average")
+    assert "a from" not in answer(found)
 
 
 def test_lenth_needs_three_effects():

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim import factorial_plots, study, style
-from sblcosim.factorial import analyse
+from sblcosim.factorial import analyse, places
 from sblcosim.report import factorial, paper
 from sblcosim.report.page import (
     Code,
@@ -94,11 +94,11 @@ def test_the_shipped_studies_have_labels_and_units() -> None:
 
 def test_factors_whose_effects_cannot_be_told_apart_share_a_place() -> None:
     shown = analysed({"gps": 8, "arm": 2, "loss": -2})
-    assert factorial.places(shown) == {
+    assert places(shown) == {
         "GPS error": "1", "baseline": "2 to 3", "packet loss": "2 to 3"
     }
     apart = analysed({"gps": 8, "arm": 5, "loss": -2})
-    assert list(factorial.places(apart).values()) == ["1", "2", "3"]
+    assert list(places(apart).values()) == ["1", "2", "3"]
 
 
 def test_what_is_significant_and_what_matters_are_told_apart() -> None:
@@ -113,7 +113,7 @@ def test_what_is_significant_and_what_matters_are_told_apart() -> None:
 def test_the_better_level_is_the_one_with_the_smaller_response() -> None:
     shown = analysed({"gps": 8, "arm": -5})
     assert factorial.direction(shown).startswith(
-        "The better levels, on average over the others: GPS error -1, baseline 1"
+        "The better levels, on average over the others: GPS error −1, baseline 1"
     )
 
 
