@@ -306,32 +306,35 @@ class Factorial:
 
     def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
         """See `sblcosim.factorial_plots.plot_pareto`."""
-        return _plots().plot_pareto(self.readable, ax, theme)
+        from . import factorial_plots
+
+        return factorial_plots.plot_pareto(self.readable, ax, theme)
 
     def plot_interactions(
         self, ax: Axes | None = None, theme: ThemeName = "light"
     ) -> Sequence[Axes]:
         """See `sblcosim.factorial_plots.plot_interactions`."""
-        return _plots().plot_interactions(self.readable, ax, theme)
+        from . import factorial_plots
+
+        return factorial_plots.plot_interactions(self.readable, ax, theme)
 
     def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
         """See `sblcosim.factorial_plots.plot_main_effects`."""
-        return _plots().plot_main_effects(self.readable, ax, theme)
+        from . import factorial_plots
+
+        return factorial_plots.plot_main_effects(self.readable, ax, theme)
 
     def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Sequence[Axes]:
         """See `sblcosim.factorial_plots.plot_residuals`."""
-        return _plots().plot_residuals(self.readable, ax, theme)
+        from . import factorial_plots
+
+        return factorial_plots.plot_residuals(self.readable, ax, theme)
 
     def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
         """See `sblcosim.factorial_plots.plot_box_cox`."""
-        return _plots().plot_box_cox(self.readable, ax, theme)
+        from . import factorial_plots
 
-
-def _plots() -> Any:
-    # imported when first used: an analysis must not wait for Matplotlib
-    from . import factorial_plots
-
-    return factorial_plots
+        return factorial_plots.plot_box_cox(self.readable, ax, theme)
 
 
 def analyse(
@@ -433,12 +436,12 @@ def analyse(
     names = [_name(term, factors) for term in model]
     try:
         _check_estimable(x, ["mean", *names, *extra])
-    except ConfigurationError as error:
+    except ConfigurationError as problem:
         alone = _matrix(coded, _terms(factors, 1, None))
         if order is None or _rank(alone) < alone.shape[1]:
             raise
         raise ConfigurationError(
-            f"{error}; main effects alone can be told apart: order 1 (--order 1)"
+            f"{problem}; main effects alone can be told apart: order 1 (--order 1)"
         ) from None
     points, place = np.unique(coded, axis=0, return_inverse=True)
     place = place.reshape(-1)
@@ -709,7 +712,7 @@ def answer(analysis: Factorial, most: int = 3) -> str:
             break
         shown, rest = same[: most + 1], len(same) - most - 1
         named += shown
-        words = []
+        words: list[str] = []
         for name in shown:
             size, interval = _reach(a, name)
             first = not parts and not words

@@ -61,7 +61,8 @@ class FactorTable(Table):
     levels
         In the units of the keys; of two, the first is coded −1 and the second +1.
     label, unit
-        What people read in place of the name.
+        What people read: in place of the name, and after the levels (default: from the suffix of
+        the keys).
     """
 
     keys: _Texts
@@ -163,8 +164,8 @@ class Study(Table):
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of the factors, by name."""
-        return {name: f.unit for name, f in self.factors.items()}
+        """Units of the factors, by name; where none is given, those of the keys if they agree."""
+        return {name: f.unit or _unit(f.keys) for name, f in self.factors.items()}
 
     def _base_of(self, name: str) -> Number:
         values = [_value(self.base, key) for key in self.factors[name].keys]
@@ -218,6 +219,19 @@ class Study(Table):
             self, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
             progress=progress,
         )
+
+
+UNITS = {
+    "_deg_s": "°/s", "_deg_K": "°/K", "_K_s": "K/s", "_m_s": "m/s", "_m2_s3": "m²/s³",
+    "_s_s": "s/s", "_deg": "°", "_Hz": "Hz", "_K": "K", "_m": "m", "_s": "s",
+}
+"""Units by the suffixes of keys, the longer ones first."""
+
+
+def _unit(keys: Sequence[str]) -> str:
+    """The unit of all these keys; empty if it is not one and the same."""
+    found = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
+    return found.pop() if len(found) == 1 else ""
 
 
 @cache

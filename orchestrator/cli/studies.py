@@ -6,6 +6,7 @@ import re
 import shlex
 import signal
 import sys
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -296,6 +297,7 @@ def paper(
 
     After Ctrl-C or a crash the same command goes on.
     """
+    started = time.perf_counter()
     with waiting(remaining=True) as progress:
         from ..report import paper as papers
 
@@ -307,6 +309,7 @@ def paper(
                 workers=workers,
                 command=shlex.join(["sblcosim", *sys.argv[1:]]),
                 progress=progress,
+                started=started,
             )
         except KeyboardInterrupt as stop:
             _say_what_is_there(*papers.progress_of(out, quick), out)

@@ -30,6 +30,10 @@ from .page import Block, Picture, Table, Text
 MOST_ROWS = 40
 """Effects that a table shows."""
 POWER = 0.8
+LOGARITHM, SPREAD = "The logarithm of the response", "The spread of the response"
+BOX_COX = "The Box–Cox profile"
+FEW = 10
+"""Degrees of freedom below which intervals are rough."""
 NAMED = 3
 """Undecided effects that a sentence names."""
 
@@ -89,8 +93,8 @@ def find(
             return None
         try:
             return make()
-        except ConfigurationError as error:
-            missing.append(f"No {what}: {error}.")
+        except ConfigurationError:
+            missing.append(f"{what} {_why_not(what, data)}.")
             return None
 
     def again(kind: Transform) -> Factorial:
@@ -100,12 +104,28 @@ def find(
         study,
         data,
         shown,
-        attempt("analysis of the logarithm", lambda: again("log")),
-        attempt("analysis of the spread", lambda: again("spread")),
-        attempt("Box–Cox profile", lambda: box_cox(shown)),
+        attempt(LOGARITHM, lambda: again("log")),
+        attempt(SPREAD, lambda: again("spread")),
+        attempt(BOX_COX, lambda: box_cox(shown)),
         detectable(shown, POWER),
         tuple(missing),
     )
+
+
+def _why_not(what: str, a: Factorial) -> str:
+    """Why an analysis could not be made, in words for those who did not ask for it."""
+    y = a.table[a.response]
+    fewest, need = int(a.points["runs"].min()), 3 if a.seeding == "common" else 2
+    if what == SPREAD and fewest < need:
+        return (f"cannot be analysed: that takes at least {need} runs of each design point, and "
+                f"there {'is' if fewest == 1 else 'are'} {fewest}")
+    if what == SPREAD:
+        return "cannot be analysed: at some design points the runs are equal"
+    if (y <= 0).any():
+        return f"cannot be analysed: the response is not above zero in all runs ({number(y.min())})"
+    if what == BOX_COX:
+        return "cannot be computed: the model has as many terms as there are runs"
+    return "cannot be analysed: it is the same in all runs"
 
 
 # --- Sentences -----------------------------------------------------------------------------------
@@ -160,9 +180,12 @@ def direction(analysis: Factorial) -> str:
 
 def box_cox_sentence(profile: pd.DataFrame) -> str:
     """The best power and what follows."""
-    best = float(profile["lambda"].to_numpy()[profile["log_likelihood"].argmax()])
-    inside = profile["lambda"][profile["inside"]]
+    powers = profile["lambda"]
+    best = float(powers.to_numpy()[profile["log_likelihood"].argmax()])
+    inside = powers[profile["inside"]]
     low, high = inside.min(), inside.max()
+    lowest = f"{low:.2g}" + (" or below" if low == powers.min() else "")
+    highest = f"{high:.2g}" + (" or above" if high == powers.max() else "")
     if low <= 1 <= high:
         advice = "the response suits the model as it is"
     elif low <= 0 <= high:
@@ -171,7 +194,7 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
         advice = "the logarithm is nearer to what suits the model than the response itself"
     else:
         advice = "the response itself is nearer to what suits the model than its logarithm"
-    return f"Box–Cox: λ = {best:.3g}, from {low:.3g} to {high:.3g}; {advice}."
+    return minus(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
 
 
 # --- Tables --------------------------------------------------------------------------------------
@@ -198,6 +221,11 @@ def signed(value: float, digits: int = 3) -> str:
     return f"{'+' if value > 0 else ''}{figures(value, digits)}"
 
 
+def percent(share: float) -> str:
+    """A share."""
+    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
+
+
 def probability(p: float) -> str:
     """A p value."""
     if pd.isna(p):
@@ -216,7 +244,7 @@ def factor_table(study: Study) -> Table:
     for name, factor in study.factors.items():
         levels = " / ".join(f"{level:g}" for level in factor.levels)
         label = study.labels[name]
-        rows.append((label, levels, factor.unit or "–", ", ".join(factor.keys), name))
+        rows.append((label, levels, study.units[name] or "–", ", ".join(factor.keys), name))
     return Table(
         "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
     )
@@ -237,7 +265,7 @@ def effect_table(found: Findings) -> Table:
     rows = []
     for name, row in ranked.head(MOST_ROWS).iterrows():
         cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
-                 number(row["t"]), probability(row["p"]), f"{row['share']:.1%}",
+                 number(row["t"]), probability(row["p"]), percent(row["share"]),
                  number(found.detectable[str(name)], 2)]
         if a.transform != "none":
             cells.append(_ratio(row))
@@ -246,7 +274,9 @@ def effect_table(found: Findings) -> Table:
         rows.append(cells)
     rest = len(ranked) - len(rows)
     note = (
-        f"Effect: change of the mean from the factor's low to its high level. Share: of the total "
+        "Effect of a factor: change of the mean from its low to its high level. Effect of an "
+        "interaction A × B: half the difference between the effect of A at the high level of B and "
+        "that at the low level of B. Share: of the total "
         f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
@@ -275,7 +305,13 @@ def ratio_table(found: Findings) -> Table | None:
     note = (
         "High level over low level, with intervals; above 1: more at the high level. Of the "
         "response: from the analysis of its logarithm, so of its geometric mean. Of its spread: "
-        "from that of ln s, the standard deviation of the runs of a point."
+        "from that of ln s, s the standard deviation of the runs of a point."
+        + "".join(
+            f" Degrees of freedom {of}: {number(other.df, 3)}"
+            + (", which is few: these intervals are wide and rough." if other.df < FEW else ".")
+            for of, other in (("for the response", log), ("for its spread", spread))
+            if other is not None
+        )
         + (f" {rest} smaller ones are not shown." if rest else "")
     )
     return Table(f"Ratios, from the logarithm of the {a.response} and from its spread", head, rows,
@@ -304,7 +340,7 @@ def model_table(found: Findings) -> Table:
     """The model as a whole."""
     a = found.shown
     rows: list[tuple[str, str]] = [
-        ("Runs", f"{a.runs}" + (f", {a.dropped} left out" if a.dropped else "")),
+        ("Runs", f"{a.runs:,}" + (f", {a.dropped:,} left out" if a.dropped else "")),
         ("Design points", str(len(a.points))),
         ("Terms", str(len(a.effects))),
         ("Overall mean", f"{number(a.overall_mean, 4)}{unit(a)}"),
@@ -321,7 +357,14 @@ def model_table(found: Findings) -> Table:
             rows.append((word, f"F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
                                f"p {probability(test.p)}"))
     if a.lenth is not None:
-        rows.append(("Lenth", f"PSE {a.lenth.pse:.4g}, ME {a.lenth.me:.4g}, SME {a.lenth.sme:.4g}"))
+        rows += [
+            (words, f"{number(size, 4)}{unit(a)}") for words, size in (
+                ("Lenth's pseudo standard error of an effect (PSE)", a.lenth.pse),
+                ("Margin of error (ME): one effect beyond it is significant", a.lenth.me),
+                ("Simultaneous margin of error (SME): the same for all effects at once",
+                 a.lenth.sme),
+            )
+        ]
     return Table("The model", ("Quantity", "Value"), rows, (1,))
 
 
@@ -385,8 +428,7 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
     a = found.shown
     top = ", ".join(map(str, a.ranked().index[:3]))
     captions = {
-        "pareto": ("Pareto chart of the standardised effects. What crosses the line is "
-                   "significant; hatched bars are negative effects.",
+        "pareto": (_pareto(a),
                    f"Pareto chart; the largest effects are {top}"),
         "interactions": (f"Interactions: mean {a.quantity} at each pair of levels. Lines that are "
                          "not parallel are an interaction.",
@@ -401,6 +443,19 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
     }
     caption, alt = captions[name]
     return Picture(f"{prefix}{name}", svg, caption, alt)
+
+
+def _pareto(a: Factorial) -> str:
+    """The chart's caption."""
+    count, shown = len(a.effects), min(len(a.effects), factorial_plots.MOST_BARS)
+    part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
+    if a.lenth is None:
+        return (f"Pareto chart of the standardised effects |t|, {part}. What crosses the line is "
+                "significant; hatched bars are negative effects.")
+    own = f" in {a.unit}" if a.unit else ""
+    return (f"Pareto chart of the size of the effects{own}, {part}. What crosses the margin of "
+            "error (ME) is significant if looked at alone, what crosses the simultaneous one (SME) "
+            "also as one of many; hatched bars are negative effects.")
 
 
 def summary(found: Findings) -> list[Block]:

@@ -174,6 +174,7 @@ def run(
     workers: int | None = None,
     command: str = "sblcosim paper",
     progress: Progress | None = None,
+    started: float | None = None,
 ) -> Outcome:
     """Do what is missing of all campaigns, and write the report.
 
@@ -191,6 +192,8 @@ def run(
         With which this was asked for, for the report.
     progress
         Called with the share that is done, and a word for what is being done.
+    started
+        When the command was started, as `time.perf_counter` counts, for where the time went.
 
     Raises
     ------
@@ -201,7 +204,9 @@ def run(
     check(folder)
     if not 0 < practical < np.inf:
         raise ConfigurationError(f"practical: must be above 0, got {practical}")
-    seconds: dict[str, float] = {}
+    seconds: dict[str, float] = {} if started is None else {
+        "start-up": time.perf_counter() - started
+    }
 
     def tell(share: float, doing: str) -> None:
         if progress is not None:
@@ -214,6 +219,8 @@ def run(
             numbers = _analyse(plans(quick), tables, practical, tell)
         with _clock(seconds, "figures"):
             drawings = _draw(_jobs(folder / RUNS, numbers), pool, tell)
+            if pool is not None:
+                pool.shutdown()
     with _clock(seconds, "report"):
         tell(0.97, "writing")
         page = _page(numbers, drawings, folder, command, quick)
@@ -309,6 +316,29 @@ def pooled(table: pd.DataFrame, receiver: str) -> tuple[float, float]:
     mean = float((weight * table[f"{receiver}.{MEAN}"]).sum() / weight.sum())
     square = float((weight * table[f"{receiver}.{TOTAL}"] ** 2).sum() / weight.sum())
     return mean, (square - mean**2) ** 0.5
+
+
+def pooled_intervals(
+    table: pd.DataFrame, receiver: str
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """95% intervals of what `pooled` gives, from the scatter between runs (the jackknife)."""
+    weight = table[f"{receiver}.estimates"].to_numpy(np.float64)
+    sums = np.stack([
+        weight,
+        weight * table[f"{receiver}.{MEAN}"].to_numpy(),
+        weight * table[f"{receiver}.{TOTAL}"].to_numpy() ** 2,
+    ])
+    sums = sums[:, weight > 0]
+    count = sums.shape[1]
+    without = sums.sum(axis=1, keepdims=True) - sums
+    mean = without[1] / without[0]
+    left_out = np.stack([mean, np.sqrt(without[2] / without[0] - mean**2)])
+    error = np.sqrt((count - 1) * left_out.var(axis=1))
+    reach = float(stats.t.ppf(0.975, count - 1)) * error
+    first, second = (
+        (value - r, value + r) for value, r in zip(pooled(table, receiver), reach, strict=True)
+    )
+    return first, second
 
 
 def average(table: pd.DataFrame, column: str) -> tuple[float, float, float]:
@@ -494,7 +524,7 @@ def _page(
     runs = sum(len(table) for table in numbers.runs.values())
     lead = (
         f"{facts()['citation']}. Its three factorial studies, its tables and its figures, beside "
-        f"ours: {runs} runs of the studies with {replicates} replicates (the paper: "
+        f"ours: {runs:,} runs of the studies with {replicates} replicates (the paper: "
         f"{study['replicates']}), {len(numbers.sessions['square'])} sessions of each of the three "
         f"paths of Table 2."
     )
@@ -527,10 +557,8 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
         rows.append(_row(f"Table {number_}, total error [m]: all 128 points", table["total"],
                          ours, span(low, high, number)))
     for name in SESSIONS:
-        for word, theirs, ours in zip(("mean", "standard deviation"),
-                                      facts()["table2"][name]["ekf"],
-                                      pooled(numbers.sessions[name], "ekf"), strict=True):
-            rows.append(_row(f"Table 2, EKF, {name}: {word} [m]", theirs, ours))
+        rows += _sessions(numbers.sessions[name], "ekf", facts()["table2"][name]["ekf"],
+                          f"Table 2, EKF, {name}", " [m]")
     blocks.append(_compared("The paper's numbers and ours", rows))
     rows = []
     for n in SCENARIOS:
@@ -576,16 +604,12 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> Section:
         facts_ = facts()["table2"][name]
         for label, key, receiver in (("raw fix (j = 1)", "instrument", "multilateration"),
                                      ("EKF (j = 2)", "ekf", "ekf")):
-            both = pooled(numbers.sessions[name], receiver)
-            rows += [
-                _row(f"{name}, {label}: {word}", theirs, mine)
-                for word, theirs, mine in zip(("mean", "standard deviation"), facts_[key], both,
-                                              strict=True)
-            ]
+            rows += _sessions(numbers.sessions[name], receiver, facts_[key], f"{name}, {label}")
     count = len(numbers.sessions["square"])
     table = _compared(
         "Table 2: total error [m]", rows,
-        f"Ours: mean and standard deviation over all samples of {count} sessions each.")
+        f"Ours: mean and standard deviation over all samples of {count} sessions each; "
+        "intervals from the scatter between sessions.")
     blocks: list[Block] = [
         Text(f"The paper gives sea state, depth, loss and sound speed of its sessions; the rest "
              f"was chosen to come near its EKF rows: {_sessions_in_words()}."),
@@ -621,6 +645,19 @@ def _harbour(numbers: Numbers, drawings: Mapping[str, str]) -> Section:
         Section("Table 2: sessions in the harbour", "table-2", blocks),
         *(figure.section(drawings, shown[figure.number], ours[figure.number]) for figure in seas),
     ])
+
+
+def _sessions(
+    table: pd.DataFrame, receiver: str, theirs: Sequence[float], what: str, unit: str = ""
+) -> list[tuple[str, ...]]:
+    """Rows of Table 2 for a receiver on a path: mean and standard deviation."""
+    return [
+        _row(f"{what}: {word}{unit}", known, ours, span(*ends, number))
+        for word, known, ours, ends in zip(
+            ("mean", "standard deviation"), theirs, pooled(table, receiver),
+            pooled_intervals(table, receiver), strict=True,
+        )
+    ]
 
 
 def _session_settings() -> dict[str, float]:
@@ -838,8 +875,8 @@ def _method(numbers: Numbers) -> list[Block]:
     return [
         Text(f"Design: seven factors at two levels, all {points} combinations, "
              f"{numbers.studies[1].replicates} replicates. The paper writes "
-             f"{study['combinations_printed']} combinations, but its {study['runs_per_scenario']} "
-             f"runs are {study['replicates']} × {points}."),
+             f"{study['combinations_printed']:,} combinations, but its "
+             f"{study['runs_per_scenario']:,} runs are {study['replicates']} × {points}."),
         Text("Settings: the preset paper-literal, in the shipped scenarios paper-scenario-1 to 3, "
              "where what the paper does not give is marked. It was fixed before any table was "
              "compared, and nothing in it is tuned to the tables. The favourable point and the "

@@ -107,7 +107,7 @@ def _same(one: Study, other: Study) -> bool:
 
 def _lead(study: Study, runs: int, failed: int) -> str:
     title = f"{study.title.rstrip('.')}. " if study.title else ""
-    text = f"{title}{runs} runs at {len(study.plan.points)} points"
+    text = f"{title}{runs:,} runs at {len(study.plan.points)} points"
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
@@ -158,13 +158,25 @@ def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -
         own = study.units[name]
         ends = [quantity_of(row["value"], own) for row in (best, worst)]
         parts.append(
-            f"{study.labels[name]}: from {number(best['mean'])}{unit} at {ends[0]} to "
-            f"{number(worst['mean'])}{unit} at {ends[1]}"
+            f"with {study.labels[name]} it is lowest, {number(best['mean'])}{unit}, at {ends[0]} "
+            f"and highest, {number(worst['mean'])}{unit}, at {ends[1]}"
         )
     return (
         f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
         "factorial design: it has no interactions and no effects to test."
     )
+
+
+def _shared(study: Study) -> str:
+    """Which rows of the means are of the same runs."""
+    base = dict(zip(study.factors, study.sweep_base, strict=False))
+    own = [name for name, value in base.items() if value in study.factors[name].levels]
+    if len(own) < 2:
+        return ""
+    rows = ", ".join(
+        f"{study.labels[name]} {quantity_of(float(base[name]), study.units[name])}" for name in own
+    )
+    return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
 
 
 def _means_page(
@@ -188,7 +200,8 @@ def _means_page(
     sections = [
         Section("Summary", "summary",
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
-        Section("Tables", "tables", [Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows)]),
+        Section("Tables", "tables", [
+            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))]),
     ]
     if study.factors:
         shown = means.replace({"factor": study.labels})

@@ -119,7 +119,7 @@ def test_it_says_the_answers_and_where_the_time_went(finished: tuple[Path, str])
     out = finished[1]
     for n in (1, 2, 3):
         assert f"Scenario {n}: The RMS total error falls most with " in out
-    for word in ("simulations", "statistics", "figures", "report", "together"):
+    for word in ("start-up", "simulations", "statistics", "figures", "report", "together"):
         assert re.search(rf"^{word} +\d+\.\d s$", out, re.MULTILINE)
     assert out.rstrip().endswith(str(finished[0] / "report" / "report.html"))
 
@@ -299,7 +299,7 @@ def test_quick_is_the_same_with_few_replicates(
     assert (process.returncode, err) == (0, "")
     assert set(tmp_path.rglob("parts/*.parquet")) == parts
     text = (tmp_path / "paper" / "report" / "report.html").read_text("utf-8")
-    assert "1920 runs of the studies with 5 replicates (the paper: 50)" in text
+    assert "1,920 runs of the studies with 5 replicates (the paper: 50)" in text
     assert "surely larger than 1\u00a0m" in text
 
 
