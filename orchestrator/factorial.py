@@ -278,7 +278,7 @@ class Factorial:
         columns += [c for c in ("ratio", "verdict") if c in self.effects]
         shown = self.ranked()[columns].head(most)
         formats: dict[Any, Any] = dict.fromkeys([*columns, "ratio"], "{:.4g}".format)
-        formats |= {"share": "{:.1%}".format, "p": _p, "t": "{:.2f}".format}
+        formats |= {"share": percent, "p": _p, "t": "{:.2f}".format}
         formats.pop("verdict", None)
         rest = len(self.effects) - len(shown)
         lines = [
@@ -786,6 +786,11 @@ def figures(value: float, digits: int = 3) -> str:
         return "0"
     text = f"{value:#.{digits}g}" if abs(value) < 10**digits else f"{value:,.0f}"
     return minus(text.removesuffix("."))
+
+
+def percent(share: float) -> str:
+    """A share."""
+    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
 
 
 def minus(text: str) -> str:

@@ -102,8 +102,10 @@ def plot_interactions(
         factors = analysis.factors
         n = len(factors)
         own = ax is None
-        size = 1.2 + 1.15 * max(n, 2)
-        panels = _panels(n, n, size, size - 0.6, ax, heights=[0.45, *[1.0] * (n - 1)])
+        side = 1.15 if n > 4 else 1.6 if n > 2 else 2.3  # of a panel [inch]
+        names = 0.4  # height of the names on top
+        panels = _panels(n, n, 1.2 + side * max(n, 2), 0.8 + names + side * (n - 1), ax,
+                         heights=[names / side, *[1.0] * (n - 1)])
         means = analysis.interactions.set_index(
             ["first", "second", "first_value", "second_value"]
         )["mean"]
@@ -124,7 +126,7 @@ def plot_interactions(
                 y = [means[across, lines, v, value] for v in analysis.levels[across]]
                 panel.plot([0, 1], y, ms=4, **_side(side, look))
             panel.set(xlim=(-MARGIN, 1 + MARGIN), ylim=(low - margin, high + margin))
-            panel.yaxis.set_major_locator(MaxNLocator(3))
+            panel.yaxis.set_major_locator(MaxNLocator(4 if n > 4 else 5))
             panel.set_xticks([0, 1], [f"{v:g}" for v in analysis.levels[across]]
                              if row == n - 1 else [])
             if column:
@@ -133,7 +135,9 @@ def plot_interactions(
                 panel.set_ylabel(f"Mean {_quantity(analysis)}")
         if own:
             title = f"Interactions: mean {_quantity(analysis)} at each pair of levels"
-            panels[0].figure.suptitle(title, fontsize="medium")
+            figure = panels[0].figure
+            characters = round(12 * (1.2 + side * max(n, 2)))
+            figure.suptitle(fill(title, characters), fontsize="medium")
     return panels
 
 

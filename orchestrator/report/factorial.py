@@ -21,6 +21,7 @@ from ..factorial import (
     detectable,
     figures,
     limit_of,
+    percent,
     quantity,
 )
 from ..factorial import minus as true_minus
@@ -219,11 +220,6 @@ def minus(text: str) -> str:
 def signed(value: float, digits: int = 3) -> str:
     """A number with its sign."""
     return f"{'+' if value > 0 else ''}{figures(value, digits)}"
-
-
-def percent(share: float) -> str:
-    """A share."""
-    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
 
 
 def probability(p: float) -> str:

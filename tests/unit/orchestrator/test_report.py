@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim import factorial_plots, study, style
-from sblcosim.factorial import analyse, places
+from sblcosim.factorial import analyse, percent, places
 from sblcosim.report import factorial, paper
 from sblcosim.report.page import (
     Code,
@@ -186,7 +186,7 @@ def test_intervals_of_pooled_statistics_cover_the_truth_as_often_as_they_say() -
     ("share", "text"), [(0.0, "0.0%"), (1e-5, "< 0.1%"), (0.0123, "1.2%"), (1.0, "100.0%")]
 )
 def test_a_small_share_is_not_none(share: float, text: str) -> None:
-    assert factorial.percent(share) == text
+    assert percent(share) == text
 
 
 # --- Pages ---------------------------------------------------------------------------------------
