@@ -64,10 +64,10 @@ def plot_pareto(
                     edgecolor=look.paper, lw=0)
             handles.append(Patch(facecolor=colour, hatch=hatch, edgecolor=look.paper, lw=0,
                                  label=word))
-        level = f"{analysis.confidence:.4g}"
+        unit = f" {analysis.unit}" if analysis.unit else ""
         if analysis.lenth:
-            lines = [(analysis.lenth.me, f"ME {analysis.lenth.me:.3g} (Lenth, {level})", LINES[1]),
-                     (analysis.lenth.sme, f"SME {analysis.lenth.sme:.3g}", LINES[2])]
+            lines = [(analysis.lenth.me, f"ME {analysis.lenth.me:.3g}{unit} (Lenth)", LINES[1]),
+                     (analysis.lenth.sme, f"SME {analysis.lenth.sme:.3g}{unit}", LINES[2])]
             ax.set_xlabel(f"|effect| on {_quantity(analysis)}")
         else:
             alpha = (1 + analysis.confidence) / 2

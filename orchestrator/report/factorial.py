@@ -138,10 +138,9 @@ def what_matters(analysis: Factorial) -> str:
     significant = int(effects["significant"].sum())
     text = f"{significant} of {len(effects)} effects are statistically significant"
     if analysis.practical is None:
-        return (
-            f"{text}. With many runs almost all are, whether they matter or not; no smallest "
-            "effect that matters was given (option --practical)."
-        )
+        if significant > len(effects) / 2:
+            text += ". With many runs almost all are, whether they matter or not"
+        return f"{text}; no smallest effect that matters was given (option --practical)."
     line = limit_of(analysis)
     groups = {
         verdict: list(effects.index[effects["verdict"] == verdict])
@@ -299,9 +298,11 @@ def ratio_table(found: Findings) -> Table | None:
         rows.append(cells)
     rest = len(first.effects) - len(rows)
     note = (
-        "High level over low level, with intervals; above 1: more at the high level. Of the "
-        "response: from the analysis of its logarithm, so of its geometric mean. Of its spread: "
-        "from that of ln s, s the standard deviation of the runs of a point."
+        "High level over low level, with intervals; above 1: more at the high level."
+        + (" Of the response: from the analysis of its logarithm, so of its geometric mean."
+           if log is not None else "")
+        + (" Of its spread: from that of ln s, s the standard deviation of the runs of a point."
+           if spread is not None else "")
         + "".join(
             f" Degrees of freedom {of}: {number(other.df, 3)}"
             + (", which is few: these intervals are wide and rough." if other.df < FEW else ".")
@@ -310,8 +311,9 @@ def ratio_table(found: Findings) -> Table | None:
         )
         + (f" {rest} smaller ones are not shown." if rest else "")
     )
-    return Table(f"Ratios, from the logarithm of the {a.response} and from its spread", head, rows,
-                 (), note)
+    sources = [*([f"the logarithm of the {a.response}"] if log is not None else []),
+               *([f"the spread of the {a.response}"] if spread is not None else [])]
+    return Table(f"Ratios, from {' and from '.join(sources)}", head, rows, (), note)
 
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
@@ -355,13 +357,17 @@ def model_table(found: Findings) -> Table:
     if a.lenth is not None:
         rows += [
             (words, f"{number(size, 4)}{unit(a)}") for words, size in (
-                ("Lenth's pseudo standard error of an effect (PSE)", a.lenth.pse),
-                ("Margin of error (ME): one effect beyond it is significant", a.lenth.me),
-                ("Simultaneous margin of error (SME): the same for all effects at once",
-                 a.lenth.sme),
+                ("Pseudo standard error (PSE)", a.lenth.pse),
+                ("Margin of error (ME)", a.lenth.me),
+                ("Simultaneous margin (SME)", a.lenth.sme),
             )
         ]
-    return Table("The model", ("Quantity", "Value"), rows, (1,))
+    note = "" if a.lenth is None else (
+        "PSE, ME and SME are Lenth's, of an effect: its error, taken from the small effects; from "
+        "where on one that is looked at alone is significant; and from where on the largest of "
+        "them all is."
+    )
+    return Table("The model", ("Quantity", "Value"), rows, (1,), note)
 
 
 def tables(found: Findings) -> list[Block]:

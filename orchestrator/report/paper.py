@@ -875,7 +875,7 @@ def _method(numbers: Numbers) -> list[Block]:
     return [
         Text(f"Design: seven factors at two levels, all {points} combinations, "
              f"{numbers.studies[1].replicates} replicates. The paper writes "
-             f"{study['combinations_printed']:,} combinations, but its "
+             f"{study['combinations_printed']} combinations, but its "
              f"{study['runs_per_scenario']:,} runs are {study['replicates']} × {points}."),
         Text("Settings: the preset paper-literal, in the shipped scenarios paper-scenario-1 to 3, "
              "where what the paper does not give is marked. It was fixed before any table was "

@@ -177,6 +177,18 @@ def test_an_analysis_in_python_reads_as_on_the_command_line(tmp_path: Path) -> N
     assert "GPS error" in names
 
 
+def test_an_unreplicated_study_says_in_words_what_it_cannot_have(tmp_path: Path) -> None:
+    text = STUDY.replace("replicates = 3", "replicates = 1")
+    text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
+    out, html = reported(tmp_path, text, "--order", "3")
+    assert "The spread of the response cannot be analysed: that takes at least 2 runs" in html
+    assert "The Box–Cox profile cannot be computed" in html
+    assert "absolute_total_rms_m" not in html
+    assert "Pareto chart of the size of the effects in m, all 7 effects" in html
+    assert "pseudo standard error" in out
+    assert "gps from 3.5 m to 0.1 m" in out or "No effect" in out  # unit of the key
+
+
 def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
     _, html = reported(
         tmp_path, STUDY.replace('kind = "full"', 'kind = "full"\ncentre_points = 2')

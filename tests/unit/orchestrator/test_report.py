@@ -89,6 +89,23 @@ def test_the_shipped_studies_have_labels_and_units() -> None:
         assert units == {"packet_loss"}  # a probability
 
 
+def test_a_factor_without_a_unit_has_that_of_its_keys() -> None:
+    made = study.load({
+        "name": "units", "scenario": "paper-scenario-1", "replicates": 1,
+        "design": {"kind": "full"},
+        "factors": {
+            "speed": {"keys": ["target.speed_m_s"], "levels": [0.3, 1.0]},
+            "tilt": {"keys": ["platform.imu_tilt_std_deg", "platform.imu_heading_std_deg"],
+                     "levels": [1.0, 10.0]},
+            "loss": {"keys": ["acoustics.loss_probability"], "levels": [0.0, 0.1]},
+            "noise": {"keys": ["receiver.acceleration_psd_m2_s3"], "levels": [0.1, 1.0]},
+            "own": {"keys": ["acoustics.range_std_m"], "unit": "metre", "levels": [0.1, 1.0]},
+        },
+    })
+    assert made.units == {"speed": "m/s", "tilt": "°", "loss": "", "noise": "m²/s³",
+                          "own": "metre"}
+
+
 # --- Sentences -----------------------------------------------------------------------------------
 
 
