@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 import numpy as np
@@ -206,9 +206,10 @@ class Host:
 
 @cache
 def _unpack(path: Path) -> tuple[Any, str]:
-    folder = Path(_unpacked.name) / f"{path.stem}-{path.parent.name}"
-    extract(str(path), str(folder))
-    return read_model_description(str(path)), str(folder)
+    # Never into a folder twice: what is loaded must not be written to.
+    folder = mkdtemp(prefix=f"{path.stem}-", dir=_unpacked.name)
+    extract(str(path), folder)
+    return read_model_description(str(path)), folder
 
 
 def _shaped(variable: Variable, value: Any) -> Array:
