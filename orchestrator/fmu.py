@@ -244,12 +244,11 @@ def _binary(fmu: Fmu, names: Iterable[str]) -> PurePosixPath:
         binary = PurePosixPath("binaries", folder, fmu.identifier + suffix(here))
         if binary in binaries:
             return binary
-    here_too = [binary for binary in binaries if binary.parts[1] in places]
-    has = ", ".join(map(str, here_too) if here_too else sorted({b.parts[1] for b in binaries}))
-    if here_too:
+    misnamed = [str(binary) for binary in binaries if binary.parts[1] in places]
+    if misnamed:
         expected = PurePosixPath("binaries", places[0], fmu.identifier + suffix(here))
-        raise FmuError(f"{fmu.path}: must have the binary {expected}, got {has}")
-    has = has or "no binary at all"
+        raise FmuError(f"{fmu.path}: must have the binary {expected}, got {', '.join(misnamed)}")
+    has = ", ".join(sorted({binary.parts[1] for binary in binaries})) or "no binary at all"
     raise FmuError(f"{fmu.path}: must have a binary for {places[0]}, got {has}")
 
 
