@@ -29,18 +29,24 @@ def test_it_is_exact_on_fresh_simultaneous_data(
 
 
 @pytest.mark.parametrize("arm", [0.4, 3.0])
-def test_it_is_the_weighted_least_squares_solution(arm: float) -> None:
+@pytest.mark.parametrize(("measurement_noise", "power"), [(1, 1.0), (2, 0.5)])
+def test_it_is_the_weighted_least_squares_solution(
+    arm: float, measurement_noise: int, power: float
+) -> None:
+    range_std, depth_std = 0.2**power, 0.05**power
     truth = np.array([12.0, -7.0, 5.0])
     beacons = cross(arm)
     y = simultaneous(
-        "multilateration", truth, {"range_std": 0.2, "depth_std": 0.05}, beacons=beacons,
-        errors=ERRORS,
+        "multilateration", truth,
+        {"range_std": 0.2, "depth_std": 0.05, "measurement_noise": measurement_noise},
+        beacons=beacons, errors=ERRORS,
     ).y
 
     def residuals(x: np.ndarray) -> np.ndarray:
         ranges = np.linalg.norm(truth - beacons, axis=1) + ERRORS
         return np.append(
-            (ranges - np.linalg.norm(x - beacons, axis=1)) / 0.2, (truth[2] - x[2]) / 0.05
+            (ranges - np.linalg.norm(x - beacons, axis=1)) / range_std,
+            (truth[2] - x[2]) / depth_std,
         )
 
     best = least_squares(residuals, truth, xtol=1e-15, ftol=1e-15, gtol=1e-15)
