@@ -8,7 +8,6 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from decimal import Decimal
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -22,8 +21,8 @@ from .fmu import Port, ports_of, read
 from .master import initial_outputs
 from .plan import variables_of
 from .scenario import Receivers, Scenario, Source, load
-from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, Value
-from .tables import ANYWHERE, PATH, TRUE, in_si, nanoseconds
+from .system import ComponentSpec, Connection, PythonComponent, System, Value, nanoseconds
+from .tables import ANYWHERE, PATH, TRUE, in_si
 
 FIXED = ("target", "platform", "acoustics")
 """Names of the components that every system has."""
@@ -377,7 +376,7 @@ def _stop_ns(scenario: Scenario, target: _Part) -> int:
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
                 f"not tell when its path ends, got 'path'"
             )
-    return int(Decimal(repr(duration)) * SECOND)
+    return nanoseconds(duration)
 
 
 def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterator[Connection]:
