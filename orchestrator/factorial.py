@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from .design import TIMES
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, check_choice, nearest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -394,12 +394,8 @@ def analyse(
     """
     factors = tuple(factors)
     check_columns(table, factors, response)
-    for word, value, known in (("seeding", seeding, get_args(Seeding)),
-                               ("transform", transform, get_args(Transform))):
-        if value not in known:
-            raise ConfigurationError(
-                f"{word}: must be {' or '.join(known)}, got {value!r}" + nearest(value, known)
-            )
+    check_choice("seeding", seeding, get_args(Seeding))
+    check_choice("transform", transform, get_args(Transform))
     if not 0 < confidence < 1:
         raise ConfigurationError(f"confidence: must be between 0 and 1, got {confidence}")
     limit = _practical(practical, transform)

@@ -17,6 +17,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from .errors import check_choice
+
 ThemeName = Literal["light", "dark"]
 
 
@@ -60,6 +62,18 @@ PLAIN = {"parse_math": False, "usetex": False}
 """Properties of a text that is shown as it is."""
 
 
+def named(theme: ThemeName) -> Theme:
+    """A theme by its name.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such theme.
+    """
+    check_choice("theme", theme, THEMES)
+    return THEMES[theme]
+
+
 @contextmanager
 def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator[Theme]:
     """Draw in a theme; Matplotlib's own settings are put back afterwards.
@@ -70,8 +84,13 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
     ----------
     axes
         Those that are there already, whose labels and titles were made with other settings.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such theme.
     """
-    look = THEMES[theme]
+    look = named(theme)
     settings: Any = {
         "figure.facecolor": look.paper,
         "figure.constrained_layout.use": True,

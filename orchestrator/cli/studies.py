@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import ConfigurationError
+from ..errors import check_choice
 from .base import Terminated, app, report, table, waiting
 
 
@@ -200,9 +200,7 @@ def analyse(
         from .. import analysis, artifacts, factorial
         from ..report import study as reports
 
-        known = get_args(factorial.Transform)
-        if transform not in known:
-            raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
+        check_choice("transform", transform, get_args(factorial.Transform))
         out = out or results.with_name(f"{results.resolve().name}-analysis")
         artifacts.check(out)
         text = reports.save(
