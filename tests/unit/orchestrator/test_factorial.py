@@ -174,6 +174,46 @@ def test_lack_of_fit_over_replicates_is_rarely_found_where_there_is_none():
     assert 0.02 < np.mean(np.array(p) < 0.05) < 0.09
 
 
+def test_lack_of_fit_over_replicates_is_that_of_a_hand_calculation():
+    table = noisy("abc", 6, seed=3)
+    table["y"] += table["replicate"] * (1 + table["a"] * table["b"] * table["c"])
+    by_replicate = {
+        name: table.groupby("replicate").apply(
+            lambda runs, name=name: (runs["y"] * runs[list(name)].prod(axis=1)).sum() / 8**0.5,
+            include_groups=False,
+        )
+        for name in ("ab", "ac", "bc", "abc")
+    }
+    # a single contrast: Student's test of its mean
+    single = analyse(table, "abc", "y", order=2, seeding="common").lack_of_fit
+    t = stats.ttest_1samp(by_replicate["abc"], 0)
+    assert single is not None
+    assert (single.df, single.df_error) == (pytest.approx(1), pytest.approx(5))
+    assert (single.f, single.p) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue))
+    # several: Greenhouse and Geisser's ε of their covariance
+    several = analyse(table, "abc", "y", order=1, seeding="common").lack_of_fit
+    contrasts = np.column_stack(list(by_replicate.values()))
+    covariance = np.cov(contrasts.T)
+    df = np.trace(covariance) ** 2 / np.trace(covariance @ covariance)
+    f = 6 * (contrasts.mean(axis=0) ** 2).sum() / np.trace(covariance)
+    assert several is not None
+    assert (several.df, several.df_error) == (pytest.approx(df), pytest.approx(5 * df))
+    assert (several.f, several.p) == (
+        pytest.approx(f), pytest.approx(stats.f.sf(f, df, 5 * df))
+    )
+
+
+@pytest.mark.parametrize("seeding", ["independent", "common"])
+def test_degrees_of_freedom_are_those_of_a_textbook(seeding: str):
+    # 2³ points, 4 replicates, order 1: 8 − 4 for lack of fit; 32 − 8 pure, or 3 · 7 in blocks
+    found = analyse(noisy("abc", 4), "abc", "y", order=1, seeding=seeding)
+    df = found.anova["df"]
+    blocks = 3 if seeding == "common" else 0
+    assert (df["lack of fit"], df["pure error"]) == (4, 24 - blocks)
+    assert (df["residual"], df["total"]) == (28 - blocks, 31)
+    assert df.get("replicates", 0) == blocks
+
+
 def test_an_incomplete_replicate_is_left_out_and_counted():
     table = noisy("ab", 4)
     table.loc[5, "y"] = np.nan
@@ -221,6 +261,18 @@ def test_jackknife_knows_the_scatter_of_ln_s_where_runs_share_their_noise():
         estimates.append(found["effect"])
     ratio = pd.DataFrame(errors).mean() / pd.DataFrame(estimates).std()
     assert ratio.to_numpy() == pytest.approx(np.ones(3), abs=0.25)
+
+
+def test_jackknife_leaves_out_one_replicate_after_the_other():
+    table = noisy("ab", 5)
+    found = analyse(table, "ab", "y", transform="spread", seeding="common")
+    for point, values in table.groupby(["a", "b"])["y"]:
+        y = values.to_numpy()
+        whole = np.log(y.std(ddof=1))
+        left_out = np.array([np.log(np.delete(y, i).std(ddof=1)) for i in range(5)])
+        pseudo = 5 * whole - 4 * left_out
+        mine = found.table[(found.table["a"] == point[0]) & (found.table["b"] == point[1])]
+        np.testing.assert_allclose(mine["y"], pseudo - pseudo.mean() + whole, rtol=1e-12)
 
 
 def test_box_cox_finds_the_logarithm_of_a_product():
@@ -365,6 +417,19 @@ def test_terms_outside_of_the_model_that_cannot_be_told_apart_are_listed():
         "a": ("b × c × d",), "b": ("a × c × d",), "c": ("a × b × d",), "d": ("a × b × c",)
     }
     assert analyse(noisy(), "abc", "y").aliases == {}
+
+
+@pytest.mark.parametrize("first", [1, -1])
+@pytest.mark.parametrize("second", [1, -1])
+def test_an_alias_from_the_product_of_two_generators_has_its_sign(first: int, second: int):
+    table = design("abcd")
+    table["e"] = first * table["a"] * table["b"] * table["c"]
+    table["f"] = second * table["b"] * table["c"] * table["d"]
+    table["y"] = np.random.default_rng(1).normal(size=16)
+    found = analyse(table, "abcdef", "y", terms=[*"abcdef", ("a", "d")])
+    own = "−" if first * second < 0 else ""
+    assert f"{own}e × f" in found.aliases["a × d"]
+    assert f"{own}d × e × f" in found.aliases["a"]
 
 
 def test_a_point_too_few_names_what_it_costs():
