@@ -86,6 +86,9 @@ CALLS: dict[str, Any] = {
     "style.named theme": style.named,
     "sweep.plot_means theme": partial(sweep.plot_means, MEANS),
     "factorial.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
+    "factorial.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.of_table error": partial(of_runs, analysis.of_table),
+    "report.factorial.find error": partial(of_runs, report.find),
     "factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
     "factorial_plots.plot_front theme": partial(factorial_plots.plot_front, ADVICE),
     "analysis.of_table transform": partial(of_runs, analysis.of_table),
@@ -109,6 +112,8 @@ CALLS |= {
                                  ("factorial.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
+    "analysis.of_study error": "analysis.of_table",
+    "report.study.save error": "report.factorial.find",
     "analysis.of_study transform": "analysis.of_table",
     "report.study.save transform": "report.factorial.find",
     "analysis.write theme": "analysis.save",

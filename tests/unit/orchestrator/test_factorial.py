@@ -43,6 +43,86 @@ def test_order_says_which_interactions_are_in_the_model():
     assert len(analyse(table, "abcd", "y", order=3).effects) == 4 + 6 + 4
 
 
+def covered(error: str, centre: int, runs: int = 70) -> tuple[float, float]:
+    """Share of intervals that hold the truth, with a large interaction outside of the model, and
+    their mean width in units of the least one possible."""
+    rng = np.random.default_rng(8)
+    table = design("abc", 4)
+    table = pd.concat([table, table[:centre].assign(a=0.0, b=0.0, c=0.0)], ignore_index=True)
+    table["y"] = 5 + 1.5 * table["a"] + 2 * table["a"] * table["b"] * table["c"]
+    inside, width = [], []
+    for _ in range(runs):
+        noisy_runs = table.assign(y=table["y"] + rng.normal(size=len(table)))
+        found = analyse(noisy_runs, "abc", "y", error=error, confidence=0.9)
+        assert found.error == error
+        effects = found.effects.assign(true=[3.0, 0, 0, 0, 0, 0])
+        inside.append(effects.eval("low < true < high"))
+        width.append(effects["std_error"].mean() / (2 / np.sqrt(32)))
+    return float(np.mean(inside)), float(np.mean(width))
+
+
+@pytest.mark.parametrize("centre", [0, 3])
+def test_intervals_from_the_pure_error_know_nothing_of_what_the_model_leaves_out(centre: int):
+    share, width = covered("pure", centre)
+    assert share == pytest.approx(0.9, abs=0.04)
+    assert width == pytest.approx(1.0, abs=0.05)
+    share, width = covered("residual", centre)
+    assert share > 0.98
+    assert width > 1.9
+
+
+def test_the_error_is_the_scatter_about_the_means_of_the_points_as_far_as_there_are_runs():
+    table = noisy("abc", 3)
+    table.loc[[0, 5], "y"] = np.nan
+    found = analyse(table, "abc", "y", order=1)
+    left = table.dropna()
+    pure = (left["y"] - left.groupby(["a", "b", "c"])["y"].transform("mean")) ** 2
+    assert (found.error, found.df) == ("pure", 22 - 8)
+    assert found.sigma == pytest.approx(np.sqrt(pure.sum() / 14))
+    x = np.column_stack([np.ones(22), left[["a", "b", "c"]]])
+    errors = 2 * found.sigma * np.sqrt(np.diag(np.linalg.inv(x.T @ x)))
+    np.testing.assert_allclose(found.effects["std_error"], errors[1:])
+    assert "errors from the scatter between replicates (pure error), 14 degrees" in str(found)
+    other = analyse(table, "abc", "y", order=1, error="residual")
+    assert (other.error, other.df, other.sigma) == ("residual", 22 - 4, other.rmse)
+    assert "errors from the scatter about the model (residual, lack of fit in it), 18" in str(other)
+    assert found.rmse == other.rmse
+    assert found.lack_of_fit == other.lack_of_fit
+
+
+def test_without_replicates_the_error_is_the_scatter_about_the_model():
+    table = noisy("abc", 1)
+    found = analyse(table, "abc", "y", order=1)
+    assert (found.error, found.df, found.sigma) == ("residual", 4, found.rmse)
+    assert analyse(table, "abc", "y", order=3).error is None  # Lenth's
+
+
+def test_centre_points_alone_are_replicates():
+    # the error of an unreplicated design with centre points (Montgomery's chemical process)
+    corners = design("ab").assign(y=[39.3, 40.9, 40.0, 41.5])
+    centre = pd.DataFrame({"a": 0.0, "b": 0.0, "y": [40.3, 40.5, 40.7, 40.2, 40.6]})
+    found = analyse(pd.concat([corners, centre]), "ab", "y", order=1)
+    assert (found.error, found.df) == ("pure", 4)
+    assert found.sigma**2 == pytest.approx(0.043)
+    assert found.curvature is not None
+    assert found.curvature.df_error == 4
+    assert found.curvature.f == pytest.approx(4 * 5 * 0.035**2 / 9 / 0.043)
+
+
+def test_the_spread_of_each_point_has_no_replicates_of_its_own():
+    assert analyse(noisy("abc", 6), "abc", "y", transform="spread").error == "residual"
+
+
+def test_with_common_numbers_lack_of_fit_is_never_in_the_error():
+    table = noisy("abc", 5)
+    bent = table.assign(y=table["y"] + 9 * table["a"] * table["b"] * table["c"])
+    one, other = (analyse(t, "abc", "y", seeding="common") for t in (table, bent))
+    assert one.error == other.error == "pure"
+    np.testing.assert_allclose(one.effects["std_error"], other.effects["std_error"])
+    with pytest.raises(ConfigurationError, match="error: must be pure with common random numbers"):
+        analyse(table, "abc", "y", seeding="common", error="residual")
+
+
 def test_intervals_hold_the_true_effect_as_often_as_they_say():
     inside = [
         analyse(noisy(seed=seed), "abc", "y", confidence=0.8).effects.eval("low < 0 < high")
