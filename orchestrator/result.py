@@ -170,8 +170,9 @@ class Result:
         Raises
         ------
         ConfigurationError
-            There is something else under that name.
+            There is something else under that name, or no such theme.
         """
+        style.named(theme)
         with artifacts.folder(directory, self._manifest()) as folder:
             artifacts.write_table(self.record, folder, "record")
             tables = [table.assign(receiver=name) for name, table in self.estimates.items()]

@@ -16,7 +16,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
-from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
+from .errors import ConfigurationError, ConfigurationWarning, check_choice, instance, nearest
 from .fmu import Port, ports_of, read
 from .master import initial_outputs
 from .plan import variables_of
@@ -70,6 +70,8 @@ def connect(
     ConfigurationWarning
         Nothing feeds an input of a foreign component.
     """
+    if fmi is not None:
+        check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
     parts: dict[str, _Part] = {}
     for name in FIXED:
