@@ -22,7 +22,7 @@ from platformdirs import user_cache_path
 from ..models import COMPONENTS, module_of
 from . import compiler as compilers
 from .errors import BuildError, nearest
-from .files import write_file
+from .files import scratch, write_file
 from .platforms import suffix, this_platform
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ def compile_shared(
     BuildError
         The compiler fails.
     """
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         parts = [*compile_objects(sources, units, compiler), *objects]
         names = [f"{i}.o" for i in range(len(parts))]
@@ -257,7 +257,7 @@ def compile_objects(
 ) -> list[bytes]:
     """Compile C sources into objects, one per unit, on all cores."""
     include = [fmi_headers()]
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         for file, text in sources.items():
             (folder / file).write_bytes(text)
