@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import errno
+import hashlib
 import os
 import re
 import shutil
@@ -112,6 +113,47 @@ def sync_file(path: Path) -> None:
     """Let the content of a file survive a loss of power."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())
+
+
+# --- What somebody else may have damaged ---------------------------------------------------------
+
+SEAL = ".sha256"
+"""What is added to the name of a file for the one that holds its SHA-256."""
+
+
+def seal(content: bytes, name: str) -> bytes:
+    """Content of the file beside a file, as ``sha256sum`` writes and reads it."""
+    return f"{hashlib.sha256(content).hexdigest()}  {name}\n".encode()
+
+
+def write_sealed(path: Path, content: bytes) -> None:
+    """Write a file and, before it, its SHA-256 beside it."""
+    write_file(path.with_name(path.name + SEAL), seal(content, path.name))
+    write_file(path, content)
+
+
+def intact(path: Path) -> bool:
+    """Whether a file is as `write_sealed` wrote it; read once, until it changes."""
+    try:
+        recorded = path.with_name(path.name + SEAL).read_bytes()[:64]
+    except OSError:
+        return False
+    return recorded == sha256_of(path).encode()
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal, read once, until it changes; nothing if there is none."""
+    try:
+        about = path.stat()
+        known = str(path), about.st_size, about.st_mtime_ns, about.st_ino
+        if known not in _HASHES:
+            _HASHES[known] = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+    return _HASHES[known]
+
+
+_HASHES: dict[tuple[str, int, int, int], str] = {}
 
 
 # --- What is unfinished --------------------------------------------------------------------------

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from sblcosim.fmus.errors import BuildError, FmuError, SblcosimError, nearest
+from sblcosim.fmus.errors import BuildError, DamageWarning, FmuError, SblcosimError, nearest
 
 __all__ = [
     "BuildError",
     "ConfigurationError",
     "ConfigurationWarning",
+    "DamageWarning",
     "FmuError",
     "SblcosimError",
     "instance",
