@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from sblcosim.fmus.errors import BuildError, FmuError, SblcosimError, nearest
+from sblcosim.fmus.errors import BuildError, DamageWarning, FmuError, SblcosimError, nearest
 
 __all__ = [
     "BuildError",
     "ConfigurationError",
     "ConfigurationWarning",
+    "DamageWarning",
     "FmuError",
     "SblcosimError",
     "check_choice",

@@ -25,7 +25,7 @@ from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_m
 from sblcosim.fmus.archive import write_fmu
 from sblcosim.fmus.description import PACKAGE
 from sblcosim.fmus.factory import build
-from sblcosim.fmus.files import write_file
+from sblcosim.fmus.files import scratch, write_file
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
@@ -174,7 +174,7 @@ def export_fmu(
     parts = _parts(plan, bake=True)
     links = list(_links(plan))
     linked = {source for source, _ in links}
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         # The name of the file becomes an identifier in C.
         whole = AssemblyNode(

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import check_choice
-from .base import Terminated, app, report, table, waiting
+from .base import ForceOption, Terminated, app, place, report, table, waiting
 
 
 @app.command()
@@ -147,6 +147,7 @@ def replay(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
     ] = False,
@@ -156,11 +157,11 @@ def replay(
     with waiting() as progress:
         from .. import artifacts, campaign
 
-        out = out or Path("runs", re.sub(r"\W", "_", run_id))
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
+        artifacts.check(wanted, other=other)
         result = campaign.replay(results, run_id, progress=progress)
-        folder = result.save(out, figures=not no_figures)
-    report(result, folder, as_json)
+        folder = result.save(wanted, figures=not no_figures, other=other)
+    report(result, folder, as_json, wanted)
 
 
 @app.command()
