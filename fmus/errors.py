@@ -26,6 +26,10 @@ class BuildError(FmuError):
     """An FMU could not be built."""
 
 
+class DamageWarning(UserWarning):
+    """A file of ours is not as it was written, and something is done about it."""
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """The end of a message about an unknown name.
 
@@ -40,8 +44,10 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 def instance(value: object) -> str:
     """What somebody gave in place of something else, for messages."""
-    if value is None or isinstance(value, bool | int | float | str | bytes):
-        return repr(value)
+    if isinstance(value, str):
+        return shortened(repr(value))
+    if value is None or isinstance(value, bool | int | float | bytes):
+        return shortened(value)
     return f"an instance of {type(value).__qualname__}"
 
 

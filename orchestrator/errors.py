@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from sblcosim.fmus.errors import (
     BuildError,
+    DamageWarning,
     FmuError,
     SblcosimError,
     escaped,
@@ -16,8 +19,10 @@ __all__ = [
     "BuildError",
     "ConfigurationError",
     "ConfigurationWarning",
+    "DamageWarning",
     "FmuError",
     "SblcosimError",
+    "check_choice",
     "escaped",
     "instance",
     "nearest",
@@ -33,6 +38,22 @@ def one_line(error: BaseException) -> str:
 
 class ConfigurationError(SblcosimError):
     """Something that the user wrote, in a file or in Python, cannot be carried out."""
+
+
+def check_choice(where: str, value: object, choices: Collection[str] | Collection[int]) -> None:
+    """Refuse an argument that is none of a few words or whole numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        So it is; the nearest choice is named.
+    """
+    plain = isinstance(value, str | int) and not isinstance(value, bool)
+    if not plain or value not in choices:
+        close = nearest(value, map(str, choices)) if isinstance(value, str) else ""
+        raise ConfigurationError(
+            f"{where}: must be {' or '.join(map(str, choices))}, got {instance(value)}{close}"
+        )
 
 
 class ConfigurationWarning(UserWarning):

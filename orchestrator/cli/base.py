@@ -9,12 +9,15 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import ConfigurationError, shortened
 from .outcome import Application, say_warnings
+
+if TYPE_CHECKING:
+    from ..artifacts import Other
 
 PATIENCE = 2.0
 """Seconds after which a command shows what it is doing."""
@@ -83,6 +86,9 @@ SetOption = Annotated[
 FmiOption = Annotated[
     int | None, numeric("--fmi", int, "2|3", "FMI version of our components.", low=2, high=3)
 ]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the result of another run in the folder.")
+]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
 
 
@@ -110,11 +116,17 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
     return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
 
 
-def report(result: Any, folder: Path, as_json: bool) -> None:
+def place(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
+    """Where results go, and what is done about those of another run."""
+    return out or default, "replace" if force else "number" if out is None else "refuse"
+
+
+def report(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
     if as_json:
         typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
     else:
-        typer.echo(f"{result}\n\nwritten to {folder}")
+        other = "" if folder == wanted else f"; {wanted} holds something else"
+        typer.echo(f"{result}\n\nwritten to {folder}{other}")
 
 
 def table(rows: list[tuple[str, str]]) -> None:

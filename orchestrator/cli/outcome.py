@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from ..errors import (
     ConfigurationError,
     ConfigurationWarning,
+    DamageWarning,
     SblcosimError,
     escaped,
     nearest,
@@ -156,7 +157,8 @@ def _warnings_in_lines() -> Iterator[None]:
     _said.clear()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("always", ConfigurationWarning)
+            for ours in (ConfigurationWarning, DamageWarning):
+                warnings.simplefilter("always", ours)
             warnings.showwarning = _note
             yield
     finally:
