@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from . import artifacts, metrics, plots, style
-from .metrics import AXES, FRAMES
+from .definitions import AXES, FRAMES, judge
 from .wiring import RAW
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ class Result:
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
         if row.lost:
-            silent = metrics.late(self.data, self.estimates[receiver]).empty
+            silent = not judge(self.data, receiver).late.any()
             lines.append(
                 "  lost: no estimate in the last quarter"
                 if silent
