@@ -249,7 +249,7 @@ class Result:
             for axis in (*AXES, "total"):
                 cells = "   ".join(
                     "".join(
-                        f"{value:9.3f}"
+                        _cell(value)
                         for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
                     )
                     for frame in FRAMES
@@ -274,6 +274,10 @@ class Result:
         for name, words in _CONSISTENCY.items():
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+        if pd.isna(row.inconsistent):
+            claims = f"{receiver}.covariance" in self.data.values
+            why = "its covariance is never positive definite" if claims else "no covariance"
+            lines.append(f"  consistency unknown: {why}")
         if row.lost:
             silent = not judge(self.data, receiver).late.any()
             lines.append(
@@ -299,6 +303,10 @@ class Result:
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
+
+
+def _cell(value: Any) -> str:
+    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
 
 
 def _compared(row: Any, name: str) -> str:

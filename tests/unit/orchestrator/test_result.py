@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
 from sblcosim.record import Record
@@ -49,6 +50,32 @@ def test_tables_hold_each_receiver(result):
     assert result.errors.loc[("ekf", "absolute", "total"), "rms_m"] == pytest.approx(5)
     assert result.errors.loc[("ekf", "relative", "total"), "rms_m"] == pytest.approx(4)
     assert result.summary.loc["raw", "update_share"] == 1
+
+
+def without(record, *ports, **values):
+    kept = {name: v for name, v in record.values.items() if name not in ports}
+    return Record(record.time_ns, {**kept, **values})
+
+
+def test_of_a_receiver_without_covariance_it_is_said_that_consistency_is_unknown(result):
+    assert "consistency unknown" not in str(result)
+    record = without(result.data, "ekf.covariance")
+    bare = Result("dive", {}, record, ("ekf", "raw"))
+    assert "  consistency unknown: no covariance\n" in str(bare)
+    assert "consistency unknown" in bare._repr_html_()
+    flags = {name: row["inconsistent"] for name, row in bare.to_json()["summary"].items()}
+    assert flags == {"ekf": None, "raw": True}
+    json.dumps(bare.to_json(), allow_nan=False)
+    useless = {"ekf.covariance": np.zeros((101, 6, 6))}
+    bad = Result("dive", {}, without(result.data, **useless), ("ekf", "raw"))
+    assert "  consistency unknown: its covariance is never positive definite\n" in str(bad)
+
+
+def test_the_written_summary_of_a_receiver_without_covariance_misses_the_flag(result, tmp_path):
+    record = without(result.data, "ekf.covariance")
+    Result("dive", {}, record, ("ekf", "raw")).save(tmp_path / "out", figures=False)
+    column = parquet.read_table(tmp_path / "out" / "summary.parquet")["inconsistent"]
+    assert (str(column.type), column.to_pylist()) == ("bool", [None, True])
 
 
 def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(result):
