@@ -126,6 +126,15 @@ class Result:
         return metrics.summary(self.data, self.estimates, self.update_interval_ns)
 
     @property
+    def problems(self) -> list[str]:
+        """A line for each receiver without any estimate, but for the raw fix that runs along."""
+        return [
+            f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
+            for receiver in self.receivers
+            if receiver != RAW and self.estimates[receiver].empty
+        ]
+
+    @property
     def title(self) -> str:
         """What the scenario calls itself, else its name."""
         return getattr(self.scenario, "title", "") or self.scenario_name
@@ -263,7 +272,7 @@ class Result:
         """Availability and consistency of a receiver in words."""
         row: Any = self.summary.loc[receiver]
         if not row.estimates:
-            return [f"{receiver}: no fix"]
+            return [f"{receiver}: no estimate; {self._silence(receiver)}"]
         first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
         lines = [
             f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
@@ -286,6 +295,24 @@ class Result:
                 else "  lost: in the last quarter its error exceeds the distance to the platform"
             )
         return lines
+
+    def _silence(self, receiver: str) -> str:
+        """Why there may be no estimate, and where to look."""
+        values = self.data.values
+        count = values[f"{receiver}.update_count"].astype(int)
+        look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
+        look = [name for name in look if name in values]
+        text = (
+            f"update_count reached {count.max()}, but there was no valid fix when it changed"
+            if count.any()
+            else "update_count stayed 0"
+        )
+        heard = values.get("acoustics.reception_count")
+        if heard is not None:
+            look.append("acoustics.reception_count")
+            beacons = ", ".join(str(n) for n in heard[-1].tolist())
+            text += f"; packets received from each beacon: {beacons}"
+        return f"{text}; look at {', '.join(look)} in the record"
 
     def _notes(self) -> list[str]:
         """What the printed numbers mean."""

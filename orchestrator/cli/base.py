@@ -137,6 +137,15 @@ def report(result: Any, folder: Path, as_json: bool) -> None:
         typer.echo(f"{result}\n\nwritten to {folder}")
 
 
+def report_run(result: Any, folder: Path, as_json: bool) -> None:
+    """As `report`; the exit code is 1 if a receiver has given no estimate at all."""
+    report(result, folder, as_json)
+    for line in result.problems:
+        typer.echo(f"error: {line}", err=True)
+    if result.problems:
+        raise typer.Exit(1)
+
+
 def table(rows: list[tuple[str, str]]) -> None:
     width = max(len(first) for first, _ in rows)
     for first, second in rows:

@@ -19,6 +19,7 @@ from .base import (
     app,
     overrides,
     report,
+    report_run,
     table,
     waiting,
 )
@@ -57,7 +58,8 @@ def run(
 ) -> None:
     """Simulate a scenario and write its results.
 
-    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    Prints the table of errors; the record, a manifest and the figures go to a folder. The exit
+    code is 1 if a receiver has given no estimate at all.
     """
     with waiting() as progress:
         from .. import api, artifacts
@@ -75,7 +77,7 @@ def run(
             progress=progress,
         )
         folder = result.save(out, figures=not no_figures)
-    report(result, folder, as_json)
+    report_run(result, folder, as_json)
 
 
 @app.command()

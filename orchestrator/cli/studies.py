@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError
-from .base import Terminated, app, report, table, waiting
+from .base import Terminated, app, report_run, table, waiting
 
 
 @app.command()
@@ -171,7 +171,7 @@ def replay(
         artifacts.check(out)
         result = campaign.replay(results, run_id, progress=progress)
         folder = result.save(out, figures=not no_figures)
-    report(result, folder, as_json)
+    report_run(result, folder, as_json)
 
 
 @app.command()
