@@ -3,9 +3,9 @@
 What is in a package is what other tools take (tried with FMPy, libcosim, ecos, OMSimulator and
 fmucontainer): connections from component to component only, one parameter set per component with
 the short names of its variables, all FMUs inside, names that are identifiers, and the step sizes as
-annotations: for the Open Simulation Platform one of the experiment, for OMSimulator the first one of
+annotations: for the Open Simulation Platform that of the experiment, for OMSimulator the first of
 the system, as it reads no other and takes none of a component. The components' own intervals are in
-the system's second one. Connectors and units are those of the FMUs' model descriptions.
+the system's second. Connectors and units are those of the FMUs' model descriptions.
 
 Some tools do not look at parameter sets. For them the FMUs can be *baked*: built with the
 scenario's numbers as start values. A baked package has no parameter sets: that shows what it is.

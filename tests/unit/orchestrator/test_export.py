@@ -184,8 +184,20 @@ def test_connectors_have_the_types_units_and_shapes_of_the_fmus(
             assert kind.get("unit") == variable.unit
             sizes = [int(d.get("size")) for d in connector.iterfind("ssc:Dimension", NS)]
             assert sizes == (list(variable.shape) if version == 2 else [])
-    speed = structure.find("ssd:Units/ssc:Unit[@name='m/s']/ssc:BaseUnit", NS)
-    assert dict(speed.attrib) == {"m": "1", "s": "-1"}
+
+
+def test_units_are_defined_as_in_the_fmus(
+    package: zipfile.ZipFile, structure: etree._Element, version: int
+) -> None:
+    units = {u.get("name"): dict(u[0].attrib) for u in structure.iterfind("ssd:Units/ssc:Unit", NS)}
+    expected = {}
+    for source in structure.iterfind(".//ssd:Component", NS):
+        for unit in described(package, source.get("name")).iter("Unit"):
+            expected[unit.get("name")] = dict(unit[0].attrib)
+    assert units == expected
+    assert units["m2/s3"] == {"m": "2", "s": "-3"}
+    assert units["rad/K"] == {"rad": "1", "K": "-1"}
+    assert units["s/s"] == {}
 
 
 def test_every_component_has_its_parameters_by_their_short_names(
