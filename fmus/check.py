@@ -32,7 +32,7 @@ from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .archive import DESCRIPTION
-from .description import FMI2_TYPES
+from .description import FMI2_TYPES, base_unit
 from .errors import FmuError, nearest
 from .factory import fmi_headers
 from .files import scratch
@@ -426,7 +426,7 @@ def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
             k: n for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if (n := getattr(base, k))
         }
         for unit in UNITS.values():
-            if (dict(unit.exponents), 1.0, 0.0) == (exponents, base.factor, base.offset):
+            if (base_unit(unit.name), 1.0, 0.0) == (exponents, base.factor, base.offset):
                 return unit.name
         return f"{name} (by its definition)" if name in UNITS else name
     return name

@@ -175,6 +175,11 @@ class Plan:
         return grids[0] if len(grids) == 1 else np.unique(np.concatenate(grids))
 
     @property
+    def intervals_ns(self) -> dict[str, int]:
+        """Communication intervals by component."""
+        return {c.name: c.interval_ns for c in self.components}
+
+    @property
     def count(self) -> int:
         """Number of communication instants, without listing them."""
         duration = self.stop_ns - self.start_ns

@@ -140,10 +140,14 @@ def table(results: str | Path) -> pd.DataFrame:
     """
     folder = Path(results)
     described(folder)
-    parts = [_parquet(path).to_pandas() for path in _parts(folder)]
+    # What is missing in a column of flags is not false.
+    flags = {pa.bool_(): pd.BooleanDtype()}.get
+    parts = [_parquet(path).to_pandas(types_mapper=flags) for path in _parts(folder)]
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
     whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
+    known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
+    whole = whole.astype(dict.fromkeys(known, bool))
     return whole.sort_values(["replicate", "point"], ignore_index=True)
 
 

@@ -129,6 +129,15 @@ def report(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
         typer.echo(f"{result}\n\nwritten to {folder}{other}")
 
 
+def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
+    """As `report`; the exit code is 1 if a receiver has given no estimate at all."""
+    report(result, folder, as_json, wanted)
+    for line in result.problems:
+        typer.echo(f"error: {line}", err=True)
+    if result.problems:
+        raise typer.Exit(1)
+
+
 def table(rows: list[tuple[str, str]]) -> None:
     width = max(len(first) for first, _ in rows)
     for first, second in rows:

@@ -22,6 +22,7 @@ from .base import (
     overrides,
     place,
     report,
+    report_run,
     table,
     waiting,
 )
@@ -68,7 +69,8 @@ def run(
 ) -> None:
     """Simulate a scenario and write its results.
 
-    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    Prints the table of errors; the record, a manifest and the figures go to a folder. The exit
+    code is 1 if a receiver has given no estimate at all.
     """
     with waiting() as progress:
         from .. import api, artifacts
@@ -87,7 +89,7 @@ def run(
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report(result, folder, as_json, wanted)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()

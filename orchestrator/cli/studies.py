@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import check_choice
-from .base import ForceOption, app, numeric, place, report, table, waiting
+from .base import ForceOption, app, numeric, place, report_run, table, waiting
 from .outcome import Terminated
 
 
@@ -133,12 +133,23 @@ def _summary(runs: Any) -> str:
     suffix = ".absolute_total_rms_m"
     for column in runs.columns[runs.columns.str.endswith(suffix)]:
         name = column.removesuffix(suffix)
+        if runs[column].isna().all():
+            lines.append(f"{name}: no estimate in any run")
+            continue
         lines.append(
             f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
-            f"{runs[f'{name}.inconsistent'].mean():.0%} of them inconsistent, "
+            f"{_inconsistent(runs[f'{name}.inconsistent'])}, "
             f"{runs[f'{name}.lost'].mean():.0%} lost"
         )
     return "\n".join(lines)
+
+
+def _inconsistent(flags: Any) -> str:
+    known = flags.dropna()
+    if known.empty:
+        return "consistency unknown (no estimate has a covariance)"
+    whose = "them" if len(known) == len(flags) else f"the {len(known)} with a covariance"
+    return f"{known.mean():.0%} of {whose} inconsistent"
 
 
 @app.command()
@@ -163,7 +174,7 @@ def replay(
         artifacts.check(wanted, other=other)
         result = campaign.replay(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report(result, folder, as_json, wanted)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()

@@ -89,6 +89,31 @@ def test_run_prints_json_and_nothing_else(cli: Callable[..., Result]) -> None:
     assert Path("here/manifest.json").is_file()
 
 
+def test_a_run_without_an_estimate_says_so_and_the_exit_code_is_1(
+    cli: Callable[..., Result],
+) -> None:
+    nothing = ("--set", "time.duration_s=2", "--set", "acoustics.loss_probability=1",
+               "--no-figures", "--out", "here")  # fmt: skip
+    got = (
+        "must give at least one estimate, got none; update_count stayed 0; packets received from "
+        "each beacon: 0, 0, 0, 0; look at"
+    )
+    for receivers in (["multilateration"], ["multilateration", "ekf"], ["ekf", "multilateration"]):
+        words = [word for name in receivers for word in ("--receiver", name)]
+        done = cli("run", "paper-scenario-1", *words, *nothing)
+        assert done.exit_code == 1
+        (line,) = done.stderr.splitlines()  # the EKF begins with a prior
+        assert line.startswith(f"error: multilateration: {got}")
+        assert done.stdout.endswith("written to here\n")
+        assert Path("here/record.parquet").is_file()
+    done = cli("run", "harbour-square", *nothing, "--json")
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["errors"]["ekf"]["absolute"]["total"]["rms_m"] is None
+    assert done.stderr.startswith(f"error: ekf: {got}")
+    done = cli("run", "paper-scenario-1", *nothing)
+    assert (done.exit_code, done.stderr) == (0, "")  # without the raw fix that runs along
+
+
 def test_run_takes_receivers_keys_and_fmi_version(cli: Callable[..., Result]) -> None:
     done = cli(
         "run", "paper-scenario-1", *SHORT, "--receiver", "sequential", "--receiver", build("ekf"),

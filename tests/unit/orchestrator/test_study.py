@@ -10,8 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import campaign, executors, lanes, points, study
+from pyarrow import parquet
+from sblcosim import campaign, executors, lanes, points, simulation, study
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
+from sblcosim.reduction import SUMS
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
@@ -204,6 +206,56 @@ def test_the_table_is_the_same_for_all_masters_and_numbers_of_threads(tmp_path: 
         assert (tmp_path / master / "runs.parquet").read_bytes() == bytes_, master
 
 
+@pytest.mark.parametrize("short", [False, True], ids=["remembered", "forgotten"])
+def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
+) -> None:
+    if short:
+        monkeypatch.setattr(lanes, "remembered", lambda plan: 2)
+    made = small(
+        receivers=["ekf", "multilateration"], factors={"arm": ARM}, replicates=1,
+        fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
+    )  # fmt: skip
+    alone = []
+    original = simulation._one_by_one
+    monkeypatch.setattr(
+        simulation, "_one_by_one", lambda *a: alone.append(a) or original(*a)
+    )
+    reference = made.run(tmp_path / "lanes")
+    assert bool(alone) == short
+    assert (reference["ekf.estimates"] >= 8).all()
+    assert reference["error"].isna().all()
+    assert not reference["ekf.broken"].any()
+    for master in ("native", "python"):
+        again = made.run(tmp_path / master, master=master)
+        pd.testing.assert_frame_equal(again, reference, check_exact=True)
+
+
+def test_flags_that_are_unknown_stay_so_in_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a receiver without covariance; in one part of two."""
+    monkeypatch.setattr(campaign, "BATCH", 4)
+    original = simulation.responses
+
+    def unknown(sums: Any, duration: Any) -> Any:
+        sums = sums.copy()
+        if unknown.calls == 0:
+            sums[:2, [SUMS.index("nees"), SUMS.index("nees_estimates")]] = 0.0
+        unknown.calls += 1
+        return original(sums, duration)
+
+    unknown.calls = 0
+    monkeypatch.setattr(simulation, "responses", unknown)
+    table = small().run(tmp_path / "out")
+    assert unknown.calls == 2
+    assert table["ekf.inconsistent"].isna().tolist() == [True] * 2 + [False] * 6
+    assert table["ekf.lost"].dtype == bool
+    stored = parquet.read_table(tmp_path / "out" / "runs.parquet")["ekf.inconsistent"]
+    assert (str(stored.type), stored.null_count) == ("bool", 2)
+    pd.testing.assert_frame_equal(small().run(tmp_path / "out"), table)
+
+
 def test_the_true_prior_is_that_of_each_run(tmp_path: Path) -> None:
     """The random path starts elsewhere with each seed; every master hands the start over."""
     made = small(scenario="paper-scenario-3", factors={"arm": ARM})
@@ -339,7 +391,11 @@ def test_a_run_that_fails_does_not_end_the_others(
     assert table["error"].dropna().to_dict() == {2: "target: has failed"}
     assert np.isnan(table["ekf.absolute_total_rms_m"][2])
     others = [i for i in range(8) if i != 2]
-    pd.testing.assert_frame_equal(table.iloc[others], reference.iloc[others], check_exact=True)
+    assert table["ekf.inconsistent"][2] is pd.NA
+    pd.testing.assert_frame_equal(
+        table.iloc[others].astype({"ekf.inconsistent": bool}), reference.iloc[others],
+        check_exact=True,
+    )
 
     def broken(*_: Any, **__: Any) -> Any:
         raise BuildError("no compiler")
