@@ -93,7 +93,7 @@ def test_a_run_without_an_estimate_says_so_and_the_exit_code_is_1(
     cli: Callable[..., Result],
 ) -> None:
     nothing = ("--set", "time.duration_s=2", "--set", "acoustics.loss_probability=1",
-               "--no-figures", "--out", "here")  # fmt: skip
+               "--no-figures", "--out", "here", "--force")  # fmt: skip
     got = (
         "must give at least one estimate, got none; update_count stayed 0; packets received from "
         "each beacon: 0, 0, 0, 0; look at"
