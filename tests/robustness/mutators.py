@@ -15,7 +15,8 @@ Random = random.Random
 WORDS = [
     "", " ", "x", "nan", "inf", "-1", "0", "1e308", "1e-320", "true", "'a'", "/dev/zero", "/",
     "..", "../../x", "C:\\", "é", "$\\frac{", "é°\u202e", "\x00", "\n", "%s%n", "-", "--help",
-    "a" * 3000, "a/" * 2000, "[" * 200, "9" * 5000, "\ud7ff", "#", '"', "{{ x }}", "<b>", "ekf", "raw",
+    "a" * 3000, "a/" * 2000, "[" * 200, "9" * 5000, "\ud7ff", "#", '"', "{{ x }}", "<b>", "ekf",
+    "raw",
 ]  # fmt: skip
 """Texts that programs stumble over."""
 NUMBERS = [

@@ -183,7 +183,7 @@ def _numbers() -> Iterator[object]:
         yield pytest.param(n, id=f"case{n:05}", marks=[pytest.mark.slow] if slow else [])
 
 
-@pytest.mark.parametrize("number", _numbers())
+@pytest.mark.parametrize("number", [*_numbers()])
 def test_a_mutated_file_gives_a_result_or_a_line(
     inputs: Inputs, tmp_path: Path, number: int
 ) -> None:
@@ -199,9 +199,8 @@ def test_a_mutated_file_gives_a_result_or_a_line(
     before = _there(tmp_path)
     print(f"SBLCOSIM_MUTATION_SEED={SEED} case {number}: {kind} {file}: {' '.join(command)}")
 
-    ended = inputs.run(
-        command, folder, inputs.environment(tmp_path, tmp_path / "cache" if kind == "cache" else None)
-    )
+    cache = tmp_path / "cache" if kind == "cache" else None
+    ended = inputs.run(command, folder, inputs.environment(tmp_path, cache))
     print(f"exit code {ended.code}, {ended.seconds:.1f} s, {ended.megabytes:.0f} MB")
     print(ended.output[:2000], ended.errors[:4000], sep="\n---\n")
     judge(ended, None if kind == "cache" else file)
