@@ -21,11 +21,13 @@ from pathlib import Path
 from typing import Any, Literal, cast
 from xml.etree import ElementTree as ET
 
-from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_model_description
+from fmpy.model_description import ModelDescription, ModelVariable, Unit
 from sblcosim.fmus.archive import write_fmu
 from sblcosim.fmus.description import PACKAGE
 from sblcosim.fmus.factory import build
 from sblcosim.fmus.files import write_file
+from sblcosim.fmus.read.archive import opened
+from sblcosim.fmus.read.description import describe
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
@@ -245,7 +247,8 @@ def _parts(plan: Plan, bake: bool) -> list[_Part]:
     for component in plan.components:
         source = cast(Fmu, component.source)
         path = _baked(component, source, plan) if bake else source.path
-        parts.append(_Part(component, path, read_model_description(str(path), validate=False)))
+        with opened(path) as archive:
+            parts.append(_Part(component, path, describe(archive)))
     return parts
 
 
