@@ -18,20 +18,20 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 from xml.etree import ElementTree as ET
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit
 from sblcosim.fmus.archive import write_fmu
 from sblcosim.fmus.description import PACKAGE
 from sblcosim.fmus.factory import build
-from sblcosim.fmus.files import write_file
+from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.description import describe
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, check_choice
 from .fmu import Fmu, Port
 from .plan import Plan, PlannedComponent, resolve
 from .scenario import Overrides, Receivers, Scenario, Source, load
@@ -105,8 +105,7 @@ def export_ssp(
     FmuError
         An FMU cannot be built or read.
     """
-    if version not in (1, 2):
-        raise ConfigurationError(f"ssp: must be 1 or 2, got {version!r}")
+    check_choice("version", version, get_args(Version))
     settled = load(scenario, overrides)
     plan = _plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = _parts(plan, bake)
@@ -177,7 +176,7 @@ def export_fmu(
     parts = _parts(plan, bake=True)
     links = list(_links(plan))
     linked = {source for source, _ in links}
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         # The name of the file becomes an identifier in C.
         whole = AssemblyNode(

@@ -7,10 +7,8 @@ further use.
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import os
-import shutil
 import tempfile
 import threading
 from collections import deque
@@ -24,6 +22,7 @@ from typing import Any
 import numpy as np
 from fmpy import fmi1, fmi2, fmi3
 from numpy.typing import NDArray
+from sblcosim.fmus.files import scratch
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.ports import Fmu, Port, ports_of, read
 
@@ -318,8 +317,7 @@ def _unpacked(fmu: Fmu) -> Path:
     """Folder with the FMU's contents, removed when the process ends."""
     folder = _FOLDERS.get(fmu.sha256)
     if folder is None:
-        folder = Path(tempfile.mkdtemp(prefix="sblcosim-"))
-        atexit.register(_remove, folder, os.getpid())
+        folder = Path(tempfile.mkdtemp(dir=scratch()))
         with opened(fmu.path) as archive:
             if archive.sha256 != fmu.sha256:
                 raise FmuError(f"{fmu.path}: must not change while it is used, got another file")
@@ -333,9 +331,6 @@ def binary_of(fmu: Fmu) -> Path:
     return _unpacked(fmu) / fmu.library
 
 
-def _remove(folder: Path, owner: int) -> None:
-    if os.getpid() == owner:  # a forked process uses its parent's folders
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 _KEYS = count(1)

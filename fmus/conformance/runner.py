@@ -17,6 +17,7 @@ from typing import Literal
 
 from fmpy.model_description import ModelDescription
 
+from ..files import scratch
 from ..read.archive import Archive
 from ..read.description import library_of
 from .bench import STANDARDS
@@ -60,7 +61,7 @@ def unpacked(archive: Archive, description: ModelDescription) -> Iterator[Path]:
         The FMU cannot be unpacked, or has no binary for this machine.
     """
     library = library_of(archive, description)
-    with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as place:
         folder = Path(place)
         archive.unpack(folder / "fmu")
         subject = subject_of(description, folder / "fmu", library)
