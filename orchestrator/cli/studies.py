@@ -84,15 +84,15 @@ def study(
                 raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master)
-            missing = campaign.missing(prepared, out)
+            missing = campaign.missing(prepared, out, tell=True)
             seconds = campaign.estimate(prepared, missing, workers, master)
     if dry_run:
-        done = prepared.runs - len(missing)
+        done = prepared.runs - missing.runs
         typer.echo(
             f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
             f"runs, {prepared.steps} steps"
             + (f"; {done} runs are in {out}" if done else "")
-            + (f"; {_duration(seconds)} on this machine" if missing else "")
+            + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
             + "; nothing was run"
         )
         return
@@ -116,11 +116,19 @@ def _stopped(stop: KeyboardInterrupt) -> int:
     return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"about {max(seconds, 1):.0f} s"
-    minutes = seconds / 60
-    return f"about {minutes:.0f} min" if minutes < 90 else f"about {minutes / 60:.1f} h"
+def _duration(least: float, most: float) -> str:
+    """A range of times, of which the second is not trusted to be the larger."""
+    (low, unit), (high, other) = (_amount(s) for s in (least, max(least, most)))
+    if (low, unit) == (high, other):
+        return f"about {low} {unit}"
+    return f"about {low}{'' if unit == other else f' {unit}'} to {high} {other}"
+
+
+def _amount(seconds: float) -> tuple[str, str]:
+    for unit, length, until in (("s", 1, 90), ("min", 60, 90), ("h", 3600, 72)):
+        if seconds < until * length:
+            return f"{max(seconds / length, 1):.2g}", unit
+    return f"{seconds / 86400:,.0f}", "days"
 
 
 def _summary(runs: Any) -> str:
