@@ -60,6 +60,7 @@ def study(
     """Run a factorial study, or what is missing of it.
 
     The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
         from .. import campaign
@@ -98,6 +99,9 @@ def study(
         return
     typer.echo(_summary(runs))
     typer.echo(f"\nwritten to {out}")
+    if runs["error"].notna().all():
+        typer.echo(f"all {len(runs)} runs failed: there is nothing to analyse", err=True)
+        raise typer.Exit(1)
 
 
 def _say_how_to_resume(out: Path, runs: int) -> None:
@@ -138,6 +142,8 @@ def _summary(runs: Any) -> str:
     lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
     suffix = ".absolute_total_rms_m"
     for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        if runs[column].isna().all():
+            continue
         name = column.removesuffix(suffix)
         lines.append(
             f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
@@ -282,6 +288,8 @@ def advise(
         folder = analysis.save_advice(found, out, shown=shown)
     typer.echo(shown)
     typer.echo(f"\nwritten to {folder}")
+    if found.limit is not None and found.chosen is None:
+        raise typer.Exit(1)
 
 
 @app.command()
