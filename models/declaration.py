@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
@@ -97,6 +97,13 @@ class Variable:
     choices: Mapping[int, str] | None = None
 
     def __post_init__(self) -> None:
+        for word, value, known in (
+            ("causality", self.causality, get_args(Causality)),
+            ("type", self.type, get_args(Type)),
+            ("variability", self.variability, (None, *get_args(Variability))),
+        ):
+            if value not in known:
+                raise ValueError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
         if isinstance(self.start, tuple) and len(self.start) != self.size:

@@ -14,7 +14,7 @@ import pandas as pd
 from . import artifacts, campaign, factorial_plots, style
 from .advice import Advice, advise
 from .errors import ConfigurationError, nearest
-from .factorial import Factorial, Transform, analyse
+from .factorial import Error, Factorial, Transform, analyse
 from .scenario import read_text, toml_problem
 from .study import Study
 
@@ -29,6 +29,7 @@ def of_study(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
     """Analyse the runs in a folder of results; see `sblcosim.factorial.analyse`.
@@ -49,7 +50,7 @@ def of_study(
     """
     return of_table(
         campaign.study_of(results), campaign.table(results), response, receiver=receiver,
-        order=order, transform=transform, practical=practical,
+        order=order, transform=transform, error=error, practical=practical,
     )
 
 
@@ -61,6 +62,7 @@ def of_table(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
     """As `of_study`, of a study and its runs."""
@@ -71,7 +73,7 @@ def of_table(
         )
     column = column_of(table, response, receiver)
     found = analyse(
-        table, list(study.factors), column, order=order, transform=transform,
+        table, list(study.factors), column, order=order, transform=transform, error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
@@ -236,7 +238,12 @@ def save(
 
 def about(analysis: Factorial) -> dict[str, object]:
     """For the manifest."""
-    return {"analysis": {"response": analysis.response, "factors": list(analysis.factors)}}
+    return {
+        "analysis": {
+            "response": analysis.response, "factors": list(analysis.factors),
+            "method": analysis.method, "error": analysis.error,
+        }
+    }
 
 
 def write(

@@ -12,8 +12,7 @@ from .masters import execute
 from .plan import Plan, check_size, resolve
 from .result import Result, manifest
 from .scenario import Overrides, Receivers, Scenario, Source, load
-from .system import SECOND, System, text_of
-from .tables import nanoseconds
+from .system import SECOND, System, nanoseconds, text_of
 from .wiring import FIXED, RAW, applied, choose, connect
 
 

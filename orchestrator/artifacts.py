@@ -13,14 +13,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import pandas as pd
 import pyarrow as pa
 from pyarrow import csv, parquet
 from sblcosim.fmus import files
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, check_choice
 
 MANIFEST = "manifest.json"
 PACKAGES = ("sblcosim", "numpy", "casadi", "fmpy", "pandas", "matplotlib")
@@ -155,6 +155,7 @@ def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> 
 
 def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
     """Where a result goes: there, or to the next number that is free or has the same result."""
+    check_choice("other", other, get_args(Other))
     if other != "number":
         return path
     place, number = path, 1
@@ -196,6 +197,7 @@ def check(
     ConfigurationError
         As `draft`.
     """
+    check_choice("other", other, get_args(Other))
     shown, path = path, Path(path).resolve()
     files.sweep(path.parent)
     if files.sweep(path):

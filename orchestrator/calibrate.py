@@ -27,7 +27,7 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
 from . import artifacts, plots, style
-from .errors import ConfigurationError
+from .errors import ConfigurationError, check_choice
 from .master import execute
 from .metrics import Floats
 from .plan import resolve
@@ -204,6 +204,7 @@ def calibrate(
     """
     settings = {k: v for k, v in locals().items() if k not in ("fmi", "acoustics")}
     _check(settings)
+    check_choice("calibrate fmi", fmi, (2, 3))
     if acoustics is None:
         from sblcosim.fmus.factory import build
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 from xml.etree import ElementTree as ET
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_model_description
@@ -29,7 +29,7 @@ from sblcosim.fmus.files import scratch, write_file
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, check_choice
 from .fmu import Fmu, Port
 from .plan import Plan, PlannedComponent, resolve
 from .scenario import Overrides, Receivers, Scenario, Source, load
@@ -103,8 +103,7 @@ def export_ssp(
     FmuError
         An FMU cannot be built or read.
     """
-    if version not in (1, 2):
-        raise ConfigurationError(f"ssp: must be 1 or 2, got {version!r}")
+    check_choice("version", version, get_args(Version))
     settled = load(scenario, overrides)
     plan = _plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = _parts(plan, bake)

@@ -212,8 +212,9 @@ class Result:
         Raises
         ------
         ConfigurationError
-            There is something else under that name.
+            There is something else under that name, or no such theme.
         """
+        style.named(theme)
         with artifacts.draft(directory, self._manifest(), other) as made:
             folder = made.folder
             artifacts.write_table(self.record, folder, "record")

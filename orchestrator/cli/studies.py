@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import ConfigurationError
+from ..errors import check_choice
 from .base import ForceOption, Terminated, app, place, report, table, waiting
 
 
@@ -197,6 +197,13 @@ def analyse(
             metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
         ),
     ] = "none",
+    error: Annotated[
+        str,
+        typer.Option(
+            metavar="pure|residual",
+            help="Error of the effects: between replicates, or about the model.",
+        ),
+    ] = "pure",
     practical: Annotated[
         float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
     ] = None,
@@ -215,9 +222,8 @@ def analyse(
         from .. import analysis, artifacts, factorial
         from ..report import study as reports
 
-        known = get_args(factorial.Transform)
-        if transform not in known:
-            raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
+        check_choice("transform", transform, get_args(factorial.Transform))
+        check_choice("error", error, get_args(factorial.Error))
         out = out or results.with_name(f"{results.resolve().name}-analysis")
         artifacts.check(out)
         text = reports.save(
@@ -227,6 +233,7 @@ def analyse(
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]
+            error=error,  # type: ignore[arg-type]
             practical=practical,
             command=shlex.join(["sblcosim", *sys.argv[1:]]),
         )

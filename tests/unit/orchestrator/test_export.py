@@ -291,6 +291,23 @@ def test_step_sizes_are_annotated_for_osp_and_omsimulator(structure: etree._Elem
     assert master.get("stepSize") == "0.1"
 
 
+def test_steps_are_the_longest_that_divide_all_intervals(tmp_path: Path) -> None:
+    scenario = {
+        **SCENARIO,
+        "time": {"sampling_time_s": 0.6, "duration_s": 6.0},
+        "target": {"interval_s": 0.2},
+        "platform": {"interval_s": 0.3},
+    }
+    with zipfile.ZipFile(export_ssp(scenario, tmp_path / "x.ssp", bake=True)) as package:
+        structure = etree.fromstring(package.read("SystemStructure.ssd"))
+        steps = {described(package, name).find("DefaultExperiment").get("stepSize")
+                 for name in ("target", "platform", "acoustics", "ekf")}
+    found = structure.xpath("//@*[local-name() = 'stepSize' or local-name() = 'baseStepSize']")
+    assert {*found, *steps} == {"0.1"}
+    single = fmpy.read_model_description(str(export_fmu(scenario, tmp_path / "x.fmu")))
+    assert float(single.defaultExperiment.stepSize) == 0.1
+
+
 def test_equal_scenarios_give_equal_bytes(tmp_path: Path) -> None:
     one, other = (export_ssp(SCENARIO, tmp_path / f"{n}.ssp").read_bytes() for n in (1, 2))
     assert one == other
