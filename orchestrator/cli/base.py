@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -26,6 +27,25 @@ PATIENCE = 2.0
 
 class Group(TyperGroup):
     """Turns our exceptions into a line per problem and an exit code, our warnings into a line."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        try:
+            os.getcwd()
+        except OSError:
+            _refuse("the working directory must exist, got one that was deleted")
+        try:
+            return super().main(*args, **kwargs)
+        except OSError as error:
+            if error.filename is not None:
+                _refuse(f"{error.filename}: must be accessible, got {error.strerror}")
+            _forget(sys.stdout)
+            _refuse(f"output: must be writable, got {error.strerror or error}")
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for argument in args:
+            if not argument.isprintable() and any("\ud800" <= c <= "\udfff" for c in argument):
+                _refuse(f"arguments: must be UTF-8, got {os.fsencode(argument)!r:.80}")
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -49,6 +69,19 @@ class Group(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
+
+
+def _refuse(message: str) -> NoReturn:
+    typer.echo(f"error: {message}", err=True)
+    sys.exit(2)
+
+
+def _forget(stream: Any) -> None:
+    """Let what waits to be written go nowhere: at the end it would fail again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 class Terminated(KeyboardInterrupt):
