@@ -32,9 +32,10 @@ from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .archive import DESCRIPTION
-from .description import FMI2_TYPES
+from .description import FMI2_TYPES, base_unit
 from .errors import FmuError, nearest
 from .factory import fmi_headers
+from .files import scratch
 from .platforms import folders, suffix, this_platform
 from .terminals import PORTS, TERMINALS, members, port_names
 
@@ -284,7 +285,7 @@ def functions_of(description: ModelDescription) -> tuple[str, ...]:
 def _check_binary(path: Path, description: ModelDescription, files: Sequence[str]) -> Finding:
     """Does the binary load, and is it one of an FMU? Asked in another process: it may crash."""
     name = next(name for name in binary_files(description).values() if name in files)
-    with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as folder:
+    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as folder:
         try:
             extract(path, folder)
             binary = Path(folder, name)
@@ -425,7 +426,7 @@ def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
             k: n for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if (n := getattr(base, k))
         }
         for unit in UNITS.values():
-            if (dict(unit.exponents), 1.0, 0.0) == (exponents, base.factor, base.offset):
+            if (base_unit(unit.name), 1.0, 0.0) == (exponents, base.factor, base.offset):
                 return unit.name
         return f"{name} (by its definition)" if name in UNITS else name
     return name

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
@@ -23,7 +23,7 @@ INT32_MAX = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit and its exponents of the SI base units, as FMI writes them.
+    """A unit, which its name defines (`sblcosim.fmus.description.base_unit`).
 
     Attributes
     ----------
@@ -31,29 +31,26 @@ class Unit:
         As it stands in modelDescription.xml, e.g. ``"m/s"``.
     suffix
         As it stands at the end of a key in a scenario file, e.g. ``"m_s"``.
-    exponents
-        FMI base unit attributes: ``kg``, ``m``, ``s``, ``A``, ``K``, ``mol``, ``cd``, ``rad``.
     """
 
     name: str
     suffix: str
-    exponents: Mapping[str, int] = field(default_factory=dict)
 
 
 UNITS: Mapping[str, Unit] = {
     unit.name: unit
     for unit in (
-        Unit("m", "m", {"m": 1}),
-        Unit("s", "s", {"s": 1}),
-        Unit("m/s", "m_s", {"m": 1, "s": -1}),
-        Unit("m2/s3", "m2_s3", {"m": 2, "s": -3}),
-        Unit("rad", "deg", {"rad": 1}),
-        Unit("rad/s", "deg_s", {"rad": 1, "s": -1}),
-        Unit("rad/K", "deg_K", {"rad": 1, "K": -1}),
-        Unit("K", "K", {"K": 1}),
-        Unit("K/s", "K_s", {"K": 1, "s": -1}),
-        Unit("Hz", "Hz", {"s": -1}),
-        Unit("s/s", "s_s", {}),
+        Unit("m", "m"),
+        Unit("s", "s"),
+        Unit("m/s", "m_s"),
+        Unit("m2/s3", "m2_s3"),
+        Unit("rad", "deg"),
+        Unit("rad/s", "deg_s"),
+        Unit("rad/K", "deg_K"),
+        Unit("K", "K"),
+        Unit("K/s", "K_s"),
+        Unit("Hz", "Hz"),
+        Unit("s/s", "s_s"),
     )
 }
 """Every unit a declaration may use. Angles are radians here and degrees in a scenario file."""
@@ -97,6 +94,13 @@ class Variable:
     choices: Mapping[int, str] | None = None
 
     def __post_init__(self) -> None:
+        for word, value, known in (
+            ("causality", self.causality, get_args(Causality)),
+            ("type", self.type, get_args(Type)),
+            ("variability", self.variability, (None, *get_args(Variability))),
+        ):
+            if value not in known:
+                raise ValueError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
         if isinstance(self.start, tuple) and len(self.start) != self.size:

@@ -15,7 +15,7 @@ import pandas as pd
 from . import artifacts, campaign, factorial_plots, style
 from .advice import Advice, advise
 from .errors import ConfigurationError, nearest
-from .factorial import Factorial, Transform, analyse
+from .factorial import Error, Factorial, Transform, analyse
 from .scenario import read_text, toml_problem
 from .study import Study
 
@@ -30,6 +30,7 @@ def of_study(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
     """Analyse the runs in a folder of results; see `sblcosim.factorial.analyse`.
@@ -50,7 +51,7 @@ def of_study(
     """
     return of_table(
         campaign.study_of(results), campaign.table(results), response, receiver=receiver,
-        order=order, transform=transform, practical=practical,
+        order=order, transform=transform, error=error, practical=practical,
     )
 
 
@@ -62,6 +63,7 @@ def of_table(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
     """As `of_study`, of a study and its runs."""
@@ -73,6 +75,7 @@ def of_table(
     column = column_of(table, response, receiver)
     found = analyse(
         in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
+        error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
@@ -250,7 +253,12 @@ def save(
 
 def about(analysis: Factorial) -> dict[str, object]:
     """For the manifest."""
-    return {"analysis": {"response": analysis.response, "factors": list(analysis.factors)}}
+    return {
+        "analysis": {
+            "response": analysis.response, "factors": list(analysis.factors),
+            "method": analysis.method, "error": analysis.error,
+        }
+    }
 
 
 def write(

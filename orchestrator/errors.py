@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from sblcosim.fmus.errors import BuildError, FmuError, SblcosimError, nearest
+from collections.abc import Collection
+
+from sblcosim.fmus.errors import BuildError, DamageWarning, FmuError, SblcosimError, nearest
 
 __all__ = [
     "BuildError",
     "ConfigurationError",
     "ConfigurationWarning",
+    "DamageWarning",
     "FmuError",
     "SblcosimError",
+    "check_choice",
     "instance",
     "nearest",
     "one_line",
+    "shortened",
 ]
+
+LONGEST = 80
+"""Characters of a value that a message shows."""
 
 
 def instance(value: object) -> str:
@@ -23,6 +31,25 @@ def instance(value: object) -> str:
     return f"an instance of {type(value).__qualname__}"
 
 
+def shortened(value: object) -> str:
+    """A value for a message, without its middle if it is longer than 80 characters.
+
+    Parameters
+    ----------
+    value
+        A text is taken as it is, so that the caller decides about quotes; of anything else it is
+        the `repr`.
+    """
+    try:
+        text = value if isinstance(value, str) else repr(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
+        text = instance(value) if not isinstance(value, int) else "an integer with too many digits"
+    if len(text) <= LONGEST:
+        return text
+    end = LONGEST // 3
+    return f"{text[: LONGEST - end - 3]}...{text[-end:]}"
+
+
 def one_line(error: BaseException) -> str:
     """What an exception says, without line breaks."""
     return " ".join(str(error).split()) or type(error).__name__
@@ -30,6 +57,22 @@ def one_line(error: BaseException) -> str:
 
 class ConfigurationError(SblcosimError):
     """Something that the user wrote, in a file or in Python, cannot be carried out."""
+
+
+def check_choice(where: str, value: object, choices: Collection[str] | Collection[int]) -> None:
+    """Refuse an argument that is none of a few words or whole numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        So it is; the nearest choice is named.
+    """
+    plain = isinstance(value, str | int) and not isinstance(value, bool)
+    if not plain or value not in choices:
+        close = nearest(value, map(str, choices)) if isinstance(value, str) else ""
+        raise ConfigurationError(
+            f"{where}: must be {' or '.join(map(str, choices))}, got {instance(value)}{close}"
+        )
 
 
 class ConfigurationWarning(UserWarning):

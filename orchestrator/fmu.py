@@ -6,14 +6,12 @@ FMU is instantiated once per process and name and reset before each further use.
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import hashlib
 import io
 import math
 import os
 import re
-import shutil
 import tempfile
 import threading
 import zipfile
@@ -32,6 +30,7 @@ import numpy as np
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from numpy.typing import NDArray
+from sblcosim.fmus.files import scratch
 from sblcosim.fmus.platforms import folders, machine_of, suffix, this_platform
 from sblcosim.fmus.terminals import TERMINALS, port_names
 from sblcosim.models.declaration import Number, Variable
@@ -604,8 +603,7 @@ def _unpacked(fmu: Fmu) -> Path:
     """Folder with the FMU's contents, removed when the process ends."""
     folder = _FOLDERS.get(fmu.sha256)
     if folder is None:
-        folder = Path(tempfile.mkdtemp(prefix="sblcosim-"))
-        atexit.register(_remove, folder, os.getpid())
+        folder = Path(tempfile.mkdtemp(dir=scratch()))
         try:
             fmpy.extract(fmu.path, folder)
         except Exception as error:  # FMPy raises Exception itself
@@ -618,11 +616,6 @@ def binary_of(fmu: Fmu) -> Path:
     """The FMU's shared library for this machine, unpacked."""
     folder = _unpacked(fmu)
     return folder / _binary(fmu, _names(folder))
-
-
-def _remove(folder: Path, owner: int) -> None:
-    if os.getpid() == owner:  # a forked process uses its parent's folders
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _names(folder: Path) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from . import lanes, native
 from . import master as python
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, check_choice
 from .plan import Plan
 from .record import Record
 
@@ -40,9 +40,11 @@ def execute(
     ConfigurationError, FmuError
         As the master's own function; and if there is no such master.
     """
-    if master is None:
+    if master is not None:
+        check_choice("master", master, MASTERS)
+    else:
         master = "native" if native.foreign(plan) is None and native.available() else "python"
-    if master in MASTERS and master != "native" and step_timeout is not None:
+    if master != "native" and step_timeout is not None:
         raise ConfigurationError(
             f"step_timeout: must be left out with the {master} master, which waits for ever, got "
             f"{step_timeout}"
@@ -51,11 +53,7 @@ def execute(
         return native.execute(plan, progress, record, step_timeout)
     if master == "python":
         return python.execute(plan, progress, record)
-    if master == "lanes":
-        return _one_lane(plan, progress, record)
-    raise ConfigurationError(
-        f"master: must be {' or '.join(MASTERS)}, got {master!r}{nearest(master, MASTERS)}"
-    )
+    return _one_lane(plan, progress, record)
 
 
 def _one_lane(

@@ -27,7 +27,7 @@ from .definitions import (
     of_position,
 )
 from .definitions import lost as lost_by
-from .errors import FmuError
+from .errors import FmuError, check_choice
 
 if TYPE_CHECKING:
     from .record import Record
@@ -151,7 +151,15 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def error_column(frame: str, axis: str) -> str:
-    """Column of a `track` that holds an error."""
+    """Column of a `track` that holds an error.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame or axis.
+    """
+    check_choice("frame", frame, FRAMES)
+    check_choice("axis", axis, (*AXES, "total"))
     return f"{'relative_' if frame == 'relative' else ''}error_{axis}_m"
 
 

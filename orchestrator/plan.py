@@ -36,6 +36,7 @@ from .system import (
     Connection,
     PythonComponent,
     System,
+    nanoseconds,
     text_of,
 )
 
@@ -571,7 +572,7 @@ def _tick(name: str, ports: Mapping[str, Port], settings: Sequence[Setting]) -> 
         if given is None:
             continue
         (value,) = given
-        tick = round(value * SECOND)
+        tick = nanoseconds(value)
         if tick <= 0 or not math.isclose(tick / SECOND, value, rel_tol=1e-12):
             raise ConfigurationError(
                 f"{name}.{parameter}: must be a positive whole number of ns, got {value!r} s"

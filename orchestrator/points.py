@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sblcosim.models import COMPONENTS
 
 from . import artifacts, lanes, masters, native
-from .errors import ConfigurationError, SblcosimError
+from .errors import ConfigurationError, SblcosimError, check_choice
 from .fmu import Fmu
 from .plan import TICK_PARAMETERS, Plan, resolve
 from .scenario import Scenario
@@ -140,10 +140,8 @@ def prepare(study: Study, master: str | None = None) -> Campaign:
     ConfigurationError, FmuError
         A point cannot be run; the message names it.
     """
-    if master is not None and master not in masters.MASTERS:
-        raise ConfigurationError(
-            f"master: must be {' or '.join(masters.MASTERS)}, got {master!r}"
-        )
+    if master is not None:
+        check_choice("master", master, masters.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
     plans = [plan for _, _, plan in made]

@@ -47,6 +47,33 @@ _CONSISTENCY_NOTES = (
 )
 
 
+def manifest(
+    scenario_name: str,
+    scenario: Any,
+    receivers: Sequence[str],
+    fmus: Mapping[str, Any],
+    seeds: Mapping[str, int],
+    origins: Mapping[str, Mapping[str, Any]],
+    remarks: Sequence[str],
+) -> dict[str, Any]:
+    """What a folder of results says about its run; equal for equal runs. See `Result`."""
+    if hasattr(scenario, "model_dump"):
+        scenario = scenario.model_dump(mode="json")
+        for table in scenario.values():
+            if isinstance(table, dict) and table.get("fmu"):
+                table["fmu"] = Path(table["fmu"]).name
+    return {
+        "scenario_name": scenario_name,
+        "receivers": [
+            {"label": name, **artifacts.plain(origins.get(name, {}))} for name in receivers
+        ],
+        "remarks": list(remarks),
+        "seeds": artifacts.plain(seeds),
+        "fmus": artifacts.plain(fmus),
+        "scenario": artifacts.plain(scenario),
+    }
+
+
 class Result:
     """A finished run.
 
@@ -169,19 +196,36 @@ class Result:
         return plots.plot_inclination(self.data, axes, theme=theme)
 
     def save(
-        self, directory: str | Path, *, figures: bool = True, theme: style.ThemeName = "light"
+        self,
+        directory: str | Path,
+        *,
+        figures: bool = True,
+        theme: style.ThemeName = "light",
+        other: artifacts.Other = "refuse",
     ) -> Path:
         """Write record, estimates, errors, summary, manifest and figures into a folder.
 
-        The folder appears when it is complete. Earlier results under the same name are replaced;
-        anything else there is refused.
+        The folder appears when it is complete. An earlier result of the very same run is replaced.
+
+        Parameters
+        ----------
+        other
+            What is done about the result of another run under that name: ``"refuse"``,
+            ``"replace"``, or ``"number"``, which takes the next number that is free.
+
+        Returns
+        -------
+        Path
+            The folder.
 
         Raises
         ------
         ConfigurationError
-            There is something else under that name.
+            There is something else under that name, or no such theme.
         """
-        with artifacts.folder(directory, self._manifest()) as folder:
+        style.named(theme)
+        with artifacts.draft(directory, self._manifest(), other) as made:
+            folder = made.folder
             artifacts.write_table(self.record, folder, "record")
             tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
             estimates = pd.concat(tables, ignore_index=True)
@@ -193,7 +237,7 @@ class Result:
                 (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
             if figures:
                 self._save_figures(folder, theme)
-        return Path(directory)
+        return Path(directory).with_name(made.path.name)
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))
@@ -210,23 +254,10 @@ class Result:
         style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
 
     def _manifest(self) -> dict[str, Any]:
-        scenario = self.scenario
-        if hasattr(scenario, "model_dump"):
-            scenario = scenario.model_dump(mode="json")
-            for table in scenario.values():
-                if isinstance(table, dict) and table.get("fmu"):
-                    table["fmu"] = Path(table["fmu"]).name
-        return {
-            "scenario_name": self.scenario_name,
-            "receivers": [
-                {"label": name, **artifacts.plain(self.origins.get(name, {}))}
-                for name in self.receivers
-            ],
-            "remarks": list(self.remarks),
-            "seeds": artifacts.plain(self.seeds),
-            "fmus": artifacts.plain(self.fmus),
-            "scenario": artifacts.plain(scenario),
-        }
+        return manifest(
+            self.scenario_name, self.scenario, self.receivers, self.fmus, self.seeds,
+            self.origins, self.remarks,
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Errors and summary as plain data; a number that does not exist is None."""

@@ -10,7 +10,6 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from decimal import Decimal
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -24,7 +23,7 @@ from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
 
 from .errors import ConfigurationError, instance, nearest
-from .system import PythonComponent, System
+from .system import SECOND, PythonComponent, System, is_whole_ns, nanoseconds
 from .tables import (
     ANYWHERE,
     PRIOR_KEYS,
@@ -39,7 +38,6 @@ from .tables import (
     default,
     divides,
     in_file_units,
-    is_whole_ns,
     rows,
     toml,
 )
@@ -107,7 +105,7 @@ class Scenario(Table):
         receiver = self.receiver
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": "ekf"})
-        update = float(Decimal(repr(self.time.sampling_time_s)) * self.time.ekf_ratio)
+        update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
         levels = {"range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m}
         derived = {
             key: max(level, receiver.variables[key].min or 0.0) for key, level in levels.items()

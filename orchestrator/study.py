@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from . import design as designs
@@ -22,7 +22,8 @@ from .design import TIMES, Design, Number
 from .errors import ConfigurationError, instance, nearest
 from .scenario import Scenario, read_text, requirement, toml_problem
 from .scenario import load as load_scenario
-from .tables import SEED, Table, nanoseconds, toml
+from .system import nanoseconds, settled
+from .tables import SEED, Table, toml
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -121,7 +122,9 @@ class Study(Table):
     replicates: Annotated[int, Field(ge=1)] = 1
     seeding: Literal["independent", "common"] = "independent"
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = 1
-    settling_time_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    settling_time_s: Annotated[
+        float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
+    ] = 0.0
     receivers: _Texts = ()
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)

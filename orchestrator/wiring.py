@@ -8,7 +8,6 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from decimal import Decimal
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -17,13 +16,13 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
-from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
+from .errors import ConfigurationError, ConfigurationWarning, check_choice, instance, nearest
 from .fmu import Port, ports_of, read
 from .master import initial_outputs
 from .plan import variables_of
 from .scenario import Receivers, Scenario, Source, load
-from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, Value
-from .tables import ANYWHERE, PATH, TRUE, in_si, nanoseconds
+from .system import ComponentSpec, Connection, PythonComponent, System, Value, nanoseconds
+from .tables import ANYWHERE, PATH, TRUE, in_si
 
 FIXED = ("target", "platform", "acoustics")
 """Names of the components that every system has."""
@@ -71,6 +70,8 @@ def connect(
     ConfigurationWarning
         Nothing feeds an input of a foreign component.
     """
+    if fmi is not None:
+        check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
     parts: dict[str, _Part] = {}
     for name in FIXED:
@@ -377,7 +378,7 @@ def _stop_ns(scenario: Scenario, target: _Part) -> int:
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
                 f"not tell when its path ends, got 'path'"
             )
-    return int(Decimal(repr(duration)) * SECOND)
+    return nanoseconds(duration)
 
 
 def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterator[Connection]:

@@ -30,6 +30,7 @@ from sblcosim.models.ports import REQUIRED_ESTIMATE
 from .. import check as plug
 from ..archive import DESCRIPTION
 from ..errors import FmuError, nearest
+from ..files import scratch
 from .checks import CHECKS, Check
 from .host import read_trace
 from .subject import Number, Subject, Variable
@@ -139,7 +140,7 @@ def examine(
     checks = [c for c in CHECKS if c.name in chosen]
     if checks and "life cycle" not in chosen:
         checks.insert(checks[0].name == "functions", _LIFE_CYCLE)
-    with tempfile.TemporaryDirectory(prefix="sblcosim-", ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as place:
         folder = Path(place)
         try:
             extract(path, folder / "fmu")

@@ -30,6 +30,8 @@ _MOTION = (
     parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
               "the other form of Q takes the variance q / dt", "m2/s3", start=0.01, min=0.0),
 )
+_NOISE = choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "
+                "literally the standard deviations", MEASUREMENT_NOISE, 1)
 
 
 def _receiver(name: str, number: int, description: str, parameters: tuple[Variable, ...]
@@ -57,14 +59,14 @@ def _receiver(name: str, number: int, description: str, parameters: tuple[Variab
 EKF = _receiver(
     "EKF", 4,
     "The paper's Extended Kalman Filter on the latest ranges, stale ones included, and depth",
-    (*_MOTION, choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "
-                      "literally the standard deviations", MEASUREMENT_NOISE, 1)),
+    (*_MOTION, _NOISE),
 )
 SEQUENTIAL = _receiver(
     "Sequential", 5,
     "A Kalman filter that processes each reception and depth reading at its own epoch, once",
     (
         *_MOTION,
+        _NOISE,
         parameter("gate", "Innovations beyond this many standard deviations are rejected; 0 "
                   "switches the gate off", start=4.0, min=0.0),
         Variable("gate_limit", "Score of rejections at which the filter starts anew from the "
@@ -75,5 +77,5 @@ SEQUENTIAL = _receiver(
 MULTILATERATION = _receiver(
     "Multilateration", 6,
     "Damped Gauss-Newton on the latest ranges and depth, no dynamics: the raw fix",
-    (),
+    (_NOISE,),
 )

@@ -10,12 +10,15 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from ..errors import SblcosimError
+
+if TYPE_CHECKING:
+    from ..artifacts import Other
 
 PATIENCE = 2.0
 """Seconds after which a command shows what it is doing."""
@@ -103,6 +106,9 @@ SetOption = Annotated[
 FmiOption = Annotated[
     int | None, typer.Option("--fmi", min=2, max=3, help="FMI version of our components.")
 ]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the result of another run in the folder.")
+]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 
 
@@ -130,16 +136,22 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
     return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
 
 
-def report(result: Any, folder: Path, as_json: bool) -> None:
+def place(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
+    """Where results go, and what is done about those of another run."""
+    return out or default, "replace" if force else "number" if out is None else "refuse"
+
+
+def report(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
     if as_json:
         typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
     else:
-        typer.echo(f"{result}\n\nwritten to {folder}")
+        other = "" if folder == wanted else f"; {wanted} holds something else"
+        typer.echo(f"{result}\n\nwritten to {folder}{other}")
 
 
-def report_run(result: Any, folder: Path, as_json: bool) -> None:
+def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
     """As `report`; the exit code is 1 if a receiver has given no estimate at all."""
-    report(result, folder, as_json)
+    report(result, folder, as_json, wanted)
     for line in result.problems:
         typer.echo(f"error: {line}", err=True)
     if result.problems:

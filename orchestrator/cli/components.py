@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +37,7 @@ def build(
     They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu.
     """
     from sblcosim.fmus.factory import build as build_fmu
+    from sblcosim.fmus.files import write_file
     from sblcosim.models import COMPONENTS
 
     with waiting("building"):
@@ -48,8 +48,7 @@ def build(
         ]
         for cached, path in built:
             try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(cached, path)
+                write_file(path, cached.read_bytes())
             except OSError as error:
                 raise ConfigurationError(
                     f"{path}: must be writable, got {error.strerror}"

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import ConfigurationError
-from .base import Terminated, app, report_run, table, waiting
+from ..errors import check_choice
+from .base import ForceOption, Terminated, app, place, report_run, table, waiting
 
 
 @app.command()
@@ -158,6 +158,7 @@ def replay(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
     ] = False,
@@ -167,11 +168,11 @@ def replay(
     with waiting() as progress:
         from .. import artifacts, campaign
 
-        out = out or Path("runs", re.sub(r"\W", "_", run_id))
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
+        artifacts.check(wanted, other=other)
         result = campaign.replay(results, run_id, progress=progress)
-        folder = result.save(out, figures=not no_figures)
-    report_run(result, folder, as_json)
+        folder = result.save(wanted, figures=not no_figures, other=other)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -193,6 +194,13 @@ def analyse(
             metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
         ),
     ] = "none",
+    error: Annotated[
+        str,
+        typer.Option(
+            metavar="pure|residual",
+            help="Error of the effects: between replicates, or about the model.",
+        ),
+    ] = "pure",
     practical: Annotated[
         float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
     ] = None,
@@ -211,9 +219,8 @@ def analyse(
         from .. import analysis, artifacts, factorial
         from ..report import study as reports
 
-        known = get_args(factorial.Transform)
-        if transform not in known:
-            raise ConfigurationError(f"transform: must be {', '.join(known)}, got {transform!r}")
+        check_choice("transform", transform, get_args(factorial.Transform))
+        check_choice("error", error, get_args(factorial.Error))
         out = out or results.with_name(f"{results.resolve().name}-analysis")
         artifacts.check(out)
         text = reports.save(
@@ -223,6 +230,7 @@ def analyse(
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]
+            error=error,  # type: ignore[arg-type]
             practical=practical,
             command=shlex.join(["sblcosim", *sys.argv[1:]]),
         )

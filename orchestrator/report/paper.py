@@ -40,7 +40,7 @@ from ..scenario import load as load_scenario
 from ..study import Study
 from ..style import ThemeName, new_figure, use
 from . import factorial
-from .common import DEFINITIONS, METHOD, reproduce, seeding
+from .common import DEFINITIONS, method, reproduce, seeding
 from .factorial import Findings, Job, number, signed, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 from .study import REPORT
@@ -881,7 +881,7 @@ def _method(numbers: Numbers) -> list[Block]:
              "where what the paper does not give is marked. It was fixed before any table was "
              "compared, and nothing in it is tuned to the tables. The favourable point and the "
              "harbour's settings are readings of Tables 4 and 2, said to be so where they stand."),
-        Text(METHOD["ols"]), Text(DEFINITIONS),
+        Text(method(numbers.findings[1].shown)), Text(DEFINITIONS),
         Text("The model has all main effects and interactions of two factors. What matters in "
              "practice is decided by whole intervals: an effect matters if its interval lies "
              "beyond the smallest effect that matters, and is too small if it lies within."),

@@ -274,7 +274,7 @@ def test_calibrate_prints_the_speed_of_sound_and_writes_the_range_test(
         (("check", "no.fmu"), "no.fmu"),
         (("check", "broken.toml"), "broken.toml"),
         (("build", "efk"), "did you mean 'ekf'?"),
-        (("new", "no/where.toml"), "must be writable"),
+        (("new", "no/where.toml"), "must be in a folder that exists, got no"),
         (("new", "mine.toml", "--from", "harbour"), "harbour-square"),
         (("calibrate", "--pings", "1"), "pings: must be 2 or more"),
         (("run", "nosuch.toml"), "nosuch.toml: no such file"),
@@ -397,3 +397,46 @@ def test_a_terminated_run_leaves_nothing(tmp_path: Path) -> None:
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (143, "terminated; nothing was written\n")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_leaves_the_result_of_another_alone(cli: Callable[..., Result]) -> None:
+    run = ("run", "paper-scenario-1", *SHORT)
+    two = (*run, "--receiver", "ekf", "--receiver", "sequential")
+    assert cli(*run).stdout.endswith("written to runs/paper-scenario-1\n")
+    done = cli(*two)
+    assert done.stdout.endswith(
+        "written to runs/paper-scenario-1-2; runs/paper-scenario-1 holds something else\n"
+    )
+    assert cli(*run).stdout.endswith("written to runs/paper-scenario-1\n")
+    again = cli(*two, "--json")
+    assert json.loads(again.stdout)["folder"] == "runs/paper-scenario-1-2"
+    for change in (("--seed", "9"), ("--set", "platform.arm_length_m=1"), ("--fmi", "3")):
+        cli(*run, *change, "--out", "mine", "--force")
+        done = cli(*run, "--out", "mine")
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert done.stderr == (
+            "error: mine: must be empty or hold the result of this very run, got that of another; "
+            "--force (in Python other='replace') replaces it\n"
+        )
+        assert cli(*run, *change, "--out", "mine").exit_code == 0
+    assert cli(*run, "--out", "mine", "--force").exit_code == 0
+    assert sorted(p.name for p in Path("runs").iterdir()) == [
+        "paper-scenario-1", "paper-scenario-1-2",
+    ]  # fmt: skip
+
+
+def test_another_run_is_refused_before_it_is_simulated(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cli("run", "paper-scenario-1", *SHORT, "--out", "mine")
+    monkeypatch.setattr("sblcosim.api.execute", None)
+    assert cli("run", "paper-scenario-1", "--seed", "9", *SHORT, "--out", "mine").exit_code == 2
+
+
+def test_a_calibration_leaves_another_alone(cli: Callable[..., Result]) -> None:
+    cli("calibrate")
+    assert cli("calibrate", "--seed", "2").stdout.endswith(
+        "written to runs/calibration-2; runs/calibration holds something else\n"
+    )
+    assert cli("calibrate", "--seed", "2", "--out", "runs/calibration").exit_code == 2
+    assert cli("calibrate").stdout.endswith("written to runs/calibration\n")

@@ -112,6 +112,31 @@ def test_a_prior_that_is_the_true_start_is_used_as_a_prior() -> None:
     assert load({"receiver": {"prior": "true"}}).receiver.initialisation == "prior"
 
 
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ("time", "sampling_time_s"), ("time", "duration_s"), ("target", "interval_s"),
+        ("target", "sampling_time_s"), ("platform", "sampling_time_s"),
+        ("receiver", "update_interval_s"), ("receiver", "interval_s"),
+    ],
+)  # fmt: skip
+def test_a_time_that_only_rounding_makes_wrong_is_its_nanosecond(table: str, key: str) -> None:
+    base = {"time": {"sampling_time_s": 0.042, "duration_s": 8.4}}
+    assert 0.21 / 5 != 0.042
+    value = getattr(load(base, {f"{table}.{key}": 0.21 / 5}), table)
+    assert getattr(value, key) == 0.042
+    scenario = load(base)
+    tables = {**base, table: {**base.get(table, {}), key: 0.21 / 5}}
+    assert getattr(getattr(load(tables), table), key) == 0.042
+    assert scenario.acoustics.sampling_time_s == 0.042
+
+
+@pytest.mark.parametrize("duration", [2.01, 8.2, 0.1 * 3])
+def test_a_run_is_as_long_as_was_written(duration: float) -> None:
+    stop = load("paper-scenario-1", {"time.duration_s": duration}).system().stop_ns
+    assert stop == round(duration * 100) * 10_000_000
+
+
 # --- Overrides -----------------------------------------------------------------------------------
 
 

@@ -86,6 +86,17 @@ def test_a_sweep_holds_the_other_factors_where_the_scenario_has_them() -> None:
     assert loaded.plan.points == ((3.0, 0.1), (0.4, 0.1), (1, 0.1), (2, 0.1), (3.0, 3.5))
 
 
+def test_times_of_a_study_are_whole_nanoseconds_where_only_rounding_says_no() -> None:
+    middle = small(
+        factors={"tick": {**TICK, "levels": [0.1, 0.2]}}, design={"centre_points": 1},
+        settling_time_s=0.21 / 5,
+    )
+    assert middle.plan.points[-1] == ((0.1 + 0.2) / 2,) != (0.15,)
+    _, system, _ = points.resolved(middle, 3)
+    assert system.components["acoustics"].parameters["sampling_time"] == 0.15
+    assert (middle.settling_time_s, middle.settling_ns) == (0.042, 42_000_000)
+
+
 PROBLEMS: list[tuple[dict[str, Any], str]] = [
     (
         {"factors": {"arm": {"keys": ["platform.arm_lenght_m"], "levels": [1, 2]}}},
