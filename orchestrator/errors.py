@@ -9,6 +9,7 @@ __all__ = [
     "ConfigurationError",
     "ConfigurationWarning",
     "FmuError",
+    "NoEffectWarning",
     "SblcosimError",
     "instance",
     "nearest",
@@ -57,3 +58,7 @@ class ConfigurationError(SblcosimError):
 
 class ConfigurationWarning(UserWarning):
     """Something that the user wrote can be carried out, but is perhaps not what was meant."""
+
+
+class NoEffectWarning(ConfigurationWarning):
+    """A key was given by hand that has no effect."""
