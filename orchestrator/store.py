@@ -92,7 +92,7 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
     """
     content = {
         "format": FORMAT,
-        "replicates": campaign.study.replicates + 0 * check_folder(folder, campaign),
+        "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
         "title": campaign.study.title,
         "names": {
             name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()
@@ -258,7 +258,7 @@ def table(results: str | Path) -> pd.DataFrame:
         parts.append(part.to_pandas())
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
+    whole: pd.DataFrame = pd.concat(parts, ignore_index=True)
     return whole.sort_values(["replicate", "point"], ignore_index=True)
 
 
