@@ -92,7 +92,7 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
     """
     content = {
         "format": FORMAT,
-        "replicates": campaign.study.replicates + 0 * check_folder(folder, campaign),
+        "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
         "title": campaign.study.title,
         "names": {
             name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()
@@ -260,7 +260,7 @@ def table(results: str | Path) -> pd.DataFrame:
         parts.append(part.to_pandas(types_mapper=flags))
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
+    whole: pd.DataFrame = pd.concat(parts, ignore_index=True)
     known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
     whole = whole.astype(dict.fromkeys(known, bool))
     return whole.sort_values(["replicate", "point"], ignore_index=True)

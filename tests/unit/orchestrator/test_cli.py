@@ -648,9 +648,7 @@ def test_an_out_that_is_no_utf_8_is_one_line(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
-@pytest.mark.parametrize(
-    "command", [COMMANDS_WITH_OUT[1], COMMANDS_WITH_OUT[4]], ids=lambda c: c[0]
-)
+@pytest.mark.parametrize("command", COMMANDS_WITH_OUT[1::3], ids=lambda c: c[0])
 def test_an_out_that_is_too_deep_is_one_line(
     cli: Callable[..., Result], command: tuple[str, ...]
 ) -> None:
