@@ -22,6 +22,10 @@ class BuildError(FmuError):
     """An FMU could not be built."""
 
 
+class DamageWarning(UserWarning):
+    """A file of ours is not as it was written, and something is done about it."""
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """The end of a message about an unknown name.
 

@@ -10,10 +10,9 @@ from typing import Any
 from .fmu import Fmu
 from .masters import execute
 from .plan import Plan, check_size, resolve
-from .result import Result
+from .result import Result, manifest
 from .scenario import Overrides, Receivers, Scenario, Source, load
-from .system import SECOND, System, text_of
-from .tables import nanoseconds
+from .system import SECOND, System, nanoseconds, text_of
 from .wiring import FIXED, RAW, applied, choose, connect
 
 
@@ -27,6 +26,7 @@ def run(
     master: str | None = None,
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Result:
     """Simulate a scenario.
 
@@ -52,6 +52,8 @@ def run(
         `sblcosim.masters.execute`.
     progress
         Called now and then with the share of the run that is done.
+    before
+        Called with the manifest when everything is looked up and nothing has run yet.
 
     Raises
     ------
@@ -69,20 +71,25 @@ def run(
     system = connect(settled, receiver, fmi, components)
     plan = resolve(system)
     check_size(plan)
-    record = execute(plan, progress, master=master, step_timeout=step_timeout)
     labels = [name for name in system.components if name not in (*FIXED, RAW)]
     if RAW in system.components:
         labels.append(RAW)
+    about: dict[str, Any] = {
+        "scenario_name": settled.name,
+        "scenario": applied(settled, receiver, fmi, components),
+        "receivers": labels,
+        "fmus": {c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        "seeds": {name: getattr(settled, name).seed for name in FIXED},
+        "origins": _origins(choose(settled, receiver), system, plan),
+        "remarks": _remarks(settled, system, plan),
+    }
+    if before is not None:
+        before(manifest(**about))
+    record = execute(plan, progress, master=master, step_timeout=step_timeout)
     return Result(
-        settled.name,
-        applied(settled, receiver, fmi, components),
-        record,
-        labels,
-        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
-        seeds={name: getattr(settled, name).seed for name in FIXED},
+        record=record,
         update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
-        origins=_origins(choose(settled, receiver), system, plan),
-        remarks=_remarks(settled, system, plan),
+        **about,
     )
 
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import pandas as pd
 from sblcosim.fmus.factory import cache
-from sblcosim.fmus.files import write_file
+from sblcosim.fmus.files import sha256_of, write_file
 
 from .errors import ConfigurationError, SblcosimError, check_choice, one_line
 from .fmu import Fmu
@@ -321,7 +321,7 @@ def unpack(parcel: Parcel) -> Campaign:
             files = {}
             for sha256, (name, content) in parcel.fmus.items():
                 files[sha256] = cache() / "received" / sha256 / name
-                if not files[sha256].is_file():
+                if sha256_of(files[sha256]) != sha256:
                     write_file(files[sha256], content)
             _unpacked.clear()
             _unpacked[key] = _Unpacker(io.BytesIO(parcel.content), files).load()

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
 from ..errors import SblcosimError
+
+if TYPE_CHECKING:
+    from ..artifacts import Other
 
 PATIENCE = 2.0
 """Seconds after which a command shows what it is doing."""
@@ -23,6 +27,25 @@ PATIENCE = 2.0
 
 class Group(TyperGroup):
     """Turns our exceptions into a line per problem and an exit code, our warnings into a line."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        try:
+            os.getcwd()
+        except OSError:
+            _refuse("the working directory must exist, got one that was deleted")
+        try:
+            return super().main(*args, **kwargs)
+        except OSError as error:
+            if error.filename is not None:
+                _refuse(f"{error.filename}: must be accessible, got {error.strerror}")
+            _forget(sys.stdout)
+            _refuse(f"output: must be writable, got {error.strerror or error}")
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for argument in args:
+            if not argument.isprintable() and any("\ud800" <= c <= "\udfff" for c in argument):
+                _refuse(f"arguments: must be UTF-8, got {os.fsencode(argument)!r:.80}")
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -46,6 +69,19 @@ class Group(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
+
+
+def _refuse(message: str) -> NoReturn:
+    typer.echo(f"error: {message}", err=True)
+    sys.exit(2)
+
+
+def _forget(stream: Any) -> None:
+    """Let what waits to be written go nowhere: at the end it would fail again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 class Terminated(KeyboardInterrupt):
@@ -103,6 +139,9 @@ SetOption = Annotated[
 FmiOption = Annotated[
     int | None, typer.Option("--fmi", min=2, max=3, help="FMI version of our components.")
 ]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the result of another run in the folder.")
+]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 
 
@@ -130,11 +169,26 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
     return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
 
 
-def report(result: Any, folder: Path, as_json: bool) -> None:
+def place(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
+    """Where results go, and what is done about those of another run."""
+    return out or default, "replace" if force else "number" if out is None else "refuse"
+
+
+def report(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
     if as_json:
         typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
     else:
-        typer.echo(f"{result}\n\nwritten to {folder}")
+        other = "" if folder == wanted else f"; {wanted} holds something else"
+        typer.echo(f"{result}\n\nwritten to {folder}{other}")
+
+
+def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
+    """As `report`; the exit code is 1 if a receiver has given no estimate at all."""
+    report(result, folder, as_json, wanted)
+    for line in result.problems:
+        typer.echo(f"error: {line}", err=True)
+    if result.problems:
+        raise typer.Exit(1)
 
 
 def table(rows: list[tuple[str, str]]) -> None:

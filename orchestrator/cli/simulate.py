@@ -12,13 +12,16 @@ import typer
 from ..errors import ConfigurationError
 from .base import (
     FmiOption,
+    ForceOption,
     ReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
     app,
     overrides,
+    place,
     report,
+    report_run,
     table,
     waiting,
 )
@@ -31,8 +34,14 @@ def run(
     set_: SetOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/NAME]."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/NAME, or the next number if that holds "
+            "another run].",
+        ),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
     ] = False,
@@ -57,15 +66,16 @@ def run(
 ) -> None:
     """Simulate a scenario and write its results.
 
-    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    Prints the table of errors; the record, a manifest and the figures go to a folder. The exit
+    code is 1 if a receiver has given no estimate at all.
     """
     with waiting() as progress:
         from .. import api, artifacts
         from ..scenario import load
 
         settled = load(scenario, overrides(set_, seed))
-        out = out or Path("runs", settled.name)
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", settled.name), force)
+        artifacts.check(wanted, other=other)
         result = api.run(
             settled,
             receiver or (),
@@ -73,9 +83,10 @@ def run(
             master=master,
             step_timeout=step_timeout,
             progress=progress,
+            before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(out, figures=not no_figures)
-    report(result, folder, as_json)
+        folder = result.save(wanted, figures=not no_figures, other=other)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -111,9 +122,13 @@ def calibrate(
     pings: Annotated[int, typer.Option(help="Pings per distance.")] = 100,
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version.")] = 2,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = (
-        Path("runs", "calibration")
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: runs/calibration]."
+        ),
+    ] = None,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else.")] = False,
 ) -> None:
     """Calibrate the speed of sound and test the ranges.
@@ -125,7 +140,8 @@ def calibrate(
         from .. import artifacts
         from ..calibrate import calibrate as measure
 
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", "calibration"), force)
+        artifacts.check(wanted, other=other)
         result = measure(
             sound_speed=sound_speed,
             assumed_sound_speed=assumed_sound_speed,
@@ -137,8 +153,8 @@ def calibrate(
             seed=seed,
             fmi=3 if fmi == 3 else 2,
         )
-        folder = result.save(out)
-    report(result, folder, as_json)
+        folder = result.save(wanted, other=other)
+    report(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -168,6 +184,8 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a scenario file to begin with."""
+    from sblcosim.fmus.files import write_file
+
     from ..starter import starter
 
     if not re.match(r"\w", file.name):
@@ -177,9 +195,10 @@ def new(
     if file.suffix != ".toml":
         file = file.with_name(f"{file.name}.toml")
     text = starter(file.stem, source)
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
     try:
-        with file.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(text)
+        write_file(file, text.encode(), replace=force)
     except FileExistsError:
         raise ConfigurationError(
             f"{file}: must not exist yet, got an existing file; --force replaces it"

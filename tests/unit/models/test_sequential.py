@@ -53,7 +53,7 @@ class Reference:
                 gradient = offset / np.linalg.norm(offset)
                 nu, R = u["range"][i] - np.linalg.norm(offset), "range_std"
             H = np.kron(gradient, [1.0, 0.0])
-            S = H @ self.P @ H + self.p[R] ** 2
+            S = H @ self.P @ H + self.p[R] ** (2 if self.p["measurement_noise"] == 1 else 1)
             if i >= 0 and 0 < self.p["gate"] * np.sqrt(S) < abs(nu):
                 continue
             K = self.P @ H / S
@@ -65,9 +65,13 @@ class Reference:
 
 @pytest.mark.parametrize("ratio", [1, 4])
 @pytest.mark.parametrize("gate", [0.0, 2.0])
-def test_it_equals_scalar_updates_in_order_of_epoch(ratio: int, gate: float) -> None:
+@pytest.mark.parametrize("measurement_noise", [1, 2])
+def test_it_equals_scalar_updates_in_order_of_epoch(
+    ratio: int, gate: float, measurement_noise: int
+) -> None:
     result = dive("sequential", LINE, steps=160, ratio=ratio, acoustics=NOISY, depth_std=0.1,
-                  parameters={**PRIOR, "gate": gate, "gate_limit": 1000})
+                  parameters={**PRIOR, "gate": gate, "gate_limit": 1000, "range_std": 0.2,
+                              "depth_std": 0.05, "measurement_noise": measurement_noise})
     reference = Reference(result.receiver.p)
     rows = {round(epoch, 6): row for row, epoch in enumerate(result.epoch)}
     for u in result.inputs:

@@ -8,6 +8,7 @@ import pkgutil
 import re
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any, get_origin
 
 import numpy as np
@@ -17,6 +18,7 @@ import sblcosim
 from sblcosim import (
     advice,
     analysis,
+    artifacts,
     calibrate,
     executors,
     export,
@@ -76,10 +78,15 @@ CALLS: dict[str, Any] = {
     "result.Result.plot_errors theme": RESULT.plot_errors,
     "result.Result.plot_errors frame": RESULT.plot_errors,
     "result.Result.plot_inclination theme": RESULT.plot_inclination,
+    "artifacts.check other": partial(artifacts.check, Path("nowhere")),
+    "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
+    "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
+    "result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
     "result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
     "metrics.error_column frame": partial(metrics.error_column, axis="x"),
     "metrics.error_column axis": partial(metrics.error_column, "absolute"),
     "calibrate.CalibrationResult.plot theme": CALIBRATED.plot,
+    "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
     "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
     "calibrate.calibrate fmi": calibrate.calibrate,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
