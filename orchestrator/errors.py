@@ -21,6 +21,7 @@ __all__ = [
     "ConfigurationWarning",
     "DamageWarning",
     "FmuError",
+    "NoEffectWarning",
     "SblcosimError",
     "check_choice",
     "escaped",
@@ -58,3 +59,7 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
 
 class ConfigurationWarning(UserWarning):
     """Something that the user wrote can be carried out, but is perhaps not what was meant."""
+
+
+class NoEffectWarning(ConfigurationWarning):
+    """A key was given by hand that has no effect."""

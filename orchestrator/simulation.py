@@ -132,7 +132,7 @@ def _one_by_one(
 
     def one(run: Run) -> tuple[Floats, str | None]:
         try:
-            plan = resolve(_system(campaign, campaign.points[run.place], run.seed))
+            plan = resolve(_system(campaign, campaign.points[run.place], run.seed), again=True)
             made = masters.execute(plan, record=record, master=master)
             rows = [sums_of(made, r, campaign.study.settling_ns) for r in campaign.receivers]
         except BuildError:

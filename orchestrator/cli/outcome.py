@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import signal
+import sys
 import threading
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 import typer
@@ -28,6 +30,9 @@ from ..errors import (
 
 TRACEBACK = "SBLCOSIM_TRACEBACK"
 """Set to anything, it lets what is no exception of ours through, with its traceback."""
+
+_NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
+"""What writing to standard output fails with; all files of ours come with their names."""
 
 _UsageError: Any = typer.BadParameter.__base__
 """Click's, which Typer keeps in different places."""
@@ -50,13 +55,29 @@ class Commands(TyperGroup):
 class Application(Commands):
     """Prints a line per problem, and each warning once."""
 
-    def make_context(self, info_name: str | None, *arguments: Any, **options: Any) -> Any:
+    def make_context(
+        self, info_name: str | None, args: list[str], *arguments: Any, **options: Any
+    ) -> Any:
         with _in_lines():  # messages say what people type, however the program was started
-            return super().make_context("sblcosim", *arguments, **options)
+            _check_surroundings(args)
+            return super().make_context("sblcosim", args, *arguments, **options)
 
     def invoke(self, ctx: Any) -> Any:
         with _in_lines(), _warnings_in_lines(), _terminable():
             return super().invoke(ctx)
+
+
+def _check_surroundings(args: list[str]) -> None:
+    try:
+        os.getcwd()
+    except OSError:
+        raise ConfigurationError(
+            "the working directory must exist, got one that was deleted"
+        ) from None
+    for argument in args:
+        if any("\ud800" <= c <= "\udfff" for c in argument):
+            shown = shortened(repr(os.fsencode(argument)))
+            raise ConfigurationError(f"arguments: must be UTF-8, got {shown}")
 
 
 class Terminated(KeyboardInterrupt):
@@ -81,6 +102,9 @@ def _in_lines() -> Iterator[None]:
     except KeyboardInterrupt:
         _end("interrupted; nothing was written", 130)
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _NO_OUTPUT:
+            _forget(sys.stdout)
+            _fail(f"output: must be writable, got {error.strerror}")
         if isinstance(error, _UsageError):
             if type(error).__name__ == "NoArgsIsHelpError":
                 raise
@@ -110,6 +134,14 @@ def _unforeseen(error: Exception) -> str:
         return f"{where}: must be readable and writable, got {error.strerror}"
     got = f"{type(error).__name__}: {shortened(one_line(error))}"
     return f"this must not happen, please report it: got {got}"
+
+
+def _forget(stream: Any) -> None:
+    """Let what waits to be written go nowhere: at the end it would fail again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def _usage(error: Any) -> str:

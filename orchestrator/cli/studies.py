@@ -62,6 +62,7 @@ def study(
     """Run a factorial study, or what is missing of it.
 
     The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
         from .. import campaign
@@ -86,20 +87,23 @@ def study(
                 raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master)
-            missing = campaign.missing(prepared, out)
+            missing = campaign.missing(prepared, out, tell=True)
             seconds = campaign.estimate(prepared, missing, workers, master)
     if dry_run:
-        done = prepared.runs - len(missing)
+        done = prepared.runs - missing.runs
         typer.echo(
             f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
             f"runs, {prepared.steps} steps"
             + (f"; {done} runs are in {out}" if done else "")
-            + (f"; {_duration(seconds)} on this machine" if missing else "")
+            + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
             + "; nothing was run"
         )
         return
     typer.echo(_summary(runs))
     typer.echo(f"\nwritten to {out}")
+    if runs["error"].notna().all():
+        typer.echo(f"all {len(runs)} runs failed: there is nothing to analyse", err=True)
+        raise typer.Exit(1)
 
 
 def _say_how_to_resume(out: Path, runs: int) -> None:
@@ -118,11 +122,19 @@ def _stopped(stop: KeyboardInterrupt) -> int:
     return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"about {max(seconds, 1):.0f} s"
-    minutes = seconds / 60
-    return f"about {minutes:.0f} min" if minutes < 90 else f"about {minutes / 60:.1f} h"
+def _duration(least: float, most: float) -> str:
+    """A range of times, of which the second is not trusted to be the larger."""
+    (low, unit), (high, other) = (_amount(s) for s in (least, max(least, most)))
+    if (low, unit) == (high, other):
+        return f"about {low} {unit}"
+    return f"about {low}{'' if unit == other else f' {unit}'} to {high} {other}"
+
+
+def _amount(seconds: float) -> tuple[str, str]:
+    for unit, length, until in (("s", 1, 90), ("min", 60, 90), ("h", 3600, 72)):
+        if seconds < until * length:
+            return f"{max(seconds / length, 1):.2g}", unit
+    return f"{seconds / 86400:,.0f}", "days"
 
 
 def _summary(runs: Any) -> str:
@@ -132,6 +144,8 @@ def _summary(runs: Any) -> str:
     lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
     suffix = ".absolute_total_rms_m"
     for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        if runs[column].isna().all():
+            continue
         name = column.removesuffix(suffix)
         if runs[column].isna().all():
             lines.append(f"{name}: no estimate in any run")
@@ -294,6 +308,8 @@ def advise(
         folder = analysis.save_advice(found, out, shown=shown)
     typer.echo(shown)
     typer.echo(f"\nwritten to {folder}")
+    if found.limit is not None and found.chosen is None:
+        raise typer.Exit(1)
 
 
 @app.command()

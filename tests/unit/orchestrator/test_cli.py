@@ -569,3 +569,101 @@ def test_a_calibration_leaves_another_alone(cli: Callable[..., Result]) -> None:
     )
     assert cli("calibrate", "--seed", "2", "--out", "runs/calibration").exit_code == 2
     assert cli("calibrate").stdout.endswith("written to runs/calibration\n")
+
+
+STUDY = """
+scenario = "paper-scenario-1"
+replicates = 3
+[fixed]
+"time.duration_s" = 5.0
+"receiver.range_std_m" = 0.1
+[factors.gps]
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+[factors.range]
+keys = ["acoustics.range_std_m"]
+levels = [0.1, 0.2]
+"""
+
+
+def test_a_study_of_which_every_run_failed_exits_with_1(cli: Callable[..., Result]) -> None:
+    Path("bad.toml").write_text(STUDY.replace("[0.1, 0.2]", "[1e299, 1e300]"))
+    done = cli("study", "bad.toml")
+    assert done.exit_code == 1
+    assert done.stdout.startswith("12 runs, 12 failed\n")
+    assert "RMS" not in done.stdout
+    assert done.stderr == "all 12 runs failed: there is nothing to analyse\n"
+
+
+def test_advice_that_finds_nothing_exits_with_1(cli: Callable[..., Result]) -> None:
+    Path("good.toml").write_text(STUDY)
+    assert cli("study", "good.toml").exit_code == 0
+    Path("costs.toml").write_text("gps = [900, 40]\n")
+    advise = ("advise", "studies/good", "--costs", "costs.toml")
+    assert cli(*advise).exit_code == 0  # nothing was asked for
+    nothing = cli(*advise, "--limit", "1e-6")
+    assert nothing.exit_code == 1
+    assert "written to " in nothing.stdout
+
+
+@pytest.mark.parametrize("arguments", [("--version",), ("--help",), ("run", "--help"),
+                                       ("scenarios",), ("plan", "paper-scenario-1")])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_output_is_one_line(arguments: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "sblcosim", *arguments],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    message = "error: output: must be writable, got No space left on device\n"
+    assert done.stderr == message
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it cannot be deleted")
+@pytest.mark.parametrize("command", ["scenarios", "run paper-scenario-1", "study paper-scenario-1",
+                                     "build", "new mine", "export ssp harbour-square"])
+def test_a_working_directory_that_is_gone_is_one_line(tmp_path: Path, command: str) -> None:
+    script = f"cd {tmp_path} && rmdir {tmp_path} && {sys.executable} -m sblcosim {command}"
+    done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: the working directory must exist, got one that was deleted\n"
+
+
+COMMANDS_WITH_OUT = [
+    ("run", "paper-scenario-1", *SHORT), ("study", "good.toml"), ("calibrate",),
+    ("build", "range_model"), ("export", "ssp", "paper-scenario-1"), ("paper", "--quick"),
+]  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are Unicode")
+@pytest.mark.parametrize("command", COMMANDS_WITH_OUT, ids=lambda c: c[0])
+def test_an_out_that_is_no_utf_8_is_one_line(
+    cli: Callable[..., Result], command: tuple[str, ...]
+) -> None:
+    done = cli(*command, "--out", "a\udcffb")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr == "error: arguments: must be UTF-8, got b'a\\xffb'\n"
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
+@pytest.mark.parametrize("command", COMMANDS_WITH_OUT[1::3], ids=lambda c: c[0])
+def test_an_out_that_is_too_deep_is_one_line(
+    cli: Callable[..., Result], command: tuple[str, ...]
+) -> None:
+    Path("good.toml").write_text(STUDY)
+    done = cli(*command, "--out", "/".join("d" * 2040))
+    subprocess.run(["rm", "-rf", "d"], check=True)  # pytest cannot
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.endswith(", got File name too long\n") or "(File name too" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
+def test_an_out_that_is_deep_is_a_folder_like_any_other(cli: Callable[..., Result]) -> None:
+    Path("good.toml").write_text(STUDY)
+    done = cli("study", "good.toml", "--out", "/".join("d" * 1900))
+    subprocess.run(["rm", "-rf", "d"], check=True)  # pytest cannot
+    assert done.exit_code == 0

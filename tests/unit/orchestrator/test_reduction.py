@@ -13,7 +13,7 @@ import pytest
 import sblcosim
 from sblcosim import lanes, metrics
 from sblcosim.errors import FmuError
-from sblcosim.masters import execute
+from sblcosim.masters import MASTERS, execute
 from sblcosim.plan import Plan, resolve
 from sblcosim.record import Record
 from sblcosim.reduction import SUMS, responses, sums_of
@@ -134,6 +134,14 @@ def test_lanes_metrics_and_sums_agree_wherever_epochs_are(
     epochs = record.estimates("ekf").epoch_ns
     assert len(epochs) > 5
     assert (~np.isin(epochs, record.time_ns[record.own("target")])).any() == off_grid
+
+
+@pytest.mark.parametrize("master", MASTERS)
+def test_every_master_says_which_instants_are_the_target_s_own(master: str) -> None:
+    plan = resolve(coarse_target(base(**{"time.duration_s": 3.0})))
+    own = execute(plan, master=master).own("target")
+    assert len(own) == 31
+    assert np.flatnonzero(own).tolist() == list(range(0, 31, 3))
 
 
 STEP = ctypes.CFUNCTYPE(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import pandas as pd
 import pytest
 import sblcosim
 from pyarrow import parquet
-from sblcosim import campaign, executors, lanes, points, simulation, study
-from sblcosim.errors import BuildError, ConfigurationError, FmuError
+from sblcosim import campaign, executors, lanes, plan, points, simulation, study
+from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.reduction import SUMS
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -140,6 +141,27 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"design": {"kind": "fraction", "generators": ["B=A"]}}, "got arm aliased with tick"),
     ({"design": {"kind": "sweep", "centre_points": 1}}, "must be 0 for kind 'sweep'"),
     ({"design": {"centre_points": 2}, "seeding": "common"}, "must be at most 1 with seeding"),
+    (
+        {"factors": {"arm": ARM, "r": {"keys": ["target.side_m"], "levels": [1, 2]}}},
+        r"^small: \[factors.r\] keys: target.side_m must have an effect, got none, as trajectory "
+        'is "semicircle"$',
+    ),
+    (
+        {"factors": {"r": {"keys": ["target.side_m"], "levels": [1, 2]}, "arm": ARM},
+         "design": {"kind": "sweep"}},
+        r"\[factors.r\] keys: target.side_m must have an effect, got none, as trajectory is ",
+    ),
+    (
+        {"factors": {"limit": {"keys": ["receiver.gate_limit"], "levels": [1, 2]}},
+         "receivers": ["sequential"], "fixed": {"receiver.gate": 0.0}},
+        r"\[factors.limit\] keys: receiver.gate_limit must have an effect, got none, as gate is 0$",
+    ),
+    (
+        {"factors": {"ratio": {"keys": ["time.ekf_ratio"], "levels": [1, 2]}},
+         "fixed": {"receiver.update_interval_s": 0.2}},
+        r"\[factors.ratio\] keys: time.ekf_ratio must have an effect, got none, as "
+        "receiver.update_interval_s is given$",
+    ),
 ]
 
 
@@ -150,6 +172,67 @@ def test_a_study_that_cannot_be_carried_out_is_refused_in_one_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         small(**changes)
     assert "\n" not in str(caught.value)
+
+
+def test_a_factor_may_have_no_effect_at_some_points() -> None:
+    mean = {"keys": ["acoustics.outlier_mean_m"], "levels": [1, 2]}
+    share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        points.prepare(small(factors={"size": mean, "share": share}))
+    with pytest.raises(ConfigurationError, match="must have an effect, got none, as outlier_prob"):
+        small(factors={"size": mean, "arm": ARM})
+
+
+def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
+    sea = small(factors={"sea": {"keys": ["platform.beaufort"], "levels": [0, 6]}})
+    calm, rough = (points.resolved(sea, n)[0].platform for n in (1, 2))
+    assert calm.roll_amplitude_deg == calm.heave_amplitude_m == 0.0
+    assert rough.roll_amplitude_deg > 8.0
+    assert rough.heave_amplitude_m > 1.0
+    level = small(fixed={"platform.beaufort": 6, "time.duration_s": 5.0}).base.platform
+    assert level.roll_amplitude_deg == rough.roll_amplitude_deg
+
+
+def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = points.resolved
+
+    def resolved(made: study.Study, number: int) -> Any:
+        warnings.warn("of the first kind", ConfigurationWarning, stacklevel=1)
+        if number % 2:
+            warnings.warn("of the second kind", ConfigurationWarning, stacklevel=1)
+        return original(made, number)
+
+    monkeypatch.setattr(points, "resolved", resolved)
+    fixed = {"time.duration_s": 5.0, "target.side_m": 3.0, "acoustics.outlier_mean_m": 2.0}
+    share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        points.prepare(small(fixed=fixed, factors={"arm": ARM, "share": share}))
+    assert [str(w.message) for w in caught] == [
+        "of the first kind (at 4 of 4 points)",
+        "of the second kind (at 2 of 4 points)",
+        'override target.side_m: has no effect, as trajectory is "semicircle"',
+    ]
+
+
+def test_runs_of_a_study_do_not_warn_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the master that looks up every run on its own."""
+    made = small(factors={"arm": ARM}, replicates=3)
+    original = plan._connections
+
+    def connections(system: Any, ports: Any, warn: bool) -> Any:
+        if warn and system.connections:
+            warnings.warn("no unit", ConfigurationWarning, stacklevel=1)
+        return original(system, ports, warn)
+
+    monkeypatch.setattr(plan, "_connections", connections)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        made.run(tmp_path / "out", master="native")
+    assert [str(w.message) for w in caught] == ["no unit (at 2 of 2 points)"]
 
 
 def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:
@@ -417,26 +500,15 @@ def test_a_point_that_cannot_be_run_is_named_before_anything_runs(tmp_path: Path
     assert not (tmp_path / "out").exists()
     with pytest.raises(ConfigurationError, match="settling_time_s: must be less than the length"):
         small(settling_time_s=5.0).run(tmp_path / "out")
-    with pytest.raises(ConfigurationError, match=r"\[factors.sea\]: must change something"):
+    with pytest.raises(ConfigurationError, match=r"\[factors.length\]: must change something"):
         small(
-            factors={"sea": {"keys": ["platform.beaufort"], "levels": [2, 4]}},
-            scenario=plain_sea(),
+            fixed={}, factors={"length": {"keys": ["time.duration_s"], "levels": [5.0, 5.04]}}
         ).run(tmp_path / "out")
     seeds = {f"{name}.seed": 3 for name in ("target", "platform", "acoustics")}
     with pytest.raises(ConfigurationError, match="seed: must be left to the study"):
         small(fixed={"time.duration_s": 5.0, **seeds}).run(tmp_path / "out")
     with pytest.raises(ConfigurationError, match="master: must be python or native or lanes"):
         small().run(tmp_path / "out", master="fast")
-
-
-def plain_sea() -> dict[str, Any]:
-    """A scenario that gives all keys of the waves itself."""
-    given = sblcosim.load("paper-scenario-1").given()
-    calm = sblcosim.load("paper-scenario-1", {"platform.beaufort": 2}).platform
-    rough = sblcosim.load("paper-scenario-1", {"platform.beaufort": 4}).platform
-    changed = {k for k, v in calm.model_dump().items() if v != getattr(rough, k)} - {"beaufort"}
-    given["platform"] |= {key: getattr(calm, key) for key in changed}
-    return given
 
 
 def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:
