@@ -256,7 +256,10 @@ missing = [name for name in sys.argv[2:] if not hasattr(library, name)]
 if missing:
     more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
     sys.exit("the standard asks for functions that it lacks: " + ", ".join(missing[:3]) + more)
+os._exit(77)
 """
+_LOADED = 77
+"""Exit code if all is well; an FMU that ends the process will say something else."""
 
 
 def functions_of(description: ModelDescription) -> tuple[str, ...]:
@@ -302,9 +305,11 @@ def _check_binary(path: Path, description: ModelDescription, files: Sequence[str
         except Exception as error:  # FMPy raises Exception itself
             problem = _line(error)
         else:
-            if done.returncode == 0:
+            if done.returncode == _LOADED:
                 return Finding("binary", "ok", "loads")
-            problem = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
+            problem = " ".join(done.stderr.split())
+            if not problem or done.returncode != 1:  # what Python's own errors end with
+                problem = f"it ended the process (exit code {done.returncode})"
             if done.returncode < 0:
                 problem = f"it crashed ({signal.Signals(-done.returncode).name})"
         # A loader names the file that it cannot load, whose folder is gone by now.

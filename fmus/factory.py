@@ -127,6 +127,25 @@ def _ready(of: str, file: str) -> Path | None:
     return path if path.is_file() and not os.environ.get(compilers.VARIABLE) else None
 
 
+def is_build(identifier: str, sha256: str) -> bool:
+    """Whether a file is among the FMUs that came along or are cached.
+
+    Parameters
+    ----------
+    identifier
+        Of its model.
+    sha256
+        Of its content.
+    """
+    return any(
+        hashlib.sha256(path.read_bytes()).hexdigest() == sha256
+        for name, component in COMPONENTS.items()
+        if component.name == identifier
+        for folder in (READY, cache())
+        for path in folder.glob(f"*/{name}.fmu")
+    )
+
+
 def cache() -> Path:
     """The folder that holds built FMUs."""
     chosen = os.environ.get(CACHE_VARIABLE)

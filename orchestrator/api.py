@@ -7,9 +7,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .errors import ConfigurationError, nearest
 from .fmu import Fmu
-from .masters import execute
+from .isolation import patience, strangers
+from .masters import execute, survive
+from .native import foreign
 from .plan import Plan, check_size, resolve
+from .record import Record
+from .reduction import TRUTH
 from .result import Result
 from .scenario import Overrides, Receivers, Scenario, Source, load
 from .system import SECOND, System, text_of
@@ -29,6 +34,9 @@ def run(
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Simulate a scenario.
+
+    A receiver that fails beside others does not end the run: the result has its message in
+    `Result.failures`, and what the others give without it.
 
     Parameters
     ----------
@@ -58,7 +66,8 @@ def run(
     ConfigurationError
         Something in the scenario or the arguments is wrong.
     FmuError
-        An FMU cannot be built, is broken, or has failed.
+        An FMU cannot be built, is broken, or has failed, and no receiver that was asked for is
+        left.
 
     Examples
     --------
@@ -66,24 +75,53 @@ def run(
     >>> result.errors.loc["sequential", "absolute", "total"].rms_m   # doctest: +SKIP
     """
     settled = load(scenario, overrides)
-    system = connect(settled, receiver, fmi, components)
-    plan = resolve(system)
-    check_size(plan)
-    record = execute(plan, progress, master=master, step_timeout=step_timeout)
-    labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    with patience(step_timeout):
+        system = connect(settled, receiver, fmi, components)
+        whole = resolve(system)
+    check_size(whole)
+    _check_truth(whole)
+    asked = [label for label in choose(settled, receiver) if label != RAW]
+
+    def executed(plan: Plan) -> Record:
+        # Without those that have failed there may be nobody left to wait for.
+        timed = len(plan.components) == len(whole.components) or strangers(plan)
+        return execute(
+            plan,
+            progress,
+            master=master,
+            step_timeout=step_timeout if timed else None,
+            apart=apart and foreign(plan) is not None,
+        )
+
+    apart = bool(strangers(whole))
+    outcome = survive(system, asked or [RAW], executed)
+    plan = outcome.plan
+    labels = [c.name for c in plan.components if c.name not in (*FIXED, RAW)]
     if RAW in system.components:
         labels.append(RAW)
     return Result(
         settled.name,
         applied(settled, receiver, fmi, components),
-        record,
+        outcome.record,
         labels,
-        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        fmus={c.name: c.source.sha256 for c in whole.components if isinstance(c.source, Fmu)},
         seeds={name: getattr(settled, name).seed for name in FIXED},
         update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
-        origins=_origins(choose(settled, receiver), system, plan),
+        origins=_origins(choose(settled, receiver), system, whole),
         remarks=_remarks(settled, system, plan),
+        failures=outcome.failures,
     )
+
+
+def _check_truth(plan: Plan) -> None:
+    """Refuse components without what the estimates are compared with."""
+    known = [c.name for c in plan.columns]
+    for name in TRUTH:
+        if name not in known:
+            raise ConfigurationError(
+                f"{name}: must be an output, to compare the estimates with, got none"
+                f"{nearest(name, known)}"
+            )
 
 
 def _origins(

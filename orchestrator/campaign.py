@@ -13,6 +13,7 @@ import pandas as pd
 from . import executors
 from .api import run as run_scenario
 from .errors import ConfigurationError
+from .isolation import Children
 from .points import (
     Campaign,
     Point,
@@ -147,13 +148,24 @@ def estimate(
     """Seconds that some runs will take, from a sample of them; nothing is written."""
     if not runs:
         return 0.0
-    simulate(campaign, runs[:1], workers, master, silent)  # libraries are loaded
+    with Children() as children:
+        return _estimated(campaign, runs, workers, master, children)
+
+
+def _estimated(
+    campaign: Campaign,
+    runs: Sequence[Run],
+    workers: int | None,
+    master: str | None,
+    children: Children,
+) -> float:
+    simulate(campaign, runs[:1], workers, master, silent, children)  # libraries are loaded
     groups = [[run for run in runs if run.place in g.places] for g in campaign.groups]
     size = 1
     while True:
         sample = [run for group in groups for run in group[:size]]
         started = time.perf_counter()
-        simulate(campaign, sample, workers, master, silent)
+        simulate(campaign, sample, workers, master, silent, children)
         seconds = time.perf_counter() - started
         if seconds > SAMPLE_SECONDS or len(sample) >= len(runs):
             return seconds * sum(steps_of(campaign, runs)) / sum(steps_of(campaign, sample))

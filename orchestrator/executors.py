@@ -29,7 +29,8 @@ from sblcosim.fmus.factory import cache
 from sblcosim.fmus.files import write_file
 
 from .errors import ConfigurationError, SblcosimError, nearest, one_line
-from .fmu import Fmu
+from .fmu import Fmu, ours, trust
+from .isolation import Children
 from .points import Campaign, Run
 from .simulation import silent, simulate
 
@@ -85,7 +86,8 @@ def ready(
             number = sum(client.nthreads().values())
             yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
     elif executor == "threads":
-        yield partial(_here, campaign, workers, master)
+        with Children() as children:
+            yield partial(_here, campaign, workers, master, children)
     elif isinstance(executor, Executor):
         yield partial(_spread, executor, pack(campaign), number, master)
     else:
@@ -97,11 +99,12 @@ def _here(
     campaign: Campaign,
     workers: int | None,
     master: str | None,
+    children: Children,
     parts: Iterable[Sequence[Run]],
     done: Done,
 ) -> Simulated:
     for part in parts:
-        yield part, simulate(campaign, part, workers, master, partial(done, part))
+        yield part, simulate(campaign, part, workers, master, partial(done, part), children)
 
 
 # --- Other processes -----------------------------------------------------------------------------
@@ -248,12 +251,15 @@ class Parcel:
         Pickled, with SHA-256 values in place of FMU files.
     fmus
         Names and contents of the FMU files, by SHA-256.
+    ours
+        Those of them that this project has built.
     version
         Of the sblcosim that packed it.
     """
 
     content: bytes
     fmus: Mapping[str, tuple[str, bytes]]
+    ours: tuple[str, ...]
     version: str
 
 
@@ -290,16 +296,18 @@ def pack(campaign: Campaign) -> Parcel:
     """Make a parcel of a campaign and its FMUs."""
     from . import __version__
 
-    known = {
-        component.source.path: component.source.sha256
+    sources = [
+        component.source
         for group in campaign.groups
         for component in group.plan.components
         if isinstance(component.source, Fmu)
-    }
+    ]
+    known = {source.path: source.sha256 for source in sources}
+    mine = {source.sha256 for source in sources if ours(source)}
     stream = io.BytesIO()
     _Packer(stream, known).dump(campaign)
     fmus = {sha256: (path.name, path.read_bytes()) for path, sha256 in known.items()}
-    return Parcel(stream.getvalue(), fmus, __version__)
+    return Parcel(stream.getvalue(), fmus, tuple(sorted(mine)), __version__)
 
 
 _unpacked: dict[bytes, Campaign] = {}
@@ -326,6 +334,7 @@ def unpack(parcel: Parcel) -> Campaign:
                 files[sha256] = cache() / "received" / sha256 / name
                 if not files[sha256].is_file():
                     write_file(files[sha256], content)
+            trust(parcel.ours)
             _unpacked.clear()
             _unpacked[key] = _Unpacker(io.BytesIO(parcel.content), files).load()
         return _unpacked[key]
@@ -338,4 +347,8 @@ def _same(parcel: Parcel) -> Parcel:
 
 def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
     """What a worker does: it has one thread for it."""
-    return simulate(unpack(parcel), runs, 1, master, silent)
+    return simulate(unpack(parcel), runs, 1, master, silent, _CHILDREN)
+
+
+_CHILDREN = Children(idle_s=30.0)
+"""Of a worker, kept from one part of the work to the next."""

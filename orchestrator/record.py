@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .errors import ConfigurationError, nearest
 from .system import SECOND
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -62,16 +65,21 @@ class Record:
     values
         By ``"component.variable"``, in SI units; shape (n, *shape of the variable). At an instant
         that is none of a component's own, its outputs are those of its own instant before.
+    failures
+        What went wrong after the last instant, by component.
     """
 
     time_ns: Integers
     values: Mapping[str, NDArray[np.generic]]
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_ns)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per instant: ``time_s`` [s], then ``component.variable[i,j]``, 1-based."""
+        import pandas as pd
+
         columns: dict[str, NDArray[np.generic]] = {"time_s": self.time_ns / SECOND}
         for name, values in self.values.items():
             for index in np.ndindex(values.shape[1:]):

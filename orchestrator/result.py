@@ -70,6 +70,9 @@ class Result:
         What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
     remarks
         What else there is to know about the run, in sentences.
+    failures
+        Messages of receivers that have failed. Those that are not among `receivers` have not
+        reached the end; the others have, and failed after it.
 
     Attributes
     ----------
@@ -94,6 +97,7 @@ class Result:
         update_interval_ns: int | None = None,
         origins: Mapping[str, Mapping[str, Any]] | None = None,
         remarks: Sequence[str] = (),
+        failures: Mapping[str, str] | None = None,
     ) -> None:
         self.scenario_name = scenario_name
         self.scenario = scenario
@@ -104,6 +108,7 @@ class Result:
         self.update_interval_ns = update_interval_ns
         self.origins = dict(origins or {})
         self.remarks = tuple(remarks)
+        self.failures = dict(failures or {})
 
     @cached_property
     def record(self) -> pd.DataFrame:
@@ -122,7 +127,20 @@ class Result:
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`)."""
+        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
+
+        If receivers have failed there is a column ``failure`` with their messages, and a row for
+        each.
+        """
+        if not self.failures:
+            return self._judged
+        missing = [name for name in self.failures if name not in self.receivers]
+        table = self._judged.astype(object).reindex([*self.receivers, *missing]).infer_objects()
+        return table.assign(failure=table.index.map(self.failures)).rename_axis("receiver")
+
+    @cached_property
+    def _judged(self) -> pd.DataFrame:
+        """`summary` of the receivers that have reached the end."""
         return metrics.summary(self.data, self.estimates, self.update_interval_ns)
 
     @property
@@ -188,7 +206,7 @@ class Result:
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))
-        python = self.origins.get(self.receivers[0], {}).get("python")
+        python = next(iter(self.origins.values()), {}).get("python")
         if python is None:
             return text
         return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
@@ -214,6 +232,7 @@ class Result:
                 for name in self.receivers
             ],
             "remarks": list(self.remarks),
+            **({"failures": dict(self.failures)} if self.failures else {}),
             "seeds": artifacts.plain(self.seeds),
             "fmus": artifacts.plain(self.fmus),
             "scenario": artifacts.plain(scenario),
@@ -230,6 +249,7 @@ class Result:
                 "scenario_name": self.scenario_name,
                 "seeds": self.seeds,
                 "remarks": self.remarks,
+                **({"failures": self.failures} if self.failures else {}),
                 "errors": errors,
                 "summary": self.summary.to_dict(orient="index"),
             }
@@ -241,6 +261,7 @@ class Result:
         lines = [
             self.title,
             *self.remarks,
+            *(f"failed: {message}" for message in self.failures.values()),
             "",
             f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
             f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
@@ -261,7 +282,7 @@ class Result:
 
     def _about(self, receiver: str) -> list[str]:
         """Availability and consistency of a receiver in words."""
-        row: Any = self.summary.loc[receiver]
+        row: Any = self._judged.loc[receiver]
         if not row.estimates:
             return [f"{receiver}: no fix"]
         first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
@@ -286,7 +307,7 @@ class Result:
     def _notes(self) -> list[str]:
         """What the printed numbers mean."""
         raw = [_RAW_NOTE] if RAW in self.receivers else []
-        claims = self.summary[list(_CONSISTENCY)].notna().any(axis=None)
+        claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
         return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
@@ -294,7 +315,8 @@ class Result:
             {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
         )
         lines = [line for name in self.receivers for line in self._about(name)]
-        notes = "\n".join([*self.remarks, *lines, "", *self._notes()])
+        failed = [f"failed: {message}" for message in self.failures.values()]
+        notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"

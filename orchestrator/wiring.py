@@ -19,7 +19,7 @@ from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
 from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .fmu import Port, ports_of, read
-from .master import initial_outputs
+from .masters import initial_outputs
 from .plan import variables_of
 from .scenario import Receivers, Scenario, Source, load
 from .system import SECOND, ComponentSpec, Connection, PythonComponent, System, Value

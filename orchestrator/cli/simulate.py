@@ -50,7 +50,7 @@ def run(
         float | None,
         typer.Option(
             "--step-timeout",
-            help="Seconds until the native master gives up an FMU that hangs [default: 60].",
+            help="Seconds until an FMU of others that hangs is given up [default: 60].",
         ),
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
@@ -76,6 +76,10 @@ def run(
         )
         folder = result.save(out, figures=not no_figures)
     report(result, folder, as_json)
+    for message in result.failures.values():
+        typer.echo(f"error: {message}", err=True)
+    if result.failures:
+        raise typer.Exit(1)
 
 
 @app.command()
