@@ -78,9 +78,12 @@ def licence() -> str:
 
 
 def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
-    """Pack files into an FMU; equal files give equal bytes.
+    """Pack files into an FMU, which appears under its name only when it is complete."""
+    write_file(path, pack(files))
 
-    The archive appears under its name only when it is complete.
+
+def pack(files: Mapping[str, bytes]) -> bytes:
+    """Pack files into an FMU; equal files give equal bytes.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name in sorted(files, key=lambda name: (name != DESCRIPTION, name)):
             archive.writestr(_entry(name), files[name], compresslevel=9)
-    write_file(path, packed.getvalue())
+    return packed.getvalue()
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

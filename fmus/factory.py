@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import uuid
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -21,8 +22,8 @@ from platformdirs import user_cache_path
 
 from ..models import COMPONENTS, module_of
 from . import compiler as compilers
-from .errors import BuildError, nearest
-from .files import write_file
+from .errors import BuildError, DamageWarning, nearest
+from .files import SEAL, intact, scratch, sha256_of, write_sealed
 from .platforms import suffix, this_platform
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def build(
     _versions()  # without CasADi no compiler helps
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
     path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
-    if not os.path.isfile(path):
+    if not _usable(path):
         _make_folder(path)
         write(path, name, fmi, ccs, baked)
     return path
@@ -95,7 +96,9 @@ def write(
     ccs: Sequence[compilers.Compiler],
     baked: Component | None = None,
 ) -> None:
-    """Build the FMU of a component; equal sources and compilers give equal bytes.
+    """Build the FMU of a component, with its SHA-256 in a file beside it.
+
+    Equal sources and compilers give equal bytes.
 
     Parameters
     ----------
@@ -104,7 +107,7 @@ def write(
     """
     # CasADi and the XML are loaded only when something has to be built.
     from ..models.equations import load
-    from .archive import contents, write_fmu
+    from .archive import contents, pack
 
     model = load(name)
     if baked is not None:
@@ -118,13 +121,33 @@ def write(
         lanes = _lane_objects(name, cc) if baked is None else ()
         binaries[cc.platform] = compile_shared(sources, shell, cc, lanes)
     with _caching():
-        write_fmu(path, contents(model, fmi, token, sources, binaries))
+        write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
 
 
 def _ready(of: str, file: str) -> Path | None:
     """A file that came along ready-made from the same sources, unless a compiler is asked for."""
     path = READY / of / file
-    return path if path.is_file() and not os.environ.get(compilers.VARIABLE) else None
+    if not path.is_file() or os.environ.get(compilers.VARIABLE):
+        return None
+    if intact(path):
+        return path
+    _warn(f"{path}: must be as it came with sblcosim, got other bytes; until it is installed again "
+          "(pip install --force-reinstall --no-deps sblcosim) it has to be built")
+    return None
+
+
+def _usable(path: Path) -> bool:
+    """Whether a file is in the cache and as it was written."""
+    if not path.is_file():
+        return False
+    if intact(path):
+        return True
+    _warn(f"{path}: must be as it was written, got other bytes; it is built again")
+    return False
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, DamageWarning, stacklevel=4)
 
 
 def is_build(identifier: str, sha256: str) -> bool:
@@ -138,7 +161,7 @@ def is_build(identifier: str, sha256: str) -> bool:
         Of its content.
     """
     return any(
-        hashlib.sha256(path.read_bytes()).hexdigest() == sha256
+        intact(path) and sha256_of(path) == sha256
         for name, component in COMPONENTS.items()
         if component.name == identifier
         for folder in (READY, cache())
@@ -227,13 +250,13 @@ def library(
     if found is not None:
         return found
     compiler = compiler or compilers.find()
-    folder = _digest([made_from, compiler.command, compiler.identity]).hexdigest()[:32]
+    folder = _digest([made_from, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
     path = cache() / folder / file
-    if not os.path.isfile(path):
+    if not _usable(path):
         _make_folder(path)
         binary = compile_shared(sources, _library_units(name, lanes, platform), compiler)
         with _caching():
-            write_file(path, binary)
+            write_sealed(path, binary)
     return path
 
 
@@ -261,7 +284,7 @@ def compile_shared(
     BuildError
         The compiler fails.
     """
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         parts = [*compile_objects(sources, units, compiler), *objects]
         names = [f"{i}.o" for i in range(len(parts))]
@@ -276,7 +299,7 @@ def compile_objects(
 ) -> list[bytes]:
     """Compile C sources into objects, one per unit, on all cores."""
     include = [fmi_headers()]
-    with tempfile.TemporaryDirectory(prefix="sblcosim-") as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         for file, text in sources.items():
             (folder / file).write_bytes(text)

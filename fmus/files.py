@@ -1,17 +1,304 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Writing files and folders so that nobody ever sees half of one, and nothing stays of the dead.
+
+What is unfinished has a hidden name, and beside it lies a file that its process keeps locked. A
+lock ends with its process, however that ends, so whoever comes next knows what to remove, also
+with several processes at once. A file system that knows no locks does without the removing.
+"""
 
 from __future__ import annotations
 
+import atexit
+import errno
+import hashlib
+import os
+import re
+import shutil
+import sys
+import tempfile
+import threading
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+HIDDEN = ".sblcosim-"
+"""What the names of unfinished files and folders begin with."""
+
+_LOCK = ".lock"
+_OURS = re.compile(re.escape(HIDDEN) + "[0-9a-f]{32}(" + re.escape(_LOCK) + ")?")
+_BYTE = 1 << 30  # Windows lets nobody read what is locked, so that lies beyond the content
 
 
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file that appears under its name only when it is complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+def write_file(
+    path: Path, content: bytes, *, replace: bool = True, durable: bool = True
+) -> None:
+    """Write a file that appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    replace
+        Whether a file that is there already gives way.
+    durable
+        Wait until it would survive a loss of power, which takes some milliseconds.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; `FileExistsError` if there is one that must not give way, or
+        something else than a file.
+    """
+    if os.path.lexists(path) and (not replace or not os.path.isfile(path)):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    make_folder(path.parent)
+    if path.parent not in _TIDY:
+        sweep(path.parent)
+        _TIDY.add(path.parent)
+    with unfinished(path.parent) as hidden:
+        with hidden.open("xb") as file:
+            file.write(content)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        if replace or not _linked(hidden, path):
+            hidden.replace(path)
+        if durable:
+            sync_folder(path.parent)
+
+
+_TIDY: set[Path] = set()
+
+
+def _linked(hidden: Path, path: Path) -> bool:
+    """Give a file its name unless somebody else was quicker; False where there are no links."""
     try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+        os.link(hidden, path)
+    except FileExistsError:
+        raise
+    except OSError:
+        return False
+    return True
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it; `Path.mkdir` is recursive and gives up on deep ones."""
+    missing = []
+    while not os.path.isdir(path):
+        missing.append(path)
+        if path.parent == path:
+            break
+        path = path.parent
+    for folder in reversed(missing):
+        folder.mkdir(exist_ok=True)
+
+
+def sync_folder(path: Path) -> None:
+    """Let names in a folder survive a loss of power, where that can be asked for."""
+    if os.name == "nt":
+        return
+    with suppress(OSError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def sync_file(path: Path) -> None:
+    """Let the content of a file survive a loss of power."""
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
+
+
+# --- What somebody else may have damaged ---------------------------------------------------------
+
+SEAL = ".sha256"
+"""What is added to the name of a file for the one that holds its SHA-256."""
+
+
+def seal(content: bytes, name: str) -> bytes:
+    """Content of the file beside a file, as ``sha256sum`` writes and reads it."""
+    return f"{hashlib.sha256(content).hexdigest()}  {name}\n".encode()
+
+
+def write_sealed(path: Path, content: bytes) -> None:
+    """Write a file and, before it, its SHA-256 beside it."""
+    write_file(path.with_name(path.name + SEAL), seal(content, path.name))
+    write_file(path, content)
+
+
+def intact(path: Path) -> bool:
+    """Whether a file is as `write_sealed` wrote it; read once, until it changes."""
+    try:
+        recorded = path.with_name(path.name + SEAL).read_bytes()[:64]
+    except OSError:
+        return False
+    return recorded == sha256_of(path).encode()
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal, read once, until it changes; nothing if there is none."""
+    try:
+        about = path.stat()
+        known = str(path), about.st_size, about.st_mtime_ns, about.st_ino
+        if known not in _HASHES:
+            _HASHES[known] = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+    return _HASHES[known]
+
+
+_HASHES: dict[tuple[str, int, int, int], str] = {}
+
+
+# --- What is unfinished --------------------------------------------------------------------------
+
+
+@contextmanager
+def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
+    """A hidden name in a folder for a file or folder of this process.
+
+    At the end what still has that name is removed; if the process is killed, by a later `sweep`.
+
+    Parameters
+    ----------
+    instead
+        The name, in the same folder, that what is moved here gets back from a `sweep`, unless
+        there is something new under it.
+    """
+    path, handle = _claim(folder, instead)
+    try:
+        yield path
     finally:
-        unfinished.unlink(missing_ok=True)
+        _remove(path)
+        _release(path, handle)
+
+
+def is_hidden(name: str) -> bool:
+    """Whether a name is one of `unfinished` things."""
+    return _OURS.fullmatch(name) is not None
+
+
+def sweep(folder: Path) -> bool:
+    """Remove what processes that live no more have left in a folder; whether there was any."""
+    try:
+        names = os.listdir(folder)
+    except OSError:
+        return False
+    locks = [name for name in names if name.endswith(_LOCK) and is_hidden(name)]
+    return sum(_sweep(folder / name.removesuffix(_LOCK)) for name in locks) > 0
+
+
+def scratch() -> Path:
+    """This process's folder for files that it needs while it lives."""
+    global _scratch
+    with _GUARD:
+        if _scratch is None or _scratch[0] != os.getpid():  # a forked process needs its own
+            place = Path(tempfile.gettempdir())
+            sweep(place)
+            path, handle = _claim(place, "")
+            path.mkdir(mode=0o700)
+            _scratch = os.getpid(), path
+            # The worker processes of multiprocessing end without atexit.
+            processes: Any = sys.modules.get("multiprocessing.util")
+            if processes is None:
+                atexit.register(_end, path, handle, os.getpid())
+            else:
+                processes.Finalize(None, _end, (path, handle, os.getpid()), exitpriority=0)
+        return _scratch[1]
+
+
+_scratch: tuple[int, Path] | None = None
+_GUARD = threading.Lock()
+
+
+def _end(path: Path, handle: int | None, owner: int) -> None:
+    if os.getpid() != owner:  # a forked process uses its parent's
+        return
+    _remove(path)
+    if not path.exists():  # Windows keeps libraries that are loaded: the next process removes them
+        _release(path, handle)
+
+
+def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:
+    """A name that nobody has, and the lock on it; None where there are no locks."""
+    while True:
+        path = folder / f"{HIDDEN}{uuid.uuid4().hex}"
+        handle = os.open(_lock_of(path), os.O_RDWR | os.O_CREAT | os.O_EXCL)
+        try:
+            os.write(handle, os.fsencode(instead))
+            held = _lock(handle)
+        except OSError:
+            _release(path, handle)
+            raise
+        if held is None:
+            _release(path, handle)
+            return path, None
+        if held and os.fstat(handle).st_nlink:
+            return path, handle
+        _release(path, handle)  # a sweep was quicker than the lock
+
+
+def _release(path: Path, handle: int | None) -> None:
+    if handle is None:
+        return
+    for close in (False, True):  # Windows removes no file that is open
+        if close:
+            os.close(handle)
+        with suppress(OSError):
+            _lock_of(path).unlink()
+
+
+def _sweep(path: Path) -> bool:
+    try:
+        handle = os.open(_lock_of(path), os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+    except OSError:
+        return False
+    if not _mine(handle) or not _lock(handle):
+        os.close(handle)
+        return False
+    back = os.fsdecode(os.read(handle, 4096))
+    if back and os.path.basename(back) == back and not os.path.lexists(path.with_name(back)):
+        with suppress(OSError):
+            path.rename(path.with_name(back))
+    _remove(path)
+    _release(path, handle)
+    return True
+
+
+def _mine(handle: int) -> bool:
+    return os.name == "nt" or os.fstat(handle).st_uid == os.geteuid()
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(path.name + _LOCK)
+
+
+def _lock(handle: int) -> bool | None:
+    """Lock an open file, until it is closed or the process ends; None if that cannot be done."""
+    try:
+        if fcntl is not None:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        else:
+            import msvcrt
+
+            os.lseek(handle, _BYTE, os.SEEK_SET)
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+            os.lseek(handle, 0, os.SEEK_SET)
+    except OSError as error:
+        held = error.errno in (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
+        return False if held else None
+    return True
+
+
+def _remove(path: Path) -> None:
+    if os.path.isdir(path) and not os.path.islink(path):
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)

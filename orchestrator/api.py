@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .definitions import TRUTH
 from .errors import ConfigurationError, nearest
 from .fmu import Fmu
 from .isolation import patience, strangers
@@ -14,11 +15,9 @@ from .masters import execute, survive
 from .native import foreign
 from .plan import Plan, check_size, resolve
 from .record import Record
-from .reduction import TRUTH
-from .result import Result
+from .result import Result, manifest
 from .scenario import Overrides, Receivers, Scenario, Source, load
-from .system import SECOND, System, text_of
-from .tables import nanoseconds
+from .system import SECOND, System, nanoseconds, text_of
 from .wiring import FIXED, RAW, applied, choose, connect
 
 
@@ -32,6 +31,7 @@ def run(
     master: str | None = None,
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
+    before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Result:
     """Simulate a scenario.
 
@@ -60,6 +60,8 @@ def run(
         `sblcosim.masters.execute`.
     progress
         Called now and then with the share of the run that is done.
+    before
+        Called with the manifest when everything is looked up and nothing has run yet.
 
     Raises
     ------
@@ -77,39 +79,43 @@ def run(
     settled = load(scenario, overrides)
     with patience(step_timeout):
         system = connect(settled, receiver, fmi, components)
-        whole = resolve(system)
-    check_size(whole)
-    _check_truth(whole)
-    asked = [label for label in choose(settled, receiver) if label != RAW]
+        plan = resolve(system)
+    check_size(plan)
+    _check_truth(plan)
+    labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    asked = labels or [RAW]
+    if RAW in system.components:
+        labels = [*labels, RAW]
+    about: dict[str, Any] = {
+        "scenario_name": settled.name,
+        "scenario": applied(settled, receiver, fmi, components),
+        "receivers": labels,
+        "fmus": {c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        "seeds": {name: getattr(settled, name).seed for name in FIXED},
+        "origins": _origins(choose(settled, receiver), system, plan),
+        "remarks": _remarks(settled, system, plan),
+    }
+    if before is not None:
+        before(manifest(**about))
+    apart = bool(strangers(plan))
 
-    def executed(plan: Plan) -> Record:
+    def executed(left: Plan) -> Record:
         # Without those that have failed there may be nobody left to wait for.
-        timed = len(plan.components) == len(whole.components) or strangers(plan)
+        timed = len(left.components) == len(plan.components) or strangers(left)
         return execute(
-            plan,
+            left,
             progress,
             master=master,
             step_timeout=step_timeout if timed else None,
-            apart=apart and foreign(plan) is not None,
+            apart=apart and foreign(left) is not None,
         )
 
-    apart = bool(strangers(whole))
-    outcome = survive(system, asked or [RAW], executed)
-    plan = outcome.plan
-    labels = [c.name for c in plan.components if c.name not in (*FIXED, RAW)]
-    if RAW in system.components:
-        labels.append(RAW)
+    outcome = survive(system, asked, executed)
     return Result(
-        settled.name,
-        applied(settled, receiver, fmi, components),
-        outcome.record,
-        labels,
-        fmus={c.name: c.source.sha256 for c in whole.components if isinstance(c.source, Fmu)},
-        seeds={name: getattr(settled, name).seed for name in FIXED},
+        record=outcome.record,
         update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
-        origins=_origins(choose(settled, receiver), system, whole),
-        remarks=_remarks(settled, system, plan),
         failures=outcome.failures,
+        **about,
     )
 
 

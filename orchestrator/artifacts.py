@@ -7,105 +7,231 @@ import json
 import os
 import platform
 import shutil
-import uuid
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import pandas as pd
 import pyarrow as pa
 from pyarrow import csv, parquet
+from sblcosim.fmus import files
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, check_choice
 
 MANIFEST = "manifest.json"
 PACKAGES = ("sblcosim", "numpy", "casadi", "fmpy", "pandas", "matplotlib")
 
 
+Other = Literal["replace", "refuse", "number"]
+
+
+@dataclass
+class Draft:
+    """A folder of results that is being written.
+
+    Attributes
+    ----------
+    folder
+        To write into.
+    path
+        Where it is to be; at the end, where it is.
+    """
+
+    folder: Path
+    path: Path
+
+
 @contextmanager
 def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
+    """As `draft`, for results that any earlier one gives way to."""
+    with draft(path, manifest) as made:
+        yield made.folder
+
+
+@contextmanager
+def draft(
+    path: str | Path, manifest: Mapping[str, Any], other: Other = "replace"
+) -> Iterator[Draft]:
     """A new folder that appears under its name when everything in it is complete.
 
     Write into the folder that is given. At the end the manifest is added, with the versions of the
-    software and the list of files, and the folder gets its name. On an error or Ctrl-C it vanishes.
+    software and the list of files, and the folder gets its name. On an error or Ctrl-C it vanishes;
+    what a killed process left is removed by the next one.
     An empty folder that is there already is kept, and gets the files when they are complete.
 
     Parameters
     ----------
     path
-        Where the folder is to be. Results of an earlier run that nobody added to are replaced.
+        Where the folder is to be. The same result (one with the same manifest, whatever software
+        made it) is replaced, unless somebody has added files to it.
     manifest
         What the manifest says; plain data.
+    other
+        What is done about another result under that name: it is replaced, it is refused, or the
+        new one gets the next number.
 
     Raises
     ------
     ConfigurationError
         There is something else under that name, or its parent cannot be written to.
     """
-    path = Path(path).resolve()
-    _refuse_foreign(path)
-    part, old = (path.with_name(f".{path.name}.{uuid.uuid4().hex}") for _ in range(2))
-    filled = os.path.isdir(path) and not any(path.iterdir())
-    if filled:  # somebody's own folder, perhaps with rights of its own: it stays
-        part = path / part.name
+    path = Path(path)
+    check(path, manifest, other)
+    path = path.resolve()
     try:
-        part.mkdir(parents=True)
+        empty = _is_empty(path)
+        # Somebody's own folder, perhaps with rights of its own, stays.
+        above = path if empty else path.parent
+        files.make_folder(above)
+        with files.unfinished(above) as part:
+            part.mkdir()
+            made = Draft(part, path)
+            yield made
+            _finish(part, manifest)
+            if empty and not _fill(path, part):
+                return
+            made.path = _name(path, part, manifest, other)
     except OSError as error:
         raise _refusal(path, error) from error
-    files: list[str] = []
+
+
+def _finish(part: Path, manifest: Mapping[str, Any]) -> None:
+    """Add the manifest, and bring all to the disk."""
+    names = sorted(file.name for file in part.iterdir())
+    content = {**manifest, "software": software(), "files": names}
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    (part / MANIFEST).write_text(text, "utf-8")
+    with ThreadPoolExecutor() as pool:  # the disk takes many at a time as fast as one
+        list(pool.map(files.sync_file, part.iterdir()))
+
+
+def _fill(path: Path, part: Path) -> bool:
+    """Move everything into an empty folder; True if it is no longer empty, and nothing was done."""
+    names = sorted((file.name for file in part.iterdir()), key=lambda name: name != MANIFEST)
+    if not _is_empty(path):
+        return True
+    moved = []
     try:
-        yield part
-        files = sorted(file.name for file in part.iterdir())
-        content = {**manifest, "software": software(), "files": files}
-        (part / MANIFEST).write_text(
-            json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
-        )
-        if filled:
-            _refuse_foreign(path, part.name)
-            for name in (*files, MANIFEST):
-                (part / name).rename(path / name)
-            part.rmdir()
-            return
-        _refuse_foreign(path)
-        if path.exists():
-            shutil.copymode(path, part)
-            path.rename(old)
-        part.rename(path)
-    except BaseException as error:
-        for name in files:
-            if filled and part.exists() and not (part / name).exists():  # it was moved already
-                (path / name).unlink(missing_ok=True)
-        if old.exists() and not path.exists():
-            old.rename(path)
-        if isinstance(error, OSError):
-            raise _refusal(path, error) from error
+        for name in names:  # the manifest first: it says what belongs to it, should we be killed
+            (part / name).rename(path / name)
+            moved.append(name)
+    except BaseException:
+        for name in moved:
+            (path / name).unlink(missing_ok=True)
         raise
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+    files.sync_folder(path)
+    return False
 
 
-def check(path: str | Path) -> None:
-    """Whether `folder` could write there, as far as this can be said beforehand.
+def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> Path:
+    """Give a complete folder its name, or a number if another result has the name by now."""
+    while True:
+        check(path, manifest, other)
+        place = place_for(path, manifest, other)
+        try:
+            if not os.path.lexists(place):
+                part.rename(place)
+            else:
+                shutil.copymode(place, part)
+                with files.unfinished(place.parent, instead=place.name) as old:
+                    place.rename(old)
+                    try:
+                        part.rename(place)
+                    except BaseException:
+                        if not os.path.lexists(place):
+                            old.rename(place)
+                        raise
+        except OSError as error:
+            if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT) and part.is_dir():
+                continue  # another process was quicker
+            raise
+        files.sync_folder(place.parent)
+        return place
+
+
+def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
+    """Where a result goes: there, or to the next number that is free or has the same result."""
+    check_choice("other", other, get_args(Other))
+    if other != "number":
+        return path
+    place, number = path, 1
+    while os.path.lexists(place) and not _may_go(place, manifest):
+        number += 1
+        place = path.with_name(f"{path.name}-{number}")
+    return place
+
+
+def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
+    """Whether what is there is nothing, or the same result."""
+    try:
+        _refuse_foreign(path)
+    except ConfigurationError:
+        return False
+    before = _manifest_of(path)
+    if before is None:
+        return True
+    outcome = ("software", "files", "failures")
+    kept, new = (
+        {key: value for key, value in content.items() if key not in outcome}
+        for content in (before, json.loads(json.dumps(manifest)))
+    )
+    return bool(kept == new)
+
+
+def _empty(path: Path) -> None:
+    """Take back what a process had moved into an empty folder when it was killed."""
+    before = _manifest_of(path)
+    if before is None or all((path / name).exists() for name in before["files"]):
+        return
+    for name in (*before["files"], MANIFEST):
+        (path / name).unlink(missing_ok=True)
+
+
+def check(
+    path: str | Path, manifest: Mapping[str, Any] | None = None, other: Other = "replace"
+) -> None:
+    """Whether `draft` could write there, as far as this can be said beforehand.
 
     Raises
     ------
     ConfigurationError
-        As `folder`.
+        As `draft`.
     """
-    path = Path(path).resolve()
-    _refuse_foreign(path)
+    check_choice("other", other, get_args(Other))
+    shown, path = path, Path(path).resolve()
+    files.sweep(path.parent)
+    if files.sweep(path):
+        _empty(path)
+    if other != "number":
+        _refuse_foreign(path)
+    if (
+        other == "refuse"
+        and manifest is not None
+        and os.path.lexists(path)
+        and not _may_go(path, manifest)
+    ):
+        raise ConfigurationError(
+            f"{shown}: must be empty or hold the result of this very run, got that of another; "
+            "--force (in Python other='replace') replaces it"
+        )
     above = path.parent
     while not os.path.lexists(above):
         above = above.parent
-    if os.path.isdir(path) and not any(path.iterdir()):
+    if _is_empty(path):
         above = path
     if not os.path.isdir(above):
         raise _refusal(path, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
     if not os.access(above, os.W_OK | os.X_OK):
         raise _refusal(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+
+
+def _is_empty(path: Path) -> bool:
+    """Whether this is a folder with nothing in it, but for what processes are writing."""
+    return os.path.isdir(path) and all(files.is_hidden(file.name) for file in path.iterdir())
 
 
 def _refusal(path: Path, error: OSError) -> ConfigurationError:
@@ -114,25 +240,36 @@ def _refusal(path: Path, error: OSError) -> ConfigurationError:
     )
 
 
-def _refuse_foreign(path: Path, ours: str | None = None) -> None:
+def _refuse_foreign(path: Path) -> None:
     """Only what an earlier run wrote, all of it listed in its manifest, may be replaced."""
     if not os.path.lexists(path):
         return
     if not os.path.isdir(path):
         raise ConfigurationError(f"{path}: must be a folder or not exist yet, got a file")
     try:
-        present = {file.name for file in path.iterdir()} - {ours}
+        present = {file.name for file in path.iterdir() if not files.is_hidden(file.name)}
     except OSError as error:
         raise _refusal(path, error) from error
-    try:
-        known = {*json.loads((path / MANIFEST).read_text("utf-8"))["files"], MANIFEST}
-    except (OSError, ValueError, KeyError, TypeError):
-        known = set()
-    foreign = sorted(present - known)
+    before = _manifest_of(path)
+    foreign = sorted(present if before is None else present - {*before["files"], MANIFEST})
     if foreign:
         raise ConfigurationError(
             f"{path}: must be empty or hold nothing but an earlier result, got {foreign[0]!r} in it"
         )
+
+
+def _manifest_of(path: Path) -> dict[str, Any] | None:
+    """What the manifest in a folder says; None if there is none that we could have written."""
+    try:
+        content: Any = json.loads((path / MANIFEST).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(content, dict):
+        return None
+    names = content.get("files")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return None
+    return content
 
 
 def software() -> dict[str, str]:
@@ -154,13 +291,15 @@ def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
 
 
 def plain(value: Any) -> Any:
-    """The same as numbers, words, lists and dicts that JSON knows; NaN becomes None."""
+    """The same as numbers, words, lists and dicts that JSON knows; what is missing becomes None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
         return [plain(item) for item in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
+    if value is pd.NA:
+        return None
     if isinstance(value, float):
         return value if abs(value) < float("inf") else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)

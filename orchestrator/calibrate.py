@@ -27,9 +27,9 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
 from . import artifacts, plots, style
-from .errors import ConfigurationError
+from .definitions import Floats
+from .errors import ConfigurationError, check_choice
 from .master import execute
-from .metrics import Floats
 from .plan import resolve
 from .record import Record
 from .system import SECOND, ComponentSpec, Connection, PythonComponent, System
@@ -115,12 +115,17 @@ class CalibrationResult:
         )
         return plain
 
-    def save(self, directory: str | Path, theme: style.ThemeName = "light") -> Path:
-        """Write table, figure and manifest into a folder; see `artifacts.folder`."""
-        with artifacts.folder(directory, {"calibration": self.to_json()}) as folder:
-            artifacts.write_table(self.table, folder, "range_test")
-            style.save(self.plot(theme=theme)[0], folder, "range_test")
-        return Path(directory)
+    def save(
+        self,
+        directory: str | Path,
+        theme: style.ThemeName = "light",
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write table, figure and manifest into a folder; see `sblcosim.Result.save`."""
+        with artifacts.draft(directory, {"calibration": self.to_json()}, other) as made:
+            artifacts.write_table(self.table, made.folder, "range_test")
+            style.save(self.plot(theme=theme)[0], made.folder, "range_test")
+        return Path(directory).with_name(made.path.name)
 
     def __str__(self) -> str:
         s, known, line = self.settings, self.known_distance, self.line
@@ -199,6 +204,7 @@ def calibrate(
     """
     settings = {k: v for k, v in locals().items() if k not in ("fmi", "acoustics")}
     _check(settings)
+    check_choice("calibrate fmi", fmi, (2, 3))
     if acoustics is None:
         from sblcosim.fmus.factory import build
 

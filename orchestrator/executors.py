@@ -26,9 +26,9 @@ from typing import Any
 
 import pandas as pd
 from sblcosim.fmus.factory import cache
-from sblcosim.fmus.files import write_file
+from sblcosim.fmus.files import sha256_of, write_file
 
-from .errors import ConfigurationError, SblcosimError, nearest, one_line
+from .errors import ConfigurationError, SblcosimError, check_choice, one_line
 from .fmu import Fmu, ours, trust
 from .isolation import Children
 from .points import Campaign, Run
@@ -71,11 +71,8 @@ def ready(
         There is no such executor or scheduler, or it has no workers; and when simulating, if they
         do not live long enough.
     """
-    if not isinstance(executor, Executor) and executor not in EXECUTORS:
-        raise ConfigurationError(
-            f"executor: must be {' or '.join(EXECUTORS)}, got {executor!r}"
-            f"{nearest(str(executor), EXECUTORS)}"
-        )
+    if not isinstance(executor, Executor):
+        check_choice("executor", executor, EXECUTORS)
     if scheduler is not None and executor != "threads":
         raise ConfigurationError(f"executor: must not be given with a scheduler, got {executor!r}")
     number = workers or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
@@ -332,7 +329,7 @@ def unpack(parcel: Parcel) -> Campaign:
             files = {}
             for sha256, (name, content) in parcel.fmus.items():
                 files[sha256] = cache() / "received" / sha256 / name
-                if not files[sha256].is_file():
+                if sha256_of(files[sha256]) != sha256:
                     write_file(files[sha256], content)
             trust(parcel.ours)
             _unpacked.clear()

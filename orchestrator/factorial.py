@@ -6,7 +6,10 @@ to 8). An effect is the change of the mean from low to high, twice the coefficie
 to its uncertainty:
 
 ``ols``
-    Ordinary least squares: every run has noise of its own.
+    Ordinary least squares: every run has noise of its own. Where points have several runs, the
+    error is the scatter of the runs about their points' means, the *pure error*. The scatter about
+    the model, the *residual*, also holds what the model leaves out, such as interactions of three
+    factors: intervals from it are wider than they say.
 ``replicates``
     Common random numbers: the runs of a replicate share their noise, so that errors are not
     independent, and least squares is wrong about them. Effects are taken in each replicate, and
@@ -32,7 +35,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from .design import TIMES
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, check_choice, nearest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +45,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Seeding = Literal["independent", "common"]
 Transform = Literal["none", "log", "spread"]
+Error = Literal["pure", "residual"]
 Method = Literal["ols", "replicates", "lenth"]
 Term = tuple[int, ...]
 """Places of a term's factors, ascending; the mean is the empty one."""
@@ -110,6 +114,11 @@ class Factorial:
         The model without its mean, as places of the factors.
     method, seeding, confidence
         How uncertainties were found, and the confidence of intervals and reference lines.
+    error, sigma, df
+        What was taken for the error of the effects: ``pure``, the scatter between replicates, or
+        ``residual``, with lack of fit in it; its standard deviation of a single run; and its
+        degrees of freedom, those of t. With Lenth's method there is neither: None and NaN. With
+        common random numbers each effect has a scatter of its own: ``pure`` and NaN.
     practical
         Smallest effect that matters, in units of the effects; None if nobody said.
     effects
@@ -124,10 +133,8 @@ class Factorial:
     runs, dropped
         Runs that were analysed, and those left out for want of a finite response (or, with common
         random numbers, for want of the rest of their replicate).
-    df
-        Degrees of freedom of t.
     rmse
-        Root of the residual mean square; NaN if nothing is left for it.
+        Root of the residual mean square, lack of fit in it; NaN if nothing is left for it.
     r2, r2_adjusted, r2_predicted, press
         Of the model over single runs. For the last two each run (with common random numbers: each
         replicate) is predicted from the others.
@@ -168,6 +175,8 @@ class Factorial:
     terms: tuple[Term, ...]
     method: Method
     seeding: Seeding
+    error: Error | None
+    sigma: float
     confidence: float
     practical: float | None
     effects: pd.DataFrame
@@ -347,6 +356,7 @@ def analyse(
     levels: Mapping[str, tuple[float, float]] | None = None,
     seeding: Seeding = "independent",
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
     confidence: float = 0.95,
     unit: str = "",
@@ -376,6 +386,9 @@ def analyse(
     transform
         ``log`` analyses the natural logarithm of the response, ``spread`` that of its standard
         deviation over the runs of each point.
+    error
+        Of the effects: ``pure``, the scatter between replicates (where there are none, that about
+        the model), or ``residual``, the scatter about the model, which holds its lack of fit, too.
     practical
         Smallest effect that matters, in the unit of the response; with a transform a ratio
         above 1.
@@ -394,12 +407,14 @@ def analyse(
     """
     factors = tuple(factors)
     check_columns(table, factors, response)
-    for word, value, known in (("seeding", seeding, get_args(Seeding)),
-                               ("transform", transform, get_args(Transform))):
-        if value not in known:
-            raise ConfigurationError(
-                f"{word}: must be {' or '.join(known)}, got {value!r}" + nearest(value, known)
-            )
+    check_choice("seeding", seeding, get_args(Seeding))
+    check_choice("transform", transform, get_args(Transform))
+    check_choice("error", error, get_args(Error))
+    if seeding == "common" and error != "pure":
+        raise ConfigurationError(
+            f"error: must be pure with common random numbers, where effects are compared between "
+            f"replicates, got {error!r}"
+        )
     if not 0 < confidence < 1:
         raise ConfigurationError(f"confidence: must be between 0 and 1, got {confidence}")
     limit = _practical(practical, transform)
@@ -454,6 +469,9 @@ def analyse(
     least = ROUNDING * float(np.abs(y).max())
     coefficients = _cleared(fit.params, least)
     rmse = float(_cleared(np.sqrt(fit.ssr / spare), least)) if spare else np.nan
+    pure, pure_df = _pure_error(y, place), len(y) - len(points)
+    used: Error | None = "pure" if error == "pure" and pure_df else "residual"
+    sigma = np.nan
     unscaled = np.diag(fit.normalized_cov_params)
     leverage = fit.get_influence().hat_matrix_diag
     total = float(((y - y.mean()) ** 2).sum())
@@ -472,7 +490,7 @@ def analyse(
         by_replicate = y[rows].reshape(number, len(points))
         x_point = x[rows[: len(points)]]
         each = by_replicate @ np.linalg.pinv(x_point).T
-        error = _cleared(each.std(axis=0, ddof=1), least) / np.sqrt(number)
+        errors = _cleared(each.std(axis=0, ddof=1), least) / np.sqrt(number)
         blocks = number - 1
         df = float(blocks)
         per_replicate = pd.DataFrame(
@@ -487,27 +505,28 @@ def analyse(
         lack = _lack_over_replicates(by_replicate, x_point, least)
         lenth_ = None
     else:
-        method, df = "ols", float(spare)
-        error = rmse * np.sqrt(unscaled)
+        method, df = "ols", float(pure_df if used == "pure" else spare)
+        sigma = rmse if used == "residual" else float(_cleared(np.sqrt(pure / df), least))
+        errors = sigma * np.sqrt(unscaled)
         with np.errstate(divide="ignore", invalid="ignore"):
             left_out = residual / (1 - leverage)
         alone = leverage > 1 - 1e-9  # a run that its own term follows cannot be predicted
         press = np.nan if alone.any() else float((left_out**2).sum())
-        lack = _lack_of_fit(y, place, len(points), x.shape[1], fit.ssr, least)
+        lack = _lack_of_fit(pure, pure_df, len(points) - x.shape[1], fit.ssr, len(y) * least**2)
         lenth_ = None
         if not spare:
             method = "lenth"
             lenth_ = lenth(2 * coefficients[1 : len(model) + 1], confidence)
-            df = lenth_.df
-            error = np.full(x.shape[1], lenth_.pse / 2)
+            df, used = lenth_.df, None
+            errors = np.full(x.shape[1], lenth_.pse / 2)
 
-    effects = _effects(names, model, coefficients, error, df, unscaled, total, confidence, limit)
+    effects = _effects(names, model, coefficients, errors, df, unscaled, total, confidence, limit)
     if transform != "none":
         for column, source in (("ratio", "effect"), ("ratio_low", "low"), ("ratio_high", "high")):
             effects[column] = np.exp(effects[source])
     curvature = None
-    if centre.any() and method != "lenth" and (coefficients[-1] or error[-1]):
-        coefficient, own = coefficients[-1], error[-1]
+    if centre.any() and method != "lenth" and (coefficients[-1] or errors[-1]):
+        coefficient, own = coefficients[-1], errors[-1]
         with np.errstate(divide="ignore", invalid="ignore"):
             f = float((coefficient / own) ** 2)
         curvature = FTest(
@@ -532,6 +551,8 @@ def analyse(
         terms=model,
         method=method,
         seeding=seeding,
+        error=used,
+        sigma=sigma,
         confidence=confidence,
         practical=limit,
         effects=effects,
@@ -842,7 +863,10 @@ def _notes(analysis: Factorial) -> list[str]:
     a = analysis
     points = len(a.points)
     how = {
-        "ols": f"ordinary least squares, {a.df:g} degrees of freedom for the error",
+        "ols": "ordinary least squares, errors from the "
+        + ("scatter between replicates (pure error)" if a.error == "pure" else
+           "scatter about the model (residual, lack of fit in it)")
+        + f", {a.df:g} degrees of freedom",
         "replicates": f"effects of each of {a.df + 1:g} replicates and their scatter, for the "
         "runs of a replicate share their noise",
         "lenth": "Lenth's pseudo standard error, for nothing is left to estimate the error from",
@@ -1142,17 +1166,18 @@ def _cleared(values: Any, least: float) -> Floats:
     return np.where(np.abs(values) < least, 0.0, values)
 
 
-def _lack_of_fit(
-    y: Floats, place: NDArray[np.intp], points: int, columns: int, ssr: float, least: float
-) -> FTest | None:
+def _pure_error(y: Floats, place: NDArray[np.intp]) -> float:
+    """Sum of squares of the runs about the means of their points."""
+    means = np.bincount(place, y) / np.bincount(place)
+    return float(((y - means[place]) ** 2).sum())
+
+
+def _lack_of_fit(pure: float, df_error: int, df: int, ssr: float, least: float) -> FTest | None:
     """Scatter of the points' means about the model, against that of the runs about the means."""
-    df, df_error = points - columns, len(y) - points
     if df <= 0 or df_error <= 0:
         return None
-    means = np.bincount(place, y) / np.bincount(place)
-    pure = float(((y - means[place]) ** 2).sum())
     ss = max(float(ssr) - pure, 0.0)
-    pure, ss = (float(_cleared(value, len(y) * least**2)) for value in (pure, ss))
+    pure, ss = (float(_cleared(value, least)) for value in (pure, ss))
     if not pure and not ss:
         return None
     f = (ss / df) / (pure / df_error) if pure else np.inf

@@ -22,7 +22,7 @@ from scipy import stats
 from .advice import Advice
 from .design import TIMES
 from .factorial import Factorial, box_cox, minus
-from .style import LINES, Theme, ThemeName, new_figure, use
+from .style import LINES, PLAIN, Theme, ThemeName, new_figure, use
 
 MOST_BARS = 20
 RASTER_FROM = 1000
@@ -42,7 +42,7 @@ def plot_pareto(
     The line is t(1−α/2, df): what crosses it is significant. Without degrees of freedom the bars
     are effects, and the lines Lenth's margins of error, for one effect and for all at once.
     """
-    with use(theme) as look:
+    with use(theme, ax) as look:
         table = analysis.effects
         size = table["effect" if analysis.lenth else "t"].abs().sort_values(
             ascending=False, kind="stable"
@@ -77,7 +77,7 @@ def plot_pareto(
         for place, word, style in lines:
             ax.axvline(place, color=look.ink, ls=style, lw=1.2)
             handles.append(Line2D([], [], color=look.ink, ls=style, lw=1.2, label=word))
-        ax.set_yticks(places, [_short(name) for name in shown.index])
+        ax.set_yticks(places, [_short(name) for name in shown.index], **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         part = f", {len(shown)} of {len(size)}" if len(shown) < len(size) else ""
@@ -145,7 +145,7 @@ def plot_main_effects(
     analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17)."""
-    with use(theme) as look:
+    with use(theme, ax) as look:
         factors = analysis.factors
         own = ax is None
         if ax is None:
@@ -168,7 +168,8 @@ def plot_main_effects(
         ax.set_xticks(ticks, names)
         room = 13 if own else 9  # an axes of somebody else's may be narrow
         ax.set_xticks([2 * i + 0.5 for i in range(len(factors))],
-                      [_wrapped(_with_unit(analysis, name), room) for name in factors], minor=True)
+                      [_wrapped(_with_unit(analysis, name), room) for name in factors], minor=True,
+                      **PLAIN)
         ax.tick_params(axis="x", which="minor", length=0, pad=20)
         ax.grid(axis="x", visible=False)
         ax.set_ylabel(f"Mean {_quantity(analysis)}")
@@ -228,7 +229,7 @@ def plot_box_cox(
 ) -> Axes:
     """Profile of the Box–Cox transform; see `sblcosim.factorial.box_cox`."""
     profile = box_cox(analysis)
-    with use(theme) as look:
+    with use(theme, ax) as look:
         if ax is None:
             ax = new_figure(5.6, 3.2).add_subplot()
         power, height = profile["lambda"], profile["log_likelihood"]
@@ -256,7 +257,7 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
 
     Bars reach up to the points' upper confidence bounds, as far as they exist.
     """
-    with use(theme) as look:
+    with use(theme, ax) as look:
         if ax is None:
             ax = new_figure(6.4, 4.2).add_subplot()
         points = advice.points[np.isfinite(advice.points["estimate"])]

@@ -28,6 +28,7 @@ from typing import IO, Any
 import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus.files import scratch
 
 from . import fmu, native
 from .child import Answer, Begun, End, Execute, InitialOutputs, Place, Start, Task
@@ -268,7 +269,7 @@ class _Child:
     """A process, and the memory that it shares with us."""
 
     def __init__(self) -> None:
-        self._folder = tempfile.mkdtemp(prefix="sblcosim-")
+        self._folder = tempfile.mkdtemp(dir=scratch())
         self._memory = Memory()
         self._memory.grow(SIZE)
         self._state = State.from_buffer(self._memory.part(0, SIZE))
@@ -513,7 +514,9 @@ class _Child:
         arrays = dict(self._values(place) for place in begun.places)
         found = {name: values for part in arrays.values() for name, values in part.items()}
         names = [c.name for c in plan.columns if c.name in found]
-        return Record(plan.instants, {name: found[name] for name in names})
+        return Record(
+            plan.instants, {name: found[name] for name in names}, intervals_ns=plan.intervals_ns
+        )
 
     def _values(self, place: Place) -> tuple[int, dict[str, NDArray[Any]]]:
         part = self._memory.part(place.start, place.size)

@@ -72,6 +72,7 @@ def execute(
         values={
             c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
         },
+        intervals_ns=plan.intervals_ns,
     )
     noted = watch().progress()
     recorded = [(rows, vectors[kind]) for kind, rows in history.items()]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import isolation, lanes, native
 from . import master as python
-from .errors import BuildError, ConfigurationError, SblcosimError, nearest
+from .errors import BuildError, ConfigurationError, SblcosimError, check_choice
 from .isolation import Children
 from .plan import Plan, resolve
 from .record import Record
@@ -57,12 +57,10 @@ def execute(
         As the master's own function; and if there is no such master. An FMU has crashed, has ended
         its process or does not return. The exception has the component's name.
     """
-    if master is None:
+    if master is not None:
+        check_choice("master", master, MASTERS)
+    else:
         master = "native" if native.foreign(plan) is None and native.available() else "python"
-    if master not in MASTERS:
-        raise ConfigurationError(
-            f"master: must be {' or '.join(MASTERS)}, got {master!r}{nearest(master, MASTERS)}"
-        )
     if step_timeout is not None and not step_timeout > 0:
         raise ConfigurationError(f"step timeout: must be positive, got {step_timeout!r}")
     if master == "lanes":
@@ -134,7 +132,7 @@ def survive(
     """
     failures: dict[str, SblcosimError] = {}
     while True:
-        plan = resolve(_without(system, failures))
+        plan = resolve(_without(system, failures), again=True)
         try:
             record = execute(plan)
         except BuildError:
@@ -169,7 +167,7 @@ def _failing(
                 continue
             rest = {*failed, *suspects} - set(tried)
             try:
-                execute(resolve(_without(system, rest)))
+                execute(resolve(_without(system, rest), again=True))
             except SblcosimError as own:
                 if not tried:
                     raise  # it was none of them

@@ -199,7 +199,9 @@ class _Program:
             progress=ctypes.addressof(self.progress),
         )
         self.record = Record(
-            self.instants, {c.name: history[c.name].reshape(-1, *c.shape) for c in columns}
+            self.instants,
+            {c.name: history[c.name].reshape(-1, *c.shape) for c in columns},
+            plan.intervals_ns,
         )
 
     def _component(

@@ -19,7 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-from .metrics import AXES, Floats, error_column, recorded
+from .definitions import AXES, Floats, recorded
+from .metrics import error_column
 from .style import LINES, MARKERS, Theme, ThemeName, new_figure, use
 from .wiring import RAW
 
@@ -41,6 +42,8 @@ COARSE_S = 0.25
 LEGEND_INCH = 0.5
 """Height of a legend of two rows."""
 DOTS_ALPHA = 0.9
+NOTHING = "\u200b"
+"""A space without width."""
 LONGEST_NAME = 32
 """Characters of a name that a legend shows; our own words have no more."""
 
@@ -49,7 +52,7 @@ def plot_path(
     record: Record, tracks: Tracks, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Path and estimates from above, with the platform (the paper's Figures 11 and 12a)."""
-    with use(theme) as look:
+    with use(theme, ax) as look:
         own = ax is None
         ax = ax or new_figure(6.4, 6.0).add_subplot()
         truth = recorded(record, "target.position")
@@ -83,7 +86,7 @@ def plot_path_3d(
     record: Record, tracks: Tracks, ax: Axes3D | None = None, theme: ThemeName = "light"
 ) -> Axes3D:
     """Path and estimates in space, depth downwards (the paper's Figure 12b)."""
-    with use(theme) as look:
+    with use(theme, ax) as look:
         own = ax is None
         ax = ax or new_figure(6.8, 4.6).add_subplot(projection="3d")
         truth = recorded(record, "target.position")
@@ -132,7 +135,7 @@ def plot_axes(
     record: Record, tracks: Tracks, axes: Sequence[Axes] | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """True and estimated coordinates over time (the paper's Figure 13); three axes."""
-    with use(theme) as look:
+    with use(theme, axes) as look:
         own = axes is None
         axes = _panels(3, axes)
         time_s, truth = record.time_ns / 1e9, recorded(record, "target.position")
@@ -162,7 +165,7 @@ def plot_errors(
 
     Four axes over the whole run. `frame` is ``absolute`` or ``relative`` (to the platform).
     """
-    with use(theme) as look:
+    with use(theme, axes) as look:
         own = axes is None
         axes = _panels(4, axes)
         limits, bands = {}, False
@@ -203,7 +206,7 @@ def plot_inclination(
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
     """True roll, pitch and yaw of the platform (the paper's Figure 9), in the first `window_s`."""
-    with use(theme) as look:
+    with use(theme, axes) as look:
         own = axes is None
         axes = _panels(3, axes)
         time_s = (record.time_ns - record.time_ns[0]) / 1e9
@@ -245,7 +248,7 @@ def plot_range_test(
     axes
         Two axes.
     """
-    with use(theme) as look:
+    with use(theme, axes) as look:
         own = axes is None
         axes = _panels(2, axes, (2, 1))
         above, below = axes
@@ -282,7 +285,8 @@ def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, di
                 "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
                 "markevery": (place * often // len(filters), often), "zorder": 4,
             }
-        yield label, table, how
+        # Matplotlib leaves out of a legend what begins with an underscore
+        yield (f"{NOTHING}{label}" if label.startswith("_") else label), table, how
 
 
 def _truth(look: Theme) -> dict[str, Any]:

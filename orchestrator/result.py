@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from . import artifacts, metrics, plots, style
-from .metrics import AXES, FRAMES
+from .definitions import AXES, FRAMES, judge
 from .wiring import RAW
 
 if TYPE_CHECKING:
@@ -47,6 +47,33 @@ _CONSISTENCY_NOTES = (
 )
 
 
+def manifest(
+    scenario_name: str,
+    scenario: Any,
+    receivers: Sequence[str],
+    fmus: Mapping[str, Any],
+    seeds: Mapping[str, int],
+    origins: Mapping[str, Mapping[str, Any]],
+    remarks: Sequence[str],
+) -> dict[str, Any]:
+    """What a folder of results says about its run; equal for equal runs. See `Result`."""
+    if hasattr(scenario, "model_dump"):
+        scenario = scenario.model_dump(mode="json")
+        for table in scenario.values():
+            if isinstance(table, dict) and table.get("fmu"):
+                table["fmu"] = Path(table["fmu"]).name
+    return {
+        "scenario_name": scenario_name,
+        "receivers": [
+            {"label": name, **artifacts.plain(origins.get(name, {}))} for name in receivers
+        ],
+        "remarks": list(remarks),
+        "seeds": artifacts.plain(seeds),
+        "fmus": artifacts.plain(fmus),
+        "scenario": artifacts.plain(scenario),
+    }
+
+
 class Result:
     """A finished run.
 
@@ -71,8 +98,8 @@ class Result:
     remarks
         What else there is to know about the run, in sentences.
     failures
-        Messages of receivers that have failed. Those that are not among `receivers` have not
-        reached the end; the others have, and failed after it.
+        Messages of receivers that have failed. Those of which there is no record have not reached
+        the end, and are left out of `receivers`; the others have failed after it.
 
     Attributes
     ----------
@@ -102,13 +129,18 @@ class Result:
         self.scenario_name = scenario_name
         self.scenario = scenario
         self.data = record
-        self.receivers = tuple(receivers)
+        self.asked = tuple(receivers)
+        self.failures = dict(failures or {})
+        self.receivers = tuple(
+            name
+            for name in receivers
+            if name not in self.failures or f"{name}.update_count" in record.values
+        )
         self.fmus = dict(fmus or {})
         self.seeds = dict(seeds or {})
         self.update_interval_ns = update_interval_ns
         self.origins = dict(origins or {})
         self.remarks = tuple(remarks)
-        self.failures = dict(failures or {})
 
     @cached_property
     def record(self) -> pd.DataFrame:
@@ -142,6 +174,15 @@ class Result:
     def _judged(self) -> pd.DataFrame:
         """`summary` of the receivers that have reached the end."""
         return metrics.summary(self.data, self.estimates, self.update_interval_ns)
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for each receiver that has failed or has no estimate, but for the raw fix."""
+        return [*self.failures.values()] + [
+            f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
+            for receiver in self.receivers
+            if receiver != RAW and self.estimates[receiver].empty
+        ]
 
     @property
     def title(self) -> str:
@@ -178,19 +219,36 @@ class Result:
         return plots.plot_inclination(self.data, axes, theme=theme)
 
     def save(
-        self, directory: str | Path, *, figures: bool = True, theme: style.ThemeName = "light"
+        self,
+        directory: str | Path,
+        *,
+        figures: bool = True,
+        theme: style.ThemeName = "light",
+        other: artifacts.Other = "refuse",
     ) -> Path:
         """Write record, estimates, errors, summary, manifest and figures into a folder.
 
-        The folder appears when it is complete. Earlier results under the same name are replaced;
-        anything else there is refused.
+        The folder appears when it is complete. An earlier result of the very same run is replaced.
+
+        Parameters
+        ----------
+        other
+            What is done about the result of another run under that name: ``"refuse"``,
+            ``"replace"``, or ``"number"``, which takes the next number that is free.
+
+        Returns
+        -------
+        Path
+            The folder.
 
         Raises
         ------
         ConfigurationError
-            There is something else under that name.
+            There is something else under that name, or no such theme.
         """
-        with artifacts.folder(directory, self._manifest()) as folder:
+        style.named(theme)
+        with artifacts.draft(directory, self._manifest(), other) as made:
+            folder = made.folder
             artifacts.write_table(self.record, folder, "record")
             tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
             estimates = pd.concat(tables, ignore_index=True)
@@ -202,7 +260,7 @@ class Result:
                 (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
             if figures:
                 self._save_figures(folder, theme)
-        return Path(directory)
+        return Path(directory).with_name(made.path.name)
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))
@@ -219,24 +277,11 @@ class Result:
         style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
 
     def _manifest(self) -> dict[str, Any]:
-        scenario = self.scenario
-        if hasattr(scenario, "model_dump"):
-            scenario = scenario.model_dump(mode="json")
-            for table in scenario.values():
-                if isinstance(table, dict) and table.get("fmu"):
-                    table["fmu"] = Path(table["fmu"]).name
-        return {
-            "scenario_name": self.scenario_name,
-            "receivers": [
-                {"label": name, **artifacts.plain(self.origins.get(name, {}))}
-                for name in self.receivers
-            ],
-            "remarks": list(self.remarks),
-            **({"failures": dict(self.failures)} if self.failures else {}),
-            "seeds": artifacts.plain(self.seeds),
-            "fmus": artifacts.plain(self.fmus),
-            "scenario": artifacts.plain(scenario),
-        }
+        about = manifest(
+            self.scenario_name, self.scenario, self.asked, self.fmus, self.seeds,
+            self.origins, self.remarks,
+        )
+        return {**about, "failures": self.failures} if self.failures else about
 
     def to_json(self) -> dict[str, Any]:
         """Errors and summary as plain data; a number that does not exist is None."""
@@ -270,7 +315,7 @@ class Result:
             for axis in (*AXES, "total"):
                 cells = "   ".join(
                     "".join(
-                        f"{value:9.3f}"
+                        _cell(value)
                         for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
                     )
                     for frame in FRAMES
@@ -284,7 +329,7 @@ class Result:
         """Availability and consistency of a receiver in words."""
         row: Any = self._judged.loc[receiver]
         if not row.estimates:
-            return [f"{receiver}: no fix"]
+            return [f"{receiver}: no estimate; {self._silence(receiver)}"]
         first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
         lines = [
             f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
@@ -295,14 +340,36 @@ class Result:
         for name, words in _CONSISTENCY.items():
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+        if pd.isna(row.inconsistent):
+            claims = f"{receiver}.covariance" in self.data.values
+            why = "its covariance is never positive definite" if claims else "no covariance"
+            lines.append(f"  consistency unknown: {why}")
         if row.lost:
-            silent = metrics.late(self.data, self.estimates[receiver]).empty
+            silent = not judge(self.data, receiver).late.any()
             lines.append(
                 "  lost: no estimate in the last quarter"
                 if silent
                 else "  lost: in the last quarter its error exceeds the distance to the platform"
             )
         return lines
+
+    def _silence(self, receiver: str) -> str:
+        """Why there may be no estimate, and where to look."""
+        values = self.data.values
+        count = values[f"{receiver}.update_count"].astype(int)
+        look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
+        look = [name for name in look if name in values]
+        text = (
+            f"update_count reached {count.max()}, but there was no valid fix when it changed"
+            if count.any()
+            else "update_count stayed 0"
+        )
+        heard = values.get("acoustics.reception_count")
+        if heard is not None:
+            look.append("acoustics.reception_count")
+            beacons = ", ".join(str(n) for n in heard[-1].tolist())
+            text += f"; packets received from each beacon: {beacons}"
+        return f"{text}; look at {', '.join(look)} in the record"
 
     def _notes(self) -> list[str]:
         """What the printed numbers mean."""
@@ -321,6 +388,10 @@ class Result:
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
+
+
+def _cell(value: Any) -> str:
+    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
 
 
 def _compared(row: Any, name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +11,13 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from .errors import check_choice
 
 ThemeName = Literal["light", "dark"]
 
@@ -54,12 +58,39 @@ LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
 """Line styles of the receivers, so that no figure depends on colour alone."""
 MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
 """Markers on the receivers' lines, another one each time the colours begin again."""
+PLAIN = {"parse_math": False, "usetex": False}
+"""Properties of a text that is shown as it is."""
+
+
+def named(theme: ThemeName) -> Theme:
+    """A theme by its name.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such theme.
+    """
+    check_choice("theme", theme, THEMES)
+    return THEMES[theme]
 
 
 @contextmanager
-def use(theme: ThemeName) -> Iterator[Theme]:
-    """Draw in a theme; Matplotlib's own settings are put back afterwards."""
-    look = THEMES[theme]
+def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator[Theme]:
+    """Draw in a theme; Matplotlib's own settings are put back afterwards.
+
+    Text is shown as it is: names are the user's, and a dollar in them does not begin a formula.
+
+    Parameters
+    ----------
+    axes
+        Those that are there already, whose labels and titles were made with other settings.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such theme.
+    """
+    look = named(theme)
     settings: Any = {
         "figure.facecolor": look.paper,
         "figure.constrained_layout.use": True,
@@ -75,6 +106,9 @@ def use(theme: ThemeName) -> Iterator[Theme]:
         "grid.color": look.grid,
         "grid.linewidth": 0.6,
         "text.color": look.ink,
+        "text.parse_math": False,
+        "text.usetex": False,
+        "axes.formatter.use_mathtext": False,
         "xtick.color": look.ink,
         "ytick.color": look.ink,
         "legend.frameon": False,
@@ -82,6 +116,11 @@ def use(theme: ThemeName) -> Iterator[Theme]:
         "lines.linewidth": 1.4,
     }
     with mpl.rc_context(settings):
+        for ax in (axes,) if isinstance(axes, Axes) else axes or ():
+            inside = ax.get_children()
+            titles = [c for c in inside if isinstance(c, Text) and c not in ax.texts]
+            for text in (*titles, *(c.label for c in inside if isinstance(c, Axis))):
+                text.set(**PLAIN)
         yield look
 
 

@@ -68,7 +68,7 @@ def plot_means(
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
     """What `means` gives, a panel for each factor; bars are the confidence intervals."""
-    with use(theme) as look:
+    with use(theme, ax) as look:
         factors = list(dict.fromkeys(found["factor"]))
         if ax is None:
             columns = min(len(factors), 3)

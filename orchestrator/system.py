@@ -15,8 +15,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -29,9 +31,27 @@ Value = Number | Sequence[Any]
 SECOND = 1_000_000_000
 """Nanoseconds per second. Time is counted in whole nanoseconds everywhere in the orchestrator."""
 
+ROUNDING = 4
+"""Units in the last place by which arithmetic may make a time miss its nanosecond."""
 
 MAX_SECONDS = 4e9
 """All times are before that [s]; the same limit is in the C engine of our FMUs (engine.h)."""
+
+
+def nanoseconds(seconds: float) -> int:
+    """The whole nanoseconds that are nearest to a time in s, as it is written in decimals."""
+    return round(Decimal(repr(float(seconds))) * SECOND)
+
+
+def is_whole_ns(seconds: float) -> bool:
+    """Whether a time is a whole number of nanoseconds, but for what rounding may do to it."""
+    nearest = nanoseconds(seconds) / SECOND
+    return abs(seconds - nearest) <= ROUNDING * math.ulp(seconds)
+
+
+def settled(seconds: float) -> float:
+    """A time without its rounding errors: ``0.21 / 5`` is 0.042 s; others stay as they are."""
+    return nanoseconds(seconds) / SECOND if is_whole_ns(seconds) else seconds
 
 
 def text_of(time_ns: int) -> str:

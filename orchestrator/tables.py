@@ -9,18 +9,17 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from decimal import Decimal
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import PydanticCustomError
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
-from sblcosim.models.platform.beaufort import LEVELS
-from sblcosim.models.platform.imu import GRADES
+from sblcosim.models.platform.beaufort import LEVELS, sea_state
+from sblcosim.models.platform.imu import GRADES, grade
 
-from .system import MAX_SECONDS, SECOND
+from .system import MAX_SECONDS, nanoseconds, settled
 
 PATH: Final = "path"
 """Value of ``duration_s``: until the end of the target's path."""
@@ -29,6 +28,14 @@ TRUE: Final = "true"
 ANYWHERE = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
 """Parameters that a foreign component gets without being asked, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
+_TICKS = frozenset(c.interval for c in COMPONENTS.values())
+
+
+def preset(name: str, value: Any) -> dict[str, Any]:
+    """Keys of ``[platform]`` that a preset sets, and their values."""
+    platform = COMPONENTS["platform"]
+    values = sea_state(value) if name == "beaufort" else grade(value)
+    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
 
 
 class Table(BaseModel):
@@ -123,6 +130,8 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
         annotation = Annotated[int, Field(ge=low, le=high)]
     else:
         annotation = Annotated[float, Field(ge=low, le=high, allow_inf_nan=False)]
+        if variable.name in _TICKS:
+            annotation = Annotated[annotation, AfterValidator(settled)]
     if variable.shape:
         check = partial(_flat, variable.shape, _is_list(variables, variable))
         annotation = Annotated[tuple[annotation, ...], BeforeValidator(check)]
@@ -141,7 +150,7 @@ def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -
     return table
 
 
-_Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(settled)]
 COMMON: Mapping[str, Any] = {
     "fmu": (
         str | None,
@@ -204,6 +213,13 @@ else:
     )
 
 
+PRESETS: Mapping[str, frozenset[str]] = {
+    name: frozenset(key for value in values for key in preset(name, value))
+    for name, values in (("beaufort", LEVELS), ("imu_grade", GRADES))
+}
+"""Keys of ``[platform]`` that set others, and all that they may set."""
+
+
 def _duration(value: Any) -> Any:
     if value == PATH:
         return value
@@ -214,7 +230,7 @@ def _duration(value: Any) -> Any:
     elif value >= MAX_SECONDS:
         problem = f"must be less than {MAX_SECONDS:g}"
     else:
-        return float(value)
+        return settled(float(value))
     raise PydanticCustomError("duration", problem)
 
 
@@ -225,7 +241,9 @@ SEED = COMPONENTS["acoustics"]["seed"]
 class Time(Table):
     """When things happen."""
 
-    sampling_time_s: Annotated[float, Field(ge=_TICK.min, le=_TICK.max)] = Field(
+    sampling_time_s: Annotated[
+        float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
+    ] = Field(
         default=float(_TICK.starts[0]),
         description="Time between samples of all sensors and between pings: the paper's T",
     )
@@ -235,16 +253,6 @@ class Time(Table):
     duration_s: Annotated[float | Literal["path"], BeforeValidator(_duration)] = Field(
         default=PATH, description="Length of the run; 'path': until the end of the target's path"
     )
-
-
-def nanoseconds(seconds: float) -> int:
-    """A time of a scenario file in ns; exact for what was written in decimals."""
-    return int(Decimal(repr(seconds)) * SECOND)
-
-
-def is_whole_ns(seconds: float) -> bool:
-    """Whether a time is a whole number of nanoseconds."""
-    return Decimal(repr(seconds)) * SECOND % 1 == 0
 
 
 def divides(part: float, whole: float) -> bool:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from sblcosim import drivers, lanes, native
 from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.models import COMPONENTS
 
@@ -64,8 +65,7 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
                 shutil.copyfile(ROOT / entry, source / entry)
         for place, file in made.items():
             target = source / "fmus" / factory.READY.name / place
-            target.parent.mkdir(parents=True)
-            shutil.copyfile(file, target)
+            write_sealed(target, file.read_bytes())
         subprocess.run(
             [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
              f"--config-settings=--build-option=--plat-name={TAGS[cc.platform]}",

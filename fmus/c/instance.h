@@ -53,7 +53,7 @@ struct data {
     int64_t start_ns, time_ns, interval_ns;
     int32_t mode, variant;
     int32_t stale; /* outputs are older than what they depend on */
-    int32_t padding;
+    int32_t moved_ns; /* time_ns minus the end of the last step as the master has it */
 };
 
 struct snapshot {
@@ -467,23 +467,38 @@ static int64_t snap(int64_t relative_ns, int64_t interval_ns, int64_t tolerance_
     return distance <= tolerance_ns ? tick : relative_ns;
 }
 
+/* Where a step ends that the master ends at `end_ns`: never before it begins, so that every tick lies
+ * in exactly one step, and a step too short to hold a nanosecond has none. */
+static int64_t step_end(const struct data *d, int64_t end_ns, int64_t tolerance_ns)
+{
+    const int64_t snapped = d->start_ns + snap(end_ns - d->start_ns, d->interval_ns, tolerance_ns);
+    if (snapped >= d->time_ns)
+        return snapped;
+    return end_ns > d->time_ns ? end_ns : d->time_ns;
+}
+
 static enum status instance_step(struct instance *in, double point, double size)
 {
     struct data *d = &in->data;
-    int64_t point_ns, size_ns, end_ns;
-    if (!to_ns(point, &point_ns) || !to_ns(size, &size_ns) || !to_ns(point + size, &end_ns))
+    int64_t point_ns, size_ns, said_ns;
+    if (!to_ns(point, &point_ns) || !to_ns(size, &size_ns) || !to_ns(point + size, &said_ns))
         return report(in, ERROR, "doStep: the communication point and its step must be finite "
                       "and below %g s, got %g s and %g s", MAX_SECONDS, point, size);
-    if (size_ns <= 0)
-        return report(in, ERROR, "doStep: the step must be at least 1 ns, got %g s", size);
+    if (!(size > 0.0))
+        return report(in, ERROR, "doStep: the step must be positive, got %g s", size);
     int64_t tolerance = size_ns / 1000;
     if (tolerance > TICK_TOLERANCE_NS)
         tolerance = TICK_TOLERANCE_NS;
-    const int64_t ahead = point_ns - d->time_ns;
-    if (ahead > tolerance + 1 || ahead < -tolerance - 1)
+    /* The previous step has ended at time_ns for us and at last_ns for the master, whose times are
+     * no better than rounded. */
+    const int64_t last_ns = d->time_ns - d->moved_ns;
+    const int64_t first = d->moved_ns > 0 ? last_ns : d->time_ns;
+    const int64_t latest = d->moved_ns > 0 ? d->time_ns : last_ns;
+    const int64_t slack = tolerance + 1 + (int64_t)((point < 0 ? -point : point) * 1e9 * 0x1p-51);
+    if (point_ns < first - slack || point_ns > latest + slack)
         return report(in, ERROR, "doStep: the communication point must be %.9f s, where the "
-                      "previous step ended, got %.9f s", (double)d->time_ns / 1e9, point);
-    end_ns = d->start_ns + snap(end_ns - d->start_ns, d->interval_ns, tolerance);
+                      "previous step ended, got %.9f s", (double)last_ns / 1e9, point);
+    const int64_t end_ns = step_end(d, said_ns, tolerance);
 #if N_U > 0 && P_INTERVAL >= 0
     /* A tick strictly inside would use inputs that are out of date by then. */
     const int64_t next = ((d->time_ns - d->start_ns) / d->interval_ns + 1) * d->interval_ns
@@ -493,13 +508,14 @@ static enum status instance_step(struct instance *in, double point, double size)
                       "%.9f s; it must end there", (double)d->time_ns / 1e9,
                       (double)end_ns / 1e9, (double)next / 1e9);
 #endif
-    if (end_ns <= d->time_ns)
-        return report(in, ERROR, "doStep: the step from %.9f s to %.9f s leads nowhere",
-                      (double)d->time_ns / 1e9, (double)end_ns / 1e9);
     if (!engine_step(&d->block, d->variant, d->start_ns, d->interval_ns, d->time_ns, end_ns)) {
         d->mode = FAILED;
         return report(in, ERROR, "doStep: no end was found in %d rounds", MAX_ROUNDS);
     }
+    /* Of a step that has led nowhere the end may lie before that of the one before it. */
+    if (said_ns < last_ns && end_ns == d->time_ns)
+        said_ns = last_ns;
+    d->moved_ns = (int32_t)(end_ns - said_ns);
     d->time_ns = end_ns;
     d->stale = 0;
     const enum status status = instance_check_finite(in);

@@ -7,19 +7,9 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Symbols, Values
-from ..ports import BEACONS
 from . import kalman
 from .estimate import POSITION, STATES, pack, unpack
-from .measurements import predicted, samples, variances
-from .variables import MEASUREMENT_NOISE
-
-_VARIANCE = next(k for k, v in MEASUREMENT_NOISE.items() if v == "variance")
-
-
-def _noise(p: Symbols) -> Any:
-    """Diagonal of R, (5, 1): variances, or literally the standard deviations, taken as m^2."""
-    literal = ca.vertcat(ca.repmat(p.range_std, BEACONS, 1), p.depth_std)
-    return ca.if_else(p.measurement_noise == _VARIANCE, variances(p), literal)
+from .measurements import noise, predicted, samples
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -31,7 +21,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         p, x.mean, unpack(x.covariance, STATES), update * (newest - x.epoch)
     )
     before = mean
-    R = _noise(p)
+    R = noise(p)
     nis = ca.SX(0)
     # R is diagonal: scalar updates one after another, all linearised at the same predicted state,
     # equal the paper's 5 x 5 form.
@@ -59,5 +49,5 @@ EQUATIONS = Equations(
     initial=lambda p, w, t: kalman.initial(p, t),
     tick=_tick,
     output=kalman.output,
-    iterate=(kalman.initialise(_noise),),
+    iterate=(kalman.initialise(),),
 )

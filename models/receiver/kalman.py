@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -58,18 +57,13 @@ def begin(x: Symbols, s: Samples) -> tuple[Any, Any, Values]:
     }
 
 
-def initialise(R: Callable[[Symbols], Any]) -> Loop:
+def initialise() -> Loop:
     """The loop that makes an estimate from the latest receptions alone.
 
     A sample that is older than the newest by ``a`` counts with a variance larger by
     ``(prior_velocity_std a)^2``, because the diver has moved since. If the samples agree worse than
     their variances say, the covariance is scaled by their weighted sum of squared residuals per
     degree of freedom.
-
-    Parameters
-    ----------
-    R
-        ``R(p)``, the diagonal of R, (5, 1).
     """
 
     def guard(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
@@ -81,7 +75,8 @@ def initialise(R: Callable[[Symbols], Any]) -> Loop:
         position = ca.if_else(
             x.passes == fix.PASSES, fix.closed_form(s), x.mean[list(POSITION)]
         )
-        result = fix.improve(position, x.damping, s, fix.weights(s, R(p) + motion**2))
+        weight = fix.weights(s, measurements.noise(p) + motion**2)
+        result = fix.improve(position, x.damping, s, weight)
         disagreement = ca.fmax(result.cost / ca.fmax(fix.degrees(s), 1), 1)
         return {
             "mean": expand(result.position),

@@ -13,12 +13,13 @@ import casadi as ca
 
 from ..equations import Symbols, Values
 from ..ports import BEACONS
-from .variables import BEACON_POSITION_SOURCE
+from .variables import BEACON_POSITION_SOURCE, MEASUREMENT_NOISE
 
 DEPTH = BEACONS
 """Index of the depth in z."""
 MEASUREMENTS = BEACONS + 1
 _OWN_PACKET = next(k for k, v in BEACON_POSITION_SOURCE.items() if v == "own_packet")
+_VARIANCE = next(k for k, v in MEASUREMENT_NOISE.items() if v == "variance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +84,11 @@ def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     )
 
 
-def variances(p: Symbols) -> Any:
-    """Variance of each measurement in m^2, (5, 1): the paper's R, with squares on its diagonal."""
-    return ca.vertcat(ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2)
+def noise(p: Symbols) -> Any:
+    """Diagonal of R, (5, 1): variances, or literally the standard deviations, taken as m^2."""
+    variances = ca.vertcat(ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2)
+    literal = ca.vertcat(ca.repmat(p.range_std, BEACONS, 1), p.depth_std)
+    return ca.if_else(p.measurement_noise == _VARIANCE, variances, literal)
 
 
 def distance(position: Any, beacon: Any) -> tuple[Any, Any]:

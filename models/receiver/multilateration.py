@@ -9,7 +9,7 @@ import casadi as ca
 from ..equations import Equations, Loop, Symbols, Values
 from . import estimate, fix, measurements
 from .estimate import expand, expand_covariance, pack, unpack
-from .measurements import samples, variances
+from .measurements import noise, samples
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -26,7 +26,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     s = samples(p, x, u)
     update = s.any_new * s.enough
-    weight = fix.weights(s, variances(p))
+    weight = fix.weights(s, noise(p))
     first = fix.closed_form(s)
     last_is_better = (x.update_count > 0) * (
         fix.cost(x.position, s, weight) < fix.cost(first, s, weight)
@@ -44,7 +44,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
 
 def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = samples(p, x, u)
-    result = fix.improve(x.position, x.damping, s, fix.weights(s, variances(p)))
+    result = fix.improve(x.position, x.damping, s, fix.weights(s, noise(p)))
     return {
         "position": result.position,
         "covariance": pack(fix.inverse(result.information)),

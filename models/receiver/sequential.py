@@ -10,7 +10,7 @@ from ..equations import Equations, Loop, Symbols, Values
 from ..ports import BEACONS
 from . import fix, kalman
 from .estimate import POSITION, STATES, pack, unpack
-from .measurements import DEPTH, MEASUREMENTS, distance, samples, variances
+from .measurements import DEPTH, MEASUREMENTS, distance, noise, samples
 
 _FORGIVEN = 0.5
 """What a range inside the gate takes back from the score of rejections. Below 1, because a filter
@@ -57,7 +57,7 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     length, gradient = distance(position, beacon)
     h = kalman.sensitivity(ca.if_else(is_depth, ca.SX([0, 0, 1]), gradient))
     innovation = z - ca.if_else(is_depth, position[2], length)
-    R = ca.if_else(is_depth, variances(p)[DEPTH], variances(p)[0])
+    R = ca.if_else(is_depth, noise(p)[DEPTH], noise(p)[0])
 
     b = P @ h
     S = ca.dot(h, b) + R
@@ -90,6 +90,6 @@ EQUATIONS = Equations(
     output=kalman.output,
     iterate=(
         Loop("process", _unprocessed, _process),
-        kalman.initialise(variances),
+        kalman.initialise(),
     ),
 )

@@ -12,13 +12,17 @@ import typer
 from ..errors import ConfigurationError
 from .base import (
     FmiOption,
+    ForceOption,
     ReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
     app,
+    numeric,
     overrides,
+    place,
     report,
+    report_run,
     table,
     waiting,
 )
@@ -31,8 +35,14 @@ def run(
     set_: SetOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/NAME]."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the results [default: runs/NAME, or the next number if that holds "
+            "another run].",
+        ),
     ] = None,
+    force: ForceOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
     ] = False,
@@ -48,24 +58,27 @@ def run(
     ] = None,
     step_timeout: Annotated[
         float | None,
-        typer.Option(
+        numeric(
             "--step-timeout",
-            help="Seconds until an FMU of others that hangs is given up [default: 60].",
+            float,
+            "SECONDS",
+            "Until an FMU of others that hangs is given up [default: 60].",
         ),
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
 ) -> None:
     """Simulate a scenario and write its results.
 
-    Prints the table of errors; the record, a manifest and the figures go to a folder.
+    Prints the table of errors; the record, a manifest and the figures go to a folder. The exit
+    code is 1 if a receiver has given no estimate at all.
     """
     with waiting() as progress:
         from .. import api, artifacts
         from ..scenario import load
 
         settled = load(scenario, overrides(set_, seed))
-        out = out or Path("runs", settled.name)
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", settled.name), force)
+        artifacts.check(wanted, other=other)
         result = api.run(
             settled,
             receiver or (),
@@ -73,13 +86,10 @@ def run(
             master=master,
             step_timeout=step_timeout,
             progress=progress,
+            before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(out, figures=not no_figures)
-    report(result, folder, as_json)
-    for message in result.failures.values():
-        typer.echo(f"error: {message}", err=True)
-    if result.failures:
-        raise typer.Exit(1)
+        folder = result.save(wanted, figures=not no_figures, other=other)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -104,20 +114,31 @@ def plan(
 
 @app.command()
 def calibrate(
-    sound_speed: Annotated[float, typer.Option(help="True speed of sound in m/s.")] = 1530.0,
+    sound_speed: Annotated[
+        float, numeric("--sound-speed", float, "M_S", "True speed of sound in m/s.")
+    ] = 1530.0,
     assumed_sound_speed: Annotated[
-        float, typer.Option(help="Speed with which ranges are formed, in m/s.")
+        float,
+        numeric("--assumed-sound-speed", float, "M_S", "With which ranges are formed, in m/s."),
     ] = 1500.0,
-    range_std: Annotated[float, typer.Option(help="Noise of a range in m.")] = 0.1,
-    distance: Annotated[float, typer.Option(help="Known distance in m.")] = 10.0,
-    distance_std: Annotated[float, typer.Option(help="Its standard uncertainty in m.")] = 0.0,
-    clock_offset: Annotated[float, typer.Option(help="Receiver's clock error in s.")] = 0.0,
-    pings: Annotated[int, typer.Option(help="Pings per distance.")] = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
-    fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version.")] = 2,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = (
-        Path("runs", "calibration")
-    ),
+    range_std: Annotated[float, numeric("--range-std", float, "M", "Noise of a range in m.")] = 0.1,
+    distance: Annotated[float, numeric("--distance", float, "M", "Known distance in m.")] = 10.0,
+    distance_std: Annotated[
+        float, numeric("--distance-std", float, "M", "Its standard uncertainty in m.")
+    ] = 0.0,
+    clock_offset: Annotated[
+        float, numeric("--clock-offset", float, "S", "Receiver's clock error in s.")
+    ] = 0.0,
+    pings: Annotated[int, numeric("--pings", int, "N", "Pings per distance.")] = 100,
+    seed: Annotated[int, numeric("--seed", int, "N", "Seed of the noise.")] = 1,
+    fmi: Annotated[int, numeric("--fmi", int, "2|3", "FMI version.", low=2, high=3)] = 2,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: runs/calibration]."
+        ),
+    ] = None,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else.")] = False,
 ) -> None:
     """Calibrate the speed of sound and test the ranges.
@@ -129,7 +150,8 @@ def calibrate(
         from .. import artifacts
         from ..calibrate import calibrate as measure
 
-        artifacts.check(out)
+        wanted, other = place(out, Path("runs", "calibration"), force)
+        artifacts.check(wanted, other=other)
         result = measure(
             sound_speed=sound_speed,
             assumed_sound_speed=assumed_sound_speed,
@@ -141,8 +163,8 @@ def calibrate(
             seed=seed,
             fmi=3 if fmi == 3 else 2,
         )
-        folder = result.save(out)
-    report(result, folder, as_json)
+        folder = result.save(wanted, other=other)
+    report(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -172,6 +194,8 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a scenario file to begin with."""
+    from sblcosim.fmus.files import write_file
+
     from ..starter import starter
 
     if not re.match(r"\w", file.name):
@@ -181,9 +205,10 @@ def new(
     if file.suffix != ".toml":
         file = file.with_name(f"{file.name}.toml")
     text = starter(file.stem, source)
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
     try:
-        with file.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(text)
+        write_file(file, text.encode(), replace=force)
     except FileExistsError:
         raise ConfigurationError(
             f"{file}: must not exist yet, got an existing file; --force replaces it"

@@ -6,19 +6,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .. import artifacts
+from ..factorial import Factorial
 from ..study import Study
 from ..tables import toml
 from .page import Block, Code, Section, Table, Text
 
 METHOD = {
     "ols": "Each run has noise of its own. Effects come from ordinary least squares in coded units "
-    "(−1 low, +1 high; an effect is twice its coefficient), their uncertainty from the scatter of "
-    "the runs about the model.",
+    "(−1 low, +1 high; an effect is twice its coefficient), their uncertainty from ",
     "replicates": "The runs of a replicate share their noise (common random numbers), so that "
     "their errors are not independent. Effects are taken in each replicate; their uncertainty is "
     "their scatter over the replicates.",
     "lenth": "As many terms as points: no run is left to estimate the error from. The uncertainty "
     "is Lenth's pseudo standard error, from the small effects themselves.",
+}
+ERROR = {
+    "pure": "the scatter of the runs about the means of their points (the pure error), which holds "
+    "nothing of what the model leaves out.",
+    "residual": "the scatter of the runs about the model, which also holds what the model leaves "
+    "out.",
 }
 DEFINITIONS = (
     "Errors are estimate minus truth, x, y, z north, east, down; the total error is their length. "
@@ -26,6 +32,12 @@ DEFINITIONS = (
     "those in the world; errors relative to the platform leave out what the platform gets wrong "
     "about its own place."
 )
+
+
+def method(analysis: Factorial) -> str:
+    """How the uncertainties were found."""
+    text = METHOD[analysis.method]
+    return text + ERROR[str(analysis.error)] if analysis.method == "ols" else text
 
 
 def software() -> Table:

@@ -14,6 +14,7 @@ from .. import factorial_plots, style
 from ..analysis import RESPONSE, of_table
 from ..errors import ConfigurationError
 from ..factorial import (
+    Error,
     Factorial,
     Transform,
     answer,
@@ -32,6 +33,8 @@ MOST_ROWS = 40
 """Effects that a table shows."""
 POWER = 0.8
 LOGARITHM, SPREAD = "The logarithm of the response", "The spread of the response"
+ERRORS = {"pure": "the scatter between replicates (pure error)",
+          "residual": "the scatter about the model (residual, lack of fit in it)"}
 BOX_COX = "The Box–Cox profile"
 FEW = 10
 """Degrees of freedom below which intervals are rough."""
@@ -75,6 +78,7 @@ def find(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
 ) -> Findings:
     """Analyse a study in all ways that a report has room for.
@@ -84,7 +88,7 @@ def find(
     ConfigurationError
         As `sblcosim.analysis.of_study`.
     """
-    options: dict[str, Any] = {"receiver": receiver, "order": order}
+    options: dict[str, Any] = {"receiver": receiver, "order": order, "error": error}
     data = of_table(study, table, response, transform=transform, practical=practical, **options)
     shown = data.readable
     missing: list[str] = []
@@ -342,6 +346,9 @@ def model_table(found: Findings) -> Table:
         ("Design points", str(len(a.points))),
         ("Terms", str(len(a.effects))),
         ("Overall mean", f"{number(a.overall_mean, 4)}{unit(a)}"),
+        *([("Error of the effects from", ERRORS[a.error] + (
+            "" if np.isnan(a.sigma) else f"; standard deviation {number(a.sigma, 4)}{unit(a)}"
+        ))] if a.error else []),
         ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
     ]
     if np.isfinite(a.r2_adjusted):
@@ -379,8 +386,10 @@ def tables(found: Findings) -> list[Block]:
     if a.lack_of_fit is not None and a.lack_of_fit.p < 1 - a.confidence:
         blocks.append(Text(
             "The lack of fit is significant: interactions of more factors than the model has are "
-            "there. The effects stay what they are, for the design is balanced; the model's "
-            "predictions for single points do not follow all of them.", "note"))
+            "there. The effects stay what they are, for the design is balanced; their intervals "
+            + ("are from the scatter between replicates, which has nothing of it"
+               if a.error == "pure" else "are wider than they would have to be")
+            + "; the model's predictions for single points do not follow all of them.", "note"))
     blocks.append(anova_table(a))
     if found.profile is not None:
         blocks.append(Text(box_cox_sentence(found.profile)))

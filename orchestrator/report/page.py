@@ -17,7 +17,7 @@ from typing import Literal
 import jinja2
 from markupsafe import escape
 
-from ..style import THEMES, Theme, ThemeName
+from ..style import THEMES, Theme, ThemeName, named
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ def inline(picture: Picture, theme: ThemeName = "light") -> str:
     text = re.sub(r"url\(#([^)]*)\)", rf"url(#{picture.name}-\1)", text)
     # such groups name what nobody refers to
     text = re.sub(rf'<g id="{picture.name}-[a-zA-Z0-9_]*">', "<g>", text)
-    for variable, colour in variables(THEMES[theme]).items():
+    for variable, colour in variables(named(theme)).items():
         text = text.replace(colour, f"var(--{variable})")
     attributes = f'role="img" aria-label="{escape(picture.alt)}"'
     return text.replace("<svg", f"<svg {attributes}", 1).strip()

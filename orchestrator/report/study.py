@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from .. import analysis, artifacts, store, style, sweep
-from ..factorial import Transform
+from ..factorial import Error, Transform
 from ..factorial import quantity as quantity_of
 from ..study import Study, load, shipped
 from . import factorial
-from .common import DEFINITIONS, METHOD, as_toml, reproduce, seeding
+from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings, number, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 
@@ -28,6 +28,7 @@ def save(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    error: Error = "pure",
     practical: float | None = None,
     command: str = "",
 ) -> str:
@@ -35,7 +36,7 @@ def save(
 
     Parameters
     ----------
-    response, receiver, order, transform, practical
+    response, receiver, order, transform, error, practical
         As in `sblcosim.analysis.of_study`.
     command
         With which this was asked for, for the report.
@@ -55,16 +56,17 @@ def save(
     failed = int(table["error"].notna().sum())
     command = command or shlex.join(["sblcosim", "analyse", str(results)])
     again = _again(study, results, command)
-    plain = order is None and transform == "none" and practical is None
+    plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in analysis.FACTORIAL or not plain:
         found = factorial.find(study, table, response, receiver=receiver, order=order,
-                               transform=transform, practical=practical)
+                               transform=transform, error=error, practical=practical)
         with artifacts.folder(directory, analysis.about(found.data)) as folder:
             analysis.write(found.data, folder)
             page = _factorial_page(found, folder, failed, again)
             (folder / REPORT).write_text(render(page), "utf-8")
         return str(found.shown)
     column = analysis.column_of(table, response, receiver)
+    table = analysis.in_numbers(table, column)
     means = sweep.means(table, list(study.factors), column, study.sweep_base)
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
     with artifacts.folder(directory, about) as folder:
@@ -121,8 +123,8 @@ def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) 
     if found.profile is not None:
         job = next(j for j in factorial.jobs(found) if j.name == "box_cox")
         svgs["box_cox"] = factorial.draw(job)
-    method: list[Block] = [
-        Text(METHOD[a.method]), Text(DEFINITIONS),
+    how: list[Block] = [
+        Text(method(a)), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s. Intervals and the reference line have a "
              f"confidence of {a.confidence:g}."),
         factorial.factor_table(study),
@@ -135,7 +137,7 @@ def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) 
             Section("Tables", "tables", factorial.tables(found)),
             Section("Figures", "figures",
                     [factorial.picture(found, name, svg) for name, svg in svgs.items()]),
-            Section("Method", "method", method),
+            Section("Method", "method", how),
             again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
@@ -212,13 +214,13 @@ def _means_page(
         caption = f"Mean {quantity} at each level; bars are the intervals of the means."
         sections.append(Section("Figures", "figures", [Picture("means", svg, caption, caption)]))
     runs = int(np.isfinite(table[column]).sum())
-    method: list[Block] = [
+    how: list[Block] = [
         Text("Means over the runs at each level, the other factors at the scenario's own values; "
              "the intervals are Student's."), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s."),
     ]
     if study.factors:
-        method.append(factorial.factor_table(study))
-    sections += [Section("Method", "method", method), again]
+        how.append(factorial.factor_table(study))
+    sections += [Section("Method", "method", how), again]
     return Page(f"What the runs say: {study.name}", _lead(study, runs, failed), sections,
                 f"sblcosim {artifacts.software()['sblcosim']}")

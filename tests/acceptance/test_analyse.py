@@ -59,13 +59,34 @@ def test_the_large_factor_is_found_and_written(results: Path) -> None:
         assert (folder / f"{name}.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [((), "the scatter between replicates (pure error)"),
+     (("--error", "residual"), "the scatter about the model (residual, lack of fit in it)")],
+)
+def test_it_says_where_the_error_of_the_effects_is_from(
+    results: Path, tmp_path: Path, option: tuple[str, ...], said: str
+) -> None:
+    out = tmp_path / "out"
+    done = CliRunner().invoke(
+        app, ["analyse", str(results), "--order", "1", "--out", str(out), *option]
+    )
+    assert done.exit_code == 0, done.output
+    assert f"errors from {said}" in done.stdout
+    assert said in (out / "report.html").read_text("utf-8")
+    kind = option[1] if option else "pure"
+    assert json.loads((out / "manifest.json").read_text())["analysis"]["error"] == kind
+
+
 def test_unknown_names_are_answered_with_the_valid_ones(results: Path) -> None:
     with pytest.raises(ConfigurationError, match="did you mean 'absolute_total_rms_m'"):
         analysis.of_study(results, "absolute_total_rms")
     with pytest.raises(ConfigurationError, match="receiver: must be ekf"):
         analysis.of_study(results, receiver="efk")
-    done = CliRunner().invoke(app, ["analyse", str(results), "--transform", "cube"])
-    assert done.exit_code == 2
+    for option in ("--transform", "--error"):
+        done = CliRunner().invoke(app, ["analyse", str(results), option, "cube"])
+        assert done.exit_code == 2
+        assert done.stderr.startswith(f"error: {option.removeprefix('--')}: must be ")
 
 
 def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None:

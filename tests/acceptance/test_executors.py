@@ -287,3 +287,17 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
     assert err.startswith("error: scheduler: must stay until all runs are done")
     assert err.endswith("runs that are finished are kept, the same command goes on\n")
     assert len(campaign.table(tmp_path / "studies" / "paper-scenario-1")) >= 2048
+
+
+def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parcel = executors.pack(campaign.prepare(study.load(MADE)))
+    monkeypatch.setenv("SBLCOSIM_CACHE", str(tmp_path))
+    for damage in (b"", b"PK"):
+        executors._unpacked.clear()
+        executors.unpack(parcel)
+        for sha256, (name, content) in parcel.fmus.items():
+            path = tmp_path / "received" / sha256 / name
+            assert path.read_bytes() == content
+            path.write_bytes(damage)

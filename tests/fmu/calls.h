@@ -327,7 +327,8 @@ static void test_steps(void)
     }
     REFUSED_UNCHANGED(c, ERROR, step(c, 0.0, 0.0, &last), NAME, "step", "got 0 s");
     REFUSED_UNCHANGED(c, ERROR, step(c, 0.0, -0.1, &last), NAME, "got -0.1 s");
-    REFUSED_UNCHANGED(c, ERROR, step(c, 0.0, 1e-12, &last), NAME, "1 ns");
+    REFUSED_UNCHANGED(c, ERROR, step(c, 0.0, -1e-12, &last), NAME, "step", "got -1e-12 s");
+    REFUSED_UNCHANGED(c, ERROR, step(c, 0.0, -5e-324, &last), NAME, "step");
     REFUSED_UNCHANGED(c, ERROR, step(c, 0.1, 0.1, &last), NAME, "0.000000000", "0.100000000");
     CHECK(last == 0.0);
     feed(c, 1, 0);
@@ -377,6 +378,171 @@ static void test_steps(void)
     close_instance(c);
 #endif
 }
+
+/* Outputs must be the same bits, and a state the same but for how the master's time was rounded. */
+static void check_same(void *c, void *other)
+{
+    struct data a = *memory(c), b = *memory(other);
+    a.moved_ns = b.moved_ns = 0;
+    CHECK(memcmp(&a, &b, sizeof a) == 0);
+}
+
+/* A step size of any order of magnitude, from far below a nanosecond. */
+static double any_size(void)
+{
+    static const double sizes[] = {1e-3, 1e-5, 1e-7, 5e-9, 1.5e-9, 1e-9, 4e-10, 1e-10, 1e-12, 1e-15};
+    return (0.1 + unit()) * sizes[below(COUNT(sizes))];
+}
+
+/* A walk of steps of any size, from tick to tick, among them many too short to hold a nanosecond;
+ * at every tick it must be where steps of 0.1 s lead. */
+static void test_short_steps(unsigned ticks)
+{
+    void *c = in_mode(INSTANTIATED), *regular = in_mode(INSTANTIATED);
+    double last, time = 0.0;
+    begin(c, 9);
+    begin(regular, 9);
+    for (unsigned k = 0; k < ticks; k++) {
+        const double tick = 0.1 * (k + 1);
+        feed(c, 9, k);
+        feed(regular, 9, k);
+        for (unsigned n = below(40); n > 0; n--) {
+            double size = any_size();
+            if (time + size > tick - 2e-9) /* the tick is a communication point, nearly */
+                break;
+            CHECK(step(c, time, size, &last) == OK);
+            time += size;
+        }
+        const double off = (unit() - 0.5) * 0.9e-9;
+        CHECK(step(c, time, tick + off - time, &last) == OK);
+        CHECK(fabs(last - tick) < 1e-12);
+        time = tick + off;
+        advance(regular, 9, k);
+        check_same(c, regular);
+        while (below(4)) { /* rounds to the tick: nothing happens yet */
+            const double size = unit() * (tick + 0.45e-9 - time);
+            if (!(size > 0.0))
+                break;
+            CHECK(step(c, time, size, &last) == OK);
+            time += size;
+            check_same(c, regular);
+        }
+    }
+    close_instance(c);
+    close_instance(regular);
+}
+
+/* Masters end a run with what is left of it; then they may go on. */
+static void test_remainders(void)
+{
+    static const double rests[] = {1.5e-10, 1e-12, 1e-15, 1e-300, 5e-324};
+    double last;
+    for (size_t i = 0; i < COUNT(rests); i++) {
+        void *c = in_mode(INSTANTIATED), *regular = in_mode(INSTANTIATED);
+        begin(c, 2);
+        begin(regular, 2);
+        CHECK(step(c, 0.0, rests[i], &last) == OK && last == 0.0);
+        for (unsigned k = 0; k < 8; k++) {
+            advance(c, 2, k);
+            advance(regular, 2, k);
+            const struct data before = *memory(c);
+            const double now = 0.1 * (k + 1);
+            for (int n = 0; n < 3; n++)
+                CHECK(step(c, now + n * rests[i], rests[i], &last) == OK);
+            CHECK(memcmp(&before, memory(c), sizeof before) == 0);
+            CHECK(last == (double)before.time_ns / 1e9);
+            REFUSED_UNCHANGED(c, ERROR, step(c, now, -rests[i], &last), NAME, "positive");
+        }
+        check_same(c, regular);
+        close_instance(c);
+        close_instance(regular);
+    }
+}
+
+/* A master's next communication point may round otherwise than its last step's end. */
+static void test_rounded_times(void)
+{
+    double last;
+    void *c = in_mode(STEP);
+    CHECK(step(c, 0.0, 0.5000001e-9, &last) == OK && last == 1e-9);
+    CHECK(step(c, 0.4999999e-9, 1e-12, &last) == OK && last == 1e-9);
+    CHECK(step(c, 0.4999999e-9, 1e-3, &last) == OK && last == 1e-3);
+    REFUSED_UNCHANGED(c, ERROR, step(c, 1e-3 - 3e-9, 1e-6, &last), NAME, "0.001000000");
+    REFUSED_UNCHANGED(c, ERROR, step(c, 1e-3 + 3e-9, 1e-6, &last), NAME, "0.001000000");
+    for (int i = 0; i < 100; i++) /* back by less than is noticed, again and again */
+        CHECK(step(c, 1e-3 - 1e-9, 1e-12, &last) == OK && last == 1e-3);
+    REFUSED_UNCHANGED(c, ERROR, step(c, 1e-3 - 3e-9, 1e-6, &last), NAME, "0.001000000");
+    close_instance(c);
+    c = in_mode(INSTANTIATED); /* doubles are 477 ns apart here */
+    CHECK(enter(c, 3e9) == OK && leave(c) == OK);
+    for (int i = 0; i < 1000; i++)
+        CHECK(step(c, 3e9 + i * 1e-8, 1e-8, &last) == OK);
+    CHECK(fabs(last - 3e9) < 1.1e-5);
+    close_instance(c);
+}
+
+#if P_INTERVAL >= 0
+/* Short steps over a tick onto which the tolerance of a long step has moved their beginning. */
+static void test_one_tick(void)
+{
+    double last;
+    for (int late = 0; late < 2; late++)
+        for (unsigned n = 0; n < 200; n++) {
+            void *c = in_mode(INSTANTIATED), *regular = in_mode(INSTANTIATED);
+            begin(c, 4);
+            begin(regular, 4);
+            advance(c, 4, 0);
+            advance(regular, 4, 0);
+            feed(c, 4, 1);
+            double time = 0.2 + (late ? 9e-7 : -9e-7) * unit();
+            CHECK(step(c, 0.1, time - 0.1, &last) == OK && last == 0.2);
+            advance(regular, 4, 1);
+            check_same(c, regular);
+            feed(c, 4, 2);
+            feed(regular, 4, 2);
+            while (time < 0.2 + 2e-6) { /* short steps over the tick */
+                const double size = (0.01 + unit()) * (below(2) ? 1e-7 : 1e-9);
+                CHECK(step(c, time, size, &last) == OK);
+                time += size;
+                CHECK(last == 0.2 || fabs(last - time) < 1e-9);
+            }
+            CHECK(step(c, time, 0.3 - time, &last) == OK && last == 0.3);
+            CHECK(step(regular, 0.2, 0.1, &last) == OK);
+            check_same(c, regular);
+            close_instance(c);
+            close_instance(regular);
+        }
+}
+#endif
+
+#if P_INTERVAL >= 0 && N_U > 0
+/* What is not within the tolerance is no tick, and a step over one is refused. */
+static void test_tick_tolerance(void)
+{
+    double last;
+    static const struct { double size, off; int same; } cases[] = {
+        {0.1, 0.9e-6, 1}, {0.1, -0.9e-6, 1}, {0.1, 1.1e-6, 0}, {0.1, -1.1e-6, 0},
+        {1e-4, 0.9e-7, 1}, {1e-4, -0.9e-7, 1}, {1e-4, 1.1e-7, 0}, {1e-4, -1.1e-7, 0},
+        {1e-7, 0.4e-9, 1}, {1e-7, -0.4e-9, 1}, {1e-7, 0.6e-9, 0}, {1e-7, -0.6e-9, 0},
+    };
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        void *c = in_mode(STEP);
+        const double end = 0.1 + cases[i].off, begun = end - cases[i].size;
+        double time = 0.0;
+        while (time < begun) { /* no step so long that it would end on the tick */
+            const double way = 0.9 * (0.1 - time), rest = begun - time;
+            const double size = way < rest ? way : rest;
+            CHECK(step(c, time, size, &last) == OK && last < 0.1);
+            time = size < rest ? time + size : begun;
+        }
+        const int status = step(c, time, end - time, &last);
+        CHECK(status == (cases[i].same || cases[i].off < 0 ? OK : DISCARD));
+        if (status == OK)
+            CHECK((last == 0.1) == cases[i].same);
+        close_instance(c);
+    }
+}
+#endif
 
 static void test_states(void)
 {
@@ -757,10 +923,15 @@ static void random_calls(const struct call calls[], size_t n_calls, unsigned cou
             break;
         }
         default: {
-            static const double sizes[] = {0.1, 0.05, 0.025, 0.2, 0.3, 1e-9, 0.0, -0.1, NAN};
-            const double now = (double)d->time_ns / 1e9;
-            const double point = below(30) ? now : now + unit() - 0.5;
-            status = step(c[n], point, sizes[below(below(10) ? 3 : COUNT(sizes))], &last);
+            static const double sizes[] = {0.1, 0.05, 0.025, 0.2, 0.3, 1e-9, 0.0, -0.1, NAN,
+                                           5e-324, 1e300, 4e9};
+            const double now = (double)(d->time_ns - d->moved_ns * (int)below(2)) / 1e9;
+            const double point = below(30) ? now + 1e-9 * (unit() - 0.5) * below(2)
+                                           : now + unit() - 0.5;
+            const int64_t before = d->time_ns;
+            status = step(c[n], point, below(4) ? sizes[below(below(10) ? 3 : COUNT(sizes))]
+                                                : any_size(), &last);
+            CHECK(d->time_ns >= before && llabs(d->moved_ns) <= TICK_TOLERANCE_NS);
             steps += status == OK;
             break;
         }
@@ -795,6 +966,15 @@ static int run_all(const struct call calls[], size_t n, int argc, char **argv)
     test_values();
     test_references();
     test_steps();
+    test_short_steps(count / 1000);
+    test_remainders();
+    test_rounded_times();
+#if P_INTERVAL >= 0
+    test_one_tick();
+#endif
+#if P_INTERVAL >= 0 && N_U > 0
+    test_tick_tolerance();
+#endif
     test_states();
     test_life_cycles();
     test_many_instances();

@@ -8,6 +8,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import warnings
 import zipfile
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError
@@ -17,8 +18,8 @@ from typing import Any
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
-from sblcosim.fmus import compiler, factory
-from sblcosim.fmus.errors import BuildError
+from sblcosim.fmus import compiler, factory, files
+from sblcosim.fmus.errors import BuildError, DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
 
@@ -232,7 +233,7 @@ def test_build_at_the_same_time_gives_one_good_file(fresh_cache: Path) -> None:
     paths = {builder.communicate()[0].strip() for builder in builders}
     assert [builder.returncode for builder in builders] == [0, 0]
     (path,) = map(Path, paths)
-    assert [file.name for file in path.parent.iterdir()] == [f"{SMALL}.fmu"]
+    assert {file.name for file in path.parent.iterdir()} == {f"{SMALL}.fmu", f"{SMALL}.fmu.sha256"}
     assert validate_fmu(str(path)) == []
 
 
@@ -417,8 +418,7 @@ def test_ready_made_fmu_is_used_while_the_sources_are_its_own(
     monkeypatch.setattr(factory, "READY", fresh_cache / "ready")
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
     ready = factory.READY / factory.key(SMALL, 2) / f"{SMALL}.fmu"
-    ready.parent.mkdir(parents=True)
-    ready.write_bytes(b"ready-made")
+    files.write_sealed(ready, b"ready-made")
     monkeypatch.setattr(factory, "write", lambda *_: pytest.fail("built"))
     assert factory.build(SMALL, 2) == factory.build(SMALL, 2, all_platforms=True) == ready
     with monkeypatch.context() as patch:
@@ -428,6 +428,66 @@ def test_ready_made_fmu_is_used_while_the_sources_are_its_own(
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-g"))
     with pytest.raises(pytest.fail.Exception):
         factory.build(SMALL, 2)
+
+
+DAMAGES = {
+    "empty": lambda content: b"",
+    "half": lambda content: content[: len(content) // 2],
+    "one bit": lambda content: content[:-9] + bytes([content[-9] ^ 4]) + content[-8:],
+    "longer": lambda content: content + b"0",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("what", ["", files.SEAL])
+def test_a_damaged_file_in_the_cache_is_built_again(
+    what: str, damage: str, fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factory, "compile_shared", lambda *_: b"compiled " * 99)
+    path = factory.library("small", {"small.c": b""}, compiler=compiler.find())
+    good = path.read_bytes()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert factory.library("small", {"small.c": b""}, compiler=compiler.find()) == path
+    damaged = path.with_name(path.name + what)
+    content = DAMAGES[damage](damaged.read_bytes())
+    if what:
+        content = content[:63] + b"?" + content[64:] if damage in ("one bit", "longer") else content
+    damaged.write_bytes(content)
+    with pytest.warns(DamageWarning, match="must be as it was written, got other bytes") as told:
+        factory.library("small", {"small.c": b""}, compiler=compiler.find())
+    assert len(told) == 1
+    assert str(told[0].message).startswith(f"{path}: ")
+    assert "\n" not in str(told[0].message)
+    assert path.read_bytes() == good
+    assert files.intact(path)
+
+
+def test_a_file_without_its_hash_is_built_again(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = factory.build(SMALL, 2)
+    good = path.read_bytes()
+    path.write_bytes(good[:-1])
+    path.with_name(path.name + files.SEAL).unlink()
+    with pytest.warns(DamageWarning):
+        assert factory.build(SMALL, 2) == path
+    assert path.read_bytes() == good
+
+
+def test_a_damaged_ready_made_file_is_built_or_the_message_says_what_to_do(
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factory, "READY", fresh_cache / "ready")
+    monkeypatch.delenv(compiler.VARIABLE, raising=False)
+    ready = factory.READY / factory.key(SMALL, 2) / f"{SMALL}.fmu"
+    files.write_sealed(ready, b"ready-made")
+    ready.write_bytes(b"ready-maid")
+    with pytest.warns(DamageWarning, match=r"pip install --force-reinstall --no-deps sblcosim"):
+        built = factory.build(SMALL, 2)
+    assert built.is_relative_to(fresh_cache)
+    assert built != ready
+    assert validate_fmu(str(built)) == []
 
 
 def test_compiler_that_is_asked_for_must_be_there(

@@ -91,6 +91,59 @@ def test_tick_strictly_inside_a_step_is_refused(name: str, fmi: int) -> None:
     assert instance.save() != before
 
 
+def short_steps(rng: np.random.Generator, ticks: int) -> tuple[list[float], list[int]]:
+    """Communication points with many steps too short to hold a nanosecond.
+
+    Returns
+    -------
+    times
+        From 0 to the last tick: some clusters anywhere, and one about each tick, all of it within
+        half a nanosecond.
+    of_tick
+        How many ticks are before or at each of `times`.
+    """
+    times, of_tick = [0.0], [0]
+    for k in range(1, ticks + 1):
+        between = rng.uniform((k - 1) * T + 1e-6, k * T - 1e-6, rng.integers(0, 3))
+        clusters = [t + np.cumsum(10.0 ** rng.uniform(-13, -8, 5)) for t in between]
+        about = k * T + rng.uniform(-0.4e-9, 0.4e-9, rng.integers(1, 4))
+        for points, n in ((np.concatenate([[], *clusters]), k - 1), (about, k)):
+            found = np.unique(points).tolist()
+            times += found
+            of_tick += [n] * len(found)
+    return times, of_tick
+
+
+@BOTH
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["target", "platform", *FED])
+def test_steps_of_any_length_give_the_regular_record(name: str, seed: int, fmi: int) -> None:
+    ticks = 30
+    instance, inputs = host(name, fmi), chain()[name]
+    expected = instance.start(NOISY[name]).run(grid(ticks), inputs)
+    times, of_tick = short_steps(np.random.default_rng(seed), ticks)
+    assert (np.diff(times) > 0).all()
+    assert (np.diff(times) < 1e-10).sum() > 5
+    record = instance.start(NOISY[name]).run(
+        times, None if inputs is None else inputs[of_tick[:-1]]
+    )
+    at_tick = [i for i, n in enumerate(of_tick[1:]) if abs(times[i + 1] - n * T) < 0.5e-9]
+    assert_same_bits(record[at_tick], expected[[of_tick[i + 1] - 1 for i in at_tick]])
+
+
+@BOTH
+@pytest.mark.parametrize("rest", [4e-10, 1e-12, 1e-17])
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_run_may_end_with_a_remainder_of_no_length(name: str, rest: float, fmi: int) -> None:
+    instance, inputs = host(name, fmi), chain()[name]
+    instance.start(NOISY[name])
+    record = instance.run(grid(20), inputs)
+    instance.step(20 * T, rest)
+    assert_same_bits(instance.outputs(), record[-1])
+    assert refused(instance.step, 20 * T, 0.0) == ERROR
+    assert "the step must be positive, got 0 s" in instance.messages[-1]
+
+
 def accumulated(steps: int, size: float) -> list[float]:
     """Communication points as many masters compute them, t += h."""
     times = [0.0]

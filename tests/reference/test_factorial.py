@@ -107,11 +107,26 @@ def test_plasma_fit_is_the_published_one(full: Factorial):
 
 
 def test_plasma_reduced_model_is_the_published_one(plasma: pd.DataFrame):
-    reduced = analyse(plasma, "ABC", "rate", terms=["A", "C", "A × C"])
+    # the book pools what the model leaves out with the error
+    reduced = analyse(plasma, "ABC", "rate", terms=["A", "C", "A × C"], error="residual")
+    assert (reduced.error, reduced.df) == ("residual", 12)
     assert printed(reduced.rmse, 2) == 41.69
     assert printed(reduced.effects["std_error"].iloc[0] / 2, 2) == 10.42
     assert printed(reduced.r2, 4) == 0.9608
     assert printed(reduced.press, 2) == 37080.44
+
+
+def test_plasma_reduced_model_has_the_published_pure_error_between_replicates(
+    plasma: pd.DataFrame
+):
+    # the residual of the full model, which has a term for each point
+    reduced = analyse(plasma, "ABC", "rate", terms=["A", "C", "A × C"])
+    assert (reduced.error, reduced.df) == ("pure", 8)
+    assert printed(reduced.anova.loc["pure error", "ss"], 1) == 18020.5
+    assert printed(reduced.sigma, 2) == 47.46
+    assert printed(reduced.rmse, 2) == 41.69
+    for letters in ("A", "C", "AC"):
+        assert printed(reduced.effects.loc[term(letters), "t"], 4) == PLASMA_T[letters]
 
 
 def test_plasma_run_order_is_kept(full: Factorial):

@@ -3,6 +3,9 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
+import subprocess
+import sys
 from itertools import count
 from pathlib import Path
 
@@ -173,3 +176,105 @@ def test_a_failure_to_write_is_told_in_one_line(tmp_path):
     with pytest.raises(ConfigurationError, match=r"got No space left on device$"):
         full()
     assert list(tmp_path.iterdir()) == []
+
+
+def draft(path, about, other, text="one"):
+    with artifacts.draft(path, {"run": about}, other) as made:
+        (made.folder / f"{text}.txt").write_text(text)
+    return made.path
+
+
+def test_another_result_is_refused_or_gets_the_next_number(tmp_path):
+    first = draft(tmp_path / "run", 1, "number")
+    assert first == tmp_path / "run"
+    with pytest.raises(ConfigurationError, match="got that of another; --force"):
+        draft(tmp_path / "run", 2, "refuse")
+    assert draft(tmp_path / "run", 2, "number") == tmp_path / "run-2"
+    assert draft(tmp_path / "run", 3, "number") == tmp_path / "run-3"
+    assert draft(tmp_path / "run", 2, "number", "again") == tmp_path / "run-2"
+    assert draft(tmp_path / "run", 1, "refuse", "again") == tmp_path / "run"
+    files = {p.name: {f.name for f in p.iterdir()} for p in tmp_path.iterdir()}
+    again, once = ({f"{name}.txt", "manifest.json"} for name in ("again", "one"))
+    assert files == {"run": again, "run-2": again, "run-3": once}
+    assert draft(tmp_path / "run", 2, "replace") == tmp_path / "run"
+    assert json.loads((tmp_path / "run" / "manifest.json").read_text())["run"] == 2
+
+
+def test_a_number_is_found_when_another_process_is_quicker(tmp_path):
+    with artifacts.draft(tmp_path / "run", {"run": 1}, "number") as made:
+        draft(tmp_path / "run", 2, "number")
+    assert made.path == tmp_path / "run-2"
+    with (
+        pytest.raises(ConfigurationError, match="another"),
+        artifacts.draft(tmp_path / "new", {"run": 1}, "refuse"),
+    ):
+        draft(tmp_path / "new", 2, "refuse")
+    assert json.loads((tmp_path / "new" / "manifest.json").read_text())["run"] == 2
+    assert sorted(os.listdir(tmp_path)) == ["new", "run", "run-2"]
+
+
+def test_an_empty_folder_that_another_process_has_filled_is_not_filled_twice(tmp_path):
+    (tmp_path / "run").mkdir()
+    with artifacts.draft(tmp_path / "run", {"run": 1}, "number") as made:
+        draft(tmp_path / "run", 2, "number")
+    assert made.path == tmp_path / "run-2"
+    assert sorted(os.listdir(tmp_path)) == ["run", "run-2"]
+    assert json.loads((tmp_path / "run" / "manifest.json").read_text())["run"] == 2
+
+
+KILLED = """
+import os, pathlib, signal, sys
+from sblcosim import artifacts
+path, number = pathlib.Path(sys.argv[1]), int(sys.argv[2])
+rename = pathlib.Path.rename
+count = 0
+def killed(self, target):
+    global count
+    if count == number:
+        os.kill(os.getpid(), signal.SIGKILL)
+    count += 1
+    return rename(self, target)
+pathlib.Path.rename = killed
+with artifacts.folder(path, {"run": 2}) as folder:
+    for name in "abc":
+        (folder / f"{name}.txt").write_text("new")
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("before", ["empty", "result"])
+def test_a_kill_in_the_last_moment_leaves_what_was_before(tmp_path, before, number):
+    run = tmp_path / "run"
+    if before == "empty":
+        run.mkdir()
+    else:
+        write(run)
+    kept = sorted(os.listdir(run))
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(run), str(number)], check=False)
+    if before == "result" and number > 1:
+        assert ended.returncode == 0  # two are all
+        return
+    assert ended.returncode == -signal.SIGKILL
+    artifacts.check(run)
+    assert sorted(os.listdir(run)) == kept
+    assert os.listdir(tmp_path) == ["run"]
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"files": 3}', '{"files": [[1]]}', "[" * 100_000, '{"files": null}']
+)
+def test_a_damaged_manifest_is_somebody_elses_file(tmp_path, text):
+    write(tmp_path / "run")
+    (tmp_path / "run" / "manifest.json").write_text(text)
+    with pytest.raises(ConfigurationError, match="must be empty or hold nothing but an earlier"):
+        write(tmp_path / "run")
+
+
+def test_deep_folders_are_one_line_or_there(tmp_path):
+    deep = tmp_path.joinpath(*["d"] * 1200)
+    write(deep)
+    assert (deep / "manifest.json").is_file()
+    with pytest.raises(ConfigurationError, match="File name too long"):
+        write(tmp_path.joinpath(*["d"] * 2040))
+    os.system(f"rm -r '{tmp_path}/d'")  # pytest cannot

@@ -66,6 +66,27 @@ def test_line_is_that_of_least_squares_over_all_pings(noisy):
     assert noisy.line.value == pytest.approx(1500 / slope, rel=1e-12)
 
 
+def test_uncertainty_of_a_speed_is_that_of_its_slope_carried_over():
+    # far apart, so that the slope is far from 1
+    result = calibrate(sound_speed=1400.0, assumed_sound_speed=1700.0, pings=5, seed=2)
+    assert result.slope > 1.2
+    speed = 1700 / (result.slope + np.array([-1e-6, 1e-6]))
+    derivative = (speed[0] - speed[1]) / 2e-6
+    assert result.line.std == pytest.approx(derivative * result.slope_std, rel=1e-6)
+    assert result.known_distance.std == pytest.approx(
+        result.per_ping_m_s / np.sqrt(5), rel=1e-12
+    )
+
+
+def test_a_clock_s_error_is_told_in_the_time_of_the_clock():
+    # the receiver multiplies it with the speed it assumes, whatever the true one
+    few = {"clock_offset": 1e-4, "range_std": 0.0, "pings": 2}
+    for assumed in (1450.0, 1600.0):
+        result = calibrate(sound_speed=1530.0, assumed_sound_speed=assumed, **few)
+        assert result.intercept_m == pytest.approx(assumed * 1e-4)
+        assert "the intercept is an error of clock and delay of 100.0 µs" in str(result)
+
+
 def test_known_distance_takes_a_clock_error_for_sound_speed(noisy):
     biased = 1500 * 10 / (1500 * (10 / 1530 + 1e-4))
     assert abs(noisy.known_distance.value - biased) < 4 * noisy.known_distance.std

@@ -79,6 +79,23 @@ def test_aliased_terms_have_equal_columns() -> None:
             np.testing.assert_array_equal(column(first), column(other))
 
 
+@pytest.mark.parametrize("first", ["", "-"])
+@pytest.mark.parametrize("second", ["", "-"])
+@pytest.mark.parametrize("third", ["", "-"])
+def test_words_of_the_relation_are_constant_columns_with_their_signs(
+    first: str, second: str, third: str
+) -> None:
+    design = fractional(factors(7), [f"E={first}ABC", f"F={second}BCD", f"G={third}ACD"])
+    assert len(design.relation) == 7
+    for word, sign in design.relation:
+        column = design.coded[:, sorted(word)].prod(axis=1)
+        np.testing.assert_array_equal(column, np.full(16, sign))
+    # the product of two generators: ABCE BCDF = ADEF
+    own = "−" if (first == "-") != (second == "-") else ""
+    (group,) = [g for g in design.aliases(2) if "A × D" in g]
+    assert f"{own}E × F" in group
+
+
 def test_terms_that_cannot_be_estimated_are_named() -> None:
     design = fractional(factors(4), ["D=ABC"])
     design.require(1)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 from sblcosim import drivers, lanes, native
-from sblcosim.fmus import compiler, factory
+from sblcosim.fmus import compiler, factory, files
 from sblcosim.fmus.compiler import Compiler
+from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
 
 BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes.DRIVER], ids=lambda d: d.name)
@@ -54,8 +55,7 @@ def test_what_came_along_is_used_while_the_sources_are_its_own(
 ) -> None:
     here = this_platform()
     ready = factory.READY / drivers.key(driver, here) / f"{driver.name}{suffix(here)}"
-    ready.parent.mkdir(parents=True)
-    ready.write_bytes(b"")
+    files.write_sealed(ready, b"")
     assert drivers.library(driver) == ready
     assert drivers.available(driver)
     changed = tmp_path / "c"
@@ -74,3 +74,18 @@ def test_a_driver_is_not_available_without_a_compiler(
     monkeypatch.setattr(compiler, "zig", lambda: None)
     compiler.find.cache_clear()
     assert not drivers.available(native.DRIVER)
+
+
+def test_a_damaged_driver_is_compiled_again_and_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(factory, "READY", tmp_path / "ready")
+    path = drivers.library(native.DRIVER)
+    good = path.read_bytes()
+    for damaged in (b"", good[: len(good) // 2]):
+        path.unlink()
+        path.write_bytes(damaged)
+        with pytest.warns(DamageWarning, match="it is built again"):
+            drivers.load.__wrapped__(native.DRIVER)
+        assert path.read_bytes() == good

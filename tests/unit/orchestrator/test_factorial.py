@@ -43,6 +43,86 @@ def test_order_says_which_interactions_are_in_the_model():
     assert len(analyse(table, "abcd", "y", order=3).effects) == 4 + 6 + 4
 
 
+def covered(error: str, centre: int, runs: int = 70) -> tuple[float, float]:
+    """Share of intervals that hold the truth, with a large interaction outside of the model, and
+    their mean width in units of the least one possible."""
+    rng = np.random.default_rng(8)
+    table = design("abc", 4)
+    table = pd.concat([table, table[:centre].assign(a=0.0, b=0.0, c=0.0)], ignore_index=True)
+    table["y"] = 5 + 1.5 * table["a"] + 2 * table["a"] * table["b"] * table["c"]
+    inside, width = [], []
+    for _ in range(runs):
+        noisy_runs = table.assign(y=table["y"] + rng.normal(size=len(table)))
+        found = analyse(noisy_runs, "abc", "y", error=error, confidence=0.9)
+        assert found.error == error
+        effects = found.effects.assign(true=[3.0, 0, 0, 0, 0, 0])
+        inside.append(effects.eval("low < true < high"))
+        width.append(effects["std_error"].mean() / (2 / np.sqrt(32)))
+    return float(np.mean(inside)), float(np.mean(width))
+
+
+@pytest.mark.parametrize("centre", [0, 3])
+def test_intervals_from_the_pure_error_know_nothing_of_what_the_model_leaves_out(centre: int):
+    share, width = covered("pure", centre)
+    assert share == pytest.approx(0.9, abs=0.04)
+    assert width == pytest.approx(1.0, abs=0.05)
+    share, width = covered("residual", centre)
+    assert share > 0.98
+    assert width > 1.9
+
+
+def test_the_error_is_the_scatter_about_the_means_of_the_points_as_far_as_there_are_runs():
+    table = noisy("abc", 3)
+    table.loc[[0, 5], "y"] = np.nan
+    found = analyse(table, "abc", "y", order=1)
+    left = table.dropna()
+    pure = (left["y"] - left.groupby(["a", "b", "c"])["y"].transform("mean")) ** 2
+    assert (found.error, found.df) == ("pure", 22 - 8)
+    assert found.sigma == pytest.approx(np.sqrt(pure.sum() / 14))
+    x = np.column_stack([np.ones(22), left[["a", "b", "c"]]])
+    errors = 2 * found.sigma * np.sqrt(np.diag(np.linalg.inv(x.T @ x)))
+    np.testing.assert_allclose(found.effects["std_error"], errors[1:])
+    assert "errors from the scatter between replicates (pure error), 14 degrees" in str(found)
+    other = analyse(table, "abc", "y", order=1, error="residual")
+    assert (other.error, other.df, other.sigma) == ("residual", 22 - 4, other.rmse)
+    assert "errors from the scatter about the model (residual, lack of fit in it), 18" in str(other)
+    assert found.rmse == other.rmse
+    assert found.lack_of_fit == other.lack_of_fit
+
+
+def test_without_replicates_the_error_is_the_scatter_about_the_model():
+    table = noisy("abc", 1)
+    found = analyse(table, "abc", "y", order=1)
+    assert (found.error, found.df, found.sigma) == ("residual", 4, found.rmse)
+    assert analyse(table, "abc", "y", order=3).error is None  # Lenth's
+
+
+def test_centre_points_alone_are_replicates():
+    # the error of an unreplicated design with centre points (Montgomery's chemical process)
+    corners = design("ab").assign(y=[39.3, 40.9, 40.0, 41.5])
+    centre = pd.DataFrame({"a": 0.0, "b": 0.0, "y": [40.3, 40.5, 40.7, 40.2, 40.6]})
+    found = analyse(pd.concat([corners, centre]), "ab", "y", order=1)
+    assert (found.error, found.df) == ("pure", 4)
+    assert found.sigma**2 == pytest.approx(0.043)
+    assert found.curvature is not None
+    assert found.curvature.df_error == 4
+    assert found.curvature.f == pytest.approx(4 * 5 * 0.035**2 / 9 / 0.043)
+
+
+def test_the_spread_of_each_point_has_no_replicates_of_its_own():
+    assert analyse(noisy("abc", 6), "abc", "y", transform="spread").error == "residual"
+
+
+def test_with_common_numbers_lack_of_fit_is_never_in_the_error():
+    table = noisy("abc", 5)
+    bent = table.assign(y=table["y"] + 9 * table["a"] * table["b"] * table["c"])
+    one, other = (analyse(t, "abc", "y", seeding="common") for t in (table, bent))
+    assert one.error == other.error == "pure"
+    np.testing.assert_allclose(one.effects["std_error"], other.effects["std_error"])
+    with pytest.raises(ConfigurationError, match="error: must be pure with common random numbers"):
+        analyse(table, "abc", "y", seeding="common", error="residual")
+
+
 def test_intervals_hold_the_true_effect_as_often_as_they_say():
     inside = [
         analyse(noisy(seed=seed), "abc", "y", confidence=0.8).effects.eval("low < 0 < high")
@@ -174,6 +254,46 @@ def test_lack_of_fit_over_replicates_is_rarely_found_where_there_is_none():
     assert 0.02 < np.mean(np.array(p) < 0.05) < 0.09
 
 
+def test_lack_of_fit_over_replicates_is_that_of_a_hand_calculation():
+    table = noisy("abc", 6, seed=3)
+    table["y"] += table["replicate"] * (1 + table["a"] * table["b"] * table["c"])
+    by_replicate = {
+        name: table.groupby("replicate").apply(
+            lambda runs, name=name: (runs["y"] * runs[list(name)].prod(axis=1)).sum() / 8**0.5,
+            include_groups=False,
+        )
+        for name in ("ab", "ac", "bc", "abc")
+    }
+    # a single contrast: Student's test of its mean
+    single = analyse(table, "abc", "y", order=2, seeding="common").lack_of_fit
+    t = stats.ttest_1samp(by_replicate["abc"], 0)
+    assert single is not None
+    assert (single.df, single.df_error) == (pytest.approx(1), pytest.approx(5))
+    assert (single.f, single.p) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue))
+    # several: Greenhouse and Geisser's ε of their covariance
+    several = analyse(table, "abc", "y", order=1, seeding="common").lack_of_fit
+    contrasts = np.column_stack(list(by_replicate.values()))
+    covariance = np.cov(contrasts.T)
+    df = np.trace(covariance) ** 2 / np.trace(covariance @ covariance)
+    f = 6 * (contrasts.mean(axis=0) ** 2).sum() / np.trace(covariance)
+    assert several is not None
+    assert (several.df, several.df_error) == (pytest.approx(df), pytest.approx(5 * df))
+    assert (several.f, several.p) == (
+        pytest.approx(f), pytest.approx(stats.f.sf(f, df, 5 * df))
+    )
+
+
+@pytest.mark.parametrize("seeding", ["independent", "common"])
+def test_degrees_of_freedom_are_those_of_a_textbook(seeding: str):
+    # 2³ points, 4 replicates, order 1: 8 − 4 for lack of fit; 32 − 8 pure, or 3 · 7 in blocks
+    found = analyse(noisy("abc", 4), "abc", "y", order=1, seeding=seeding)
+    df = found.anova["df"]
+    blocks = 3 if seeding == "common" else 0
+    assert (df["lack of fit"], df["pure error"]) == (4, 24 - blocks)
+    assert (df["residual"], df["total"]) == (28 - blocks, 31)
+    assert df.get("replicates", 0) == blocks
+
+
 def test_an_incomplete_replicate_is_left_out_and_counted():
     table = noisy("ab", 4)
     table.loc[5, "y"] = np.nan
@@ -221,6 +341,18 @@ def test_jackknife_knows_the_scatter_of_ln_s_where_runs_share_their_noise():
         estimates.append(found["effect"])
     ratio = pd.DataFrame(errors).mean() / pd.DataFrame(estimates).std()
     assert ratio.to_numpy() == pytest.approx(np.ones(3), abs=0.25)
+
+
+def test_jackknife_leaves_out_one_replicate_after_the_other():
+    table = noisy("ab", 5)
+    found = analyse(table, "ab", "y", transform="spread", seeding="common")
+    for point, values in table.groupby(["a", "b"])["y"]:
+        y = values.to_numpy()
+        whole = np.log(y.std(ddof=1))
+        left_out = np.array([np.log(np.delete(y, i).std(ddof=1)) for i in range(5)])
+        pseudo = 5 * whole - 4 * left_out
+        mine = found.table[(found.table["a"] == point[0]) & (found.table["b"] == point[1])]
+        np.testing.assert_allclose(mine["y"], pseudo - pseudo.mean() + whole, rtol=1e-12)
 
 
 def test_box_cox_finds_the_logarithm_of_a_product():
@@ -365,6 +497,19 @@ def test_terms_outside_of_the_model_that_cannot_be_told_apart_are_listed():
         "a": ("b × c × d",), "b": ("a × c × d",), "c": ("a × b × d",), "d": ("a × b × c",)
     }
     assert analyse(noisy(), "abc", "y").aliases == {}
+
+
+@pytest.mark.parametrize("first", [1, -1])
+@pytest.mark.parametrize("second", [1, -1])
+def test_an_alias_from_the_product_of_two_generators_has_its_sign(first: int, second: int):
+    table = design("abcd")
+    table["e"] = first * table["a"] * table["b"] * table["c"]
+    table["f"] = second * table["b"] * table["c"] * table["d"]
+    table["y"] = np.random.default_rng(1).normal(size=16)
+    found = analyse(table, "abcdef", "y", terms=[*"abcdef", ("a", "d")])
+    own = "−" if first * second < 0 else ""
+    assert f"{own}e × f" in found.aliases["a × d"]
+    assert f"{own}d × e × f" in found.aliases["a"]
 
 
 def test_a_point_too_few_names_what_it_costs():

@@ -5,8 +5,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.text import Text
 from sblcosim import factorial_plots as plots
-from sblcosim import style
+from sblcosim import style, sweep
+from sblcosim.advice import advise
 from sblcosim.factorial import Factorial, analyse
 
 ALL = (
@@ -22,6 +24,21 @@ def experiment(replicates: int, order: int, centre: int = 0) -> Factorial:
     order_of_runs = np.random.default_rng(2).permutation(len(runs)) + 1
     table = runs.assign(y=y, run_order=order_of_runs)
     return analyse(table, ["gps", "arm", "loss"], "y", order=order, unit="m")
+
+
+def sweep_means(analysis: Factorial, ax=None):
+    """The means of a sweep over the same factors."""
+    factors = list(analysis.factors)
+    base = [analysis.levels[name][0] for name in factors]
+    found = sweep.means(analysis.table, factors, analysis.response, base)
+    given = None if ax is None else [ax] * len(factors)
+    return sweep.plot_means(found, analysis.response, dict(analysis.units), given)
+
+
+def front(analysis: Factorial, ax=None):
+    """Cost and accuracy of the same points."""
+    found = advise(analysis.table, analysis.factors, analysis.response, {}, unit="$5$")
+    return plots.plot_front(found, ax)
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +149,18 @@ def test_pareto_lets_a_bar_without_scatter_leave_the_figure():
     assert arm == 0
     assert gps > 0
     ax.figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("plot", [*ALL, plots.plot_box_cox, sweep_means, front])
+def test_a_label_is_never_read_as_a_formula(replicated, plot, own):
+    analysis = replicated.named(
+        {"gps": r"$\frac{", "arm": "a $5$ arm", "loss": r"\$"}, {"gps": "$5$"}, r"y of $5$ $\frac{"
+    )
+    ax = None if own else style.new_figure(8, 4).subplots(1, 2)[1]
+    drawn = plot(analysis, ax)
+    figure = (drawn[0] if isinstance(drawn, list) else drawn).figure
+    figure.draw_without_rendering()  # with the settings of whoever draws it
+    for text in figure.findobj(Text):
+        if "$" in text.get_text():
+            assert not text.get_parse_math()

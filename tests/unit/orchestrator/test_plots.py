@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from sblcosim import metrics, plots, style
 from sblcosim.record import Record
 from synthetic_record import make_record, silent
@@ -327,3 +328,28 @@ def test_raw_dots_stand_out_from_their_paper(run, theme):
     line = next(x for x in plots.plot_path(*run, theme=theme).lines if x.get_label() == "raw")
     paper, alpha = np.array(to_rgb(style.THEMES[theme].paper)), line.get_alpha()
     assert contrast(alpha * np.array(to_rgb(line.get_color())) + (1 - alpha) * paper, paper) > 3
+
+
+def test_a_name_that_begins_with_an_underscore_is_in_the_legend():
+    record = make_record({"_mine": np.zeros((1, 3))})
+    ax = plots.plot_errors(record, {"_mine": metrics.track(record, "_mine")})[0]
+    assert [word.strip("\u200b") for word in legend_of(ax)] == ["_mine"]
+    ax.figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_name_is_never_read_as_a_formula(own):
+    names = (r"$\frac{", r"costs $5$ or \$6", "raw")
+    record = make_record({name: np.full((99, 3), 1e3) for name in names})
+    tracks = {name: metrics.track(record, name) for name in names}
+    with mpl.rc_context({"axes.formatter.use_mathtext": True}):
+        for draw, count in ((plots.plot_path, 1), (plots.plot_axes, 3), (plots.plot_errors, 4)):
+            given = list(Figure(figsize=(20, 20)).subplots(count, squeeze=False).flat)
+            drawn = draw(record, tracks, None if own else given if count > 1 else given[0])
+            figure = np.atleast_1d(drawn)[0].figure
+            figure.draw_without_rendering()
+            user_s = [text for text in figure.findobj(Text) if "$5" in text.get_text()]
+            assert user_s
+            for text in user_s:
+                assert not text.get_parse_math()
+        plots.plot_path_3d(record, tracks).figure.draw_without_rendering()

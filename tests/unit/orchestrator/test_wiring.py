@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.factory import build
+from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import input_, parameter
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
 from sblcosim.scenario import load
@@ -68,6 +69,18 @@ def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
     assert components["platform"].parameters["roll_amplitude"] == pytest.approx(pi / 36)
     assert components["acoustics"].parameters["motion_during_travel"] is False
     assert components["ekf"].parameters["measurement_noise"] == 2
+
+
+def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
+    components = PAPER.system(list(RECEIVERS)).components
+    raw = PAPER.system().components["raw"]
+    shared = {"range_std", "depth_std", "measurement_noise", "beacon_position_source"}
+    for spec in (raw, *(components[name] for name in RECEIVERS)):
+        taken = {key: spec.parameters[key] for key in shared}
+        assert taken == {
+            "range_std": 0.1, "depth_std": 0.01, "measurement_noise": 2,
+            "beacon_position_source": 2,
+        }  # fmt: skip
 
 
 def test_the_run_ends_with_the_path_or_after_the_given_time() -> None:

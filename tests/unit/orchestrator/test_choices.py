@@ -1,0 +1,191 @@
+"""Arguments that take one of a few words or numbers refuse all others, in one line."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+import re
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, get_origin
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim import (
+    advice,
+    analysis,
+    artifacts,
+    calibrate,
+    executors,
+    export,
+    factorial,
+    factorial_plots,
+    masters,
+    metrics,
+    plots,
+    points,
+    result,
+    study,
+    style,
+    sweep,
+)
+from sblcosim.errors import ConfigurationError, check_choice
+from sblcosim.models.declaration import Variable
+from sblcosim.report import factorial as report
+from sblcosim.report import page, paper
+from synthetic_record import make_record
+
+RECORD = make_record()
+TRACKS = {"ekf": metrics.track(RECORD, "ekf")}
+RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"]).assign(
+    y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
+)
+FOUND = factorial.analyse(RUNS, "ab", "y")
+ADVICE = advice.advise(RUNS, "ab", "y", {})
+MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
+RESULT = result.Result("x", {}, RECORD, ["ekf"])
+RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
+CALIBRATED = calibrate.CalibrationResult(
+    {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
+    pd.DataFrame({"distance_m": [0.0, 1.0], "mean_m": [0.0, 1.0], "std_m": [0.0, 0.0]}),
+)
+STUDY = study.load("paper-scenario-1").with_replicates(1)
+PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
+
+
+def of_runs(function: Any, **options: Any) -> Any:
+    """What is done with a study's table."""
+    table = RUNS.rename(columns={"a": "gps", "b": "baseline", "y": "ekf.absolute_total_rms_m"})
+    tables = {name: table["gps"] for name in STUDY.factors if name not in table}
+    return function(STUDY, table.assign(**tables), **options)
+
+
+CALLS: dict[str, Any] = {
+    "plots.plot_path theme": partial(plots.plot_path, RECORD, TRACKS),
+    "plots.plot_path_3d theme": partial(plots.plot_path_3d, RECORD, TRACKS),
+    "plots.plot_axes theme": partial(plots.plot_axes, RECORD, TRACKS),
+    "plots.plot_errors theme": partial(plots.plot_errors, RECORD, TRACKS),
+    "plots.plot_errors frame": partial(plots.plot_errors, RECORD, TRACKS),
+    "plots.plot_inclination theme": partial(plots.plot_inclination, RECORD),
+    "plots.plot_range_test theme": partial(plots.plot_range_test, *RANGE_TEST),
+    "result.Result.plot_path theme": RESULT.plot_path,
+    "result.Result.plot_path_3d theme": RESULT.plot_path_3d,
+    "result.Result.plot_axes theme": RESULT.plot_axes,
+    "result.Result.plot_errors theme": RESULT.plot_errors,
+    "result.Result.plot_errors frame": RESULT.plot_errors,
+    "result.Result.plot_inclination theme": RESULT.plot_inclination,
+    "artifacts.check other": partial(artifacts.check, Path("nowhere")),
+    "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
+    "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
+    "result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
+    "result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
+    "metrics.error_column frame": partial(metrics.error_column, axis="x"),
+    "metrics.error_column axis": partial(metrics.error_column, "absolute"),
+    "calibrate.CalibrationResult.plot theme": CALIBRATED.plot,
+    "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
+    "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
+    "calibrate.calibrate fmi": calibrate.calibrate,
+    "style.use theme": lambda theme: style.use(theme).__enter__(),
+    "style.named theme": style.named,
+    "sweep.plot_means theme": partial(sweep.plot_means, MEANS),
+    "factorial.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
+    "factorial.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.of_table error": partial(of_runs, analysis.of_table),
+    "report.factorial.find error": partial(of_runs, report.find),
+    "factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
+    "factorial_plots.plot_front theme": partial(factorial_plots.plot_front, ADVICE),
+    "analysis.of_table transform": partial(of_runs, analysis.of_table),
+    "report.factorial.find transform": partial(of_runs, report.find),
+    "analysis.save theme": partial(analysis.save, FOUND, "nowhere"),
+    "analysis.save_advice theme": partial(analysis.save_advice, ADVICE, "nowhere"),
+    "report.page.inline theme": partial(page.inline, PICTURE),
+    "report.paper.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
+    "export.export_ssp version": partial(export.export_ssp, "paper-scenario-1"),
+    "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
+    "scenario.Scenario.system fmi": sblcosim.load("paper-scenario-1").system,
+    "masters.execute master": partial(masters.execute, None),
+    "points.prepare master": partial(points.prepare, STUDY),
+    "campaign.run executor": lambda executor: executors.ready(None, executor=executor).__enter__(),
+}
+CALLS |= {
+    f"{where}.{name} theme": partial(getattr(module, name), *given)
+    for name in ("plot_pareto", "plot_interactions", "plot_main_effects", "plot_residuals",
+                 "plot_box_cox")
+    for where, module, given in (("factorial_plots", factorial_plots, (FOUND,)),
+                                 ("factorial.Factorial", FOUND, ()))
+}
+ELSEWHERE = {
+    "analysis.of_study error": "analysis.of_table",
+    "report.study.save error": "report.factorial.find",
+    "analysis.of_study transform": "analysis.of_table",
+    "report.study.save transform": "report.factorial.find",
+    "analysis.write theme": "analysis.save",
+}
+"""Those that hand the argument on before they do anything with it, and to what."""
+
+
+def literals() -> set[str]:
+    """All arguments of public functions that are annotated with a Literal."""
+    found = set()
+    for info in pkgutil.walk_packages(sblcosim.__path__, "sblcosim."):
+        name = info.name.removeprefix("sblcosim.")
+        if name.startswith(("fmus", "models", "cli", "scenarios", "studies", "__main__")):
+            continue
+        module = importlib.import_module(info.name)
+        for word, thing in vars(module).items():
+            if getattr(thing, "__module__", None) != info.name or word.startswith("_"):
+                continue
+            functions = {word: thing} if inspect.isfunction(thing) else {
+                f"{word}.{method}": function for method, function in vars(thing).items()
+                if inspect.isfunction(function) and not method.startswith("_")
+            } if inspect.isclass(thing) else {}
+            for path, function in functions.items():
+                for parameter in inspect.signature(function).parameters.values():
+                    for token in re.findall(r"[\w.]+", str(parameter.annotation)):
+                        try:
+                            kind = eval(token, vars(module))
+                        except (NameError, AttributeError, SyntaxError):
+                            continue
+                        if str(get_origin(kind) or kind) == "typing.Literal":
+                            found.add(f"{name}.{path} {parameter.name}")
+    return found
+
+
+def test_every_argument_that_is_a_choice_is_tried_here() -> None:
+    found = literals()
+    assert "plots.plot_path theme" in found
+    assert found <= CALLS.keys() | ELSEWHERE.keys(), found - CALLS.keys() - ELSEWHERE.keys()
+    assert {f"{to} {name.split()[1]}" for name, to in ELSEWHERE.items()} <= CALLS.keys()
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_choice_that_there_is_not_is_refused_before_anything_is_done(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    argument = name.split()[1]
+    for wrong in ("darck", 7, True, "", ["dark"]):
+        with pytest.raises(ConfigurationError) as caught:
+            CALLS[name](**{argument: wrong})
+        assert re.match(rf"(calibrate )?{argument}: must be .* or .*, got ", str(caught.value))
+        assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_nearest_choice_is_named() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        check_choice("frame", "relativ", ("absolute", "relative"))
+    assert str(caught.value) == (
+        "frame: must be absolute or relative, got 'relativ'; did you mean 'relative'?"
+    )
+    with pytest.raises(ConfigurationError, match="fmi: must be 2 or 3, got an instance of ndarray"):
+        check_choice("fmi", np.array([2, 3]), (2, 3))
+    check_choice("fmi", 2, (2, 3))
+
+
+@pytest.mark.parametrize("word", ["causality", "type", "variability"])
+def test_a_declaration_knows_its_words(word: str) -> None:
+    with pytest.raises(ValueError, match=f"x: {word} 'outptu' is not one of"):
+        Variable(**{"name": "x", "description": "", "causality": "output", word: "outptu"})
