@@ -23,7 +23,7 @@ from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .conformance.checks import LOADING
 from .conformance.runner import PATIENCE, run, unpacked
-from .description import FMI2_TYPES
+from .description import FMI2_TYPES, base_unit
 from .errors import FmuError, nearest
 from .read.archive import Archive, opened
 from .read.description import check_interface, describe, library_of, split, terminals_of
@@ -293,7 +293,7 @@ def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
             k: n for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if (n := getattr(base, k))
         }
         for unit in UNITS.values():
-            if (dict(unit.exponents), 1.0, 0.0) == (exponents, base.factor, base.offset):
+            if (base_unit(unit.name), 1.0, 0.0) == (exponents, base.factor, base.offset):
                 return unit.name
         return f"{name} (by its definition)" if name in UNITS else name
     return name
