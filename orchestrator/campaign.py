@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -26,7 +27,17 @@ from .points import (
 )
 from .result import Result
 from .simulation import silent, simulate, steps_of
-from .store import RUNS, check_folder, finished, open_folder, save, study_of, table, write
+from .store import (
+    RUNS,
+    at_work,
+    check_folder,
+    finished,
+    open_folder,
+    save,
+    study_of,
+    table,
+    write,
+)
 from .study import Study
 from .wiring import FIXED
 
@@ -34,8 +45,14 @@ BATCH = 2048
 """Runs at a time, as a whole number of replicates: all points of a replicate, or none."""
 BATCH_STEPS = 200_000_000
 """The same in communication steps, where runs are long: what a kill can cost."""
-SAMPLE_SECONDS = 0.3
+SAMPLE_SECONDS = 0.1
 """What a sample must take at least, to tell how long all will take."""
+SAMPLES = 5
+"""How often it is simulated."""
+SIDE_BY_SIDE = 8
+"""Runs of a sample for each worker, at least: so many go through a processor's lanes at once."""
+MARGIN = 1.25
+"""Factor that is left to chance, either way: samples are not all runs."""
 _PART = 16  # runs at a time and worker where each runs alone: what a kill can cost
 
 
@@ -85,27 +102,29 @@ def run(
     folder = Path(out).resolve()
     campaign = prepare(study, master)
     weight = {p: g.steps for g in campaign.groups for p in g.places}
-    with executors.ready(
-        campaign, executor=executor, scheduler=scheduler, workers=workers, master=master
-    ) as simulated:
+    check_folder(folder, campaign)
+    with (
+        executors.ready(
+            campaign, executor=executor, scheduler=scheduler, workers=workers, master=master
+        ) as simulated,
+        at_work(folder),
+    ):
         open_folder(folder, campaign)
-        before = finished(folder)
-        total = passed = 0
+        what = missing(campaign, folder)
+        passed = 0
 
         def work(runs: Sequence[Run]) -> int:
             return sum(weight[r.place] for r in runs)
 
         def done(part: Sequence[Run], share: float) -> None:
             if progress is not None:
-                progress((passed + share * work(part)) / total)
+                progress((passed + share * work(part)) / what.steps)
 
-        if progress is not None:
-            total = sum(map(work, _missing(campaign, before, workers)))
-        for part, made in simulated(_missing(campaign, before, workers), done):
+        for part, made in simulated(_missing(campaign, what.done, workers), done):
             write(folder, part, made)
             passed += work(part)
-    whole = table(folder)
-    save(folder / RUNS, whole)
+        whole = table(folder)
+        save(folder / RUNS, whole)
     if progress is not None:
         progress(1.0)
     return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
@@ -127,8 +146,33 @@ def _missing(
             yield runs[i : i + size]
 
 
-def missing(campaign: Campaign, out: str | Path) -> list[Run]:
-    """Runs that are not in a folder of results yet; nothing is written.
+@dataclass(frozen=True)
+class Missing:
+    """What is missing of a campaign, counted and not listed.
+
+    Attributes
+    ----------
+    done
+        Ids of the runs that are there.
+    runs, steps
+        Number of those that are missing, and their communication steps.
+    by_point
+        The number at each point.
+    """
+
+    done: Collection[str]
+    runs: int
+    steps: int
+    by_point: tuple[int, ...]
+
+
+def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missing:
+    """What is not in a folder of results yet; nothing is written.
+
+    Parameters
+    ----------
+    tell
+        Warn of damaged parts, whose runs are missing.
 
     Raises
     ------
@@ -137,27 +181,66 @@ def missing(campaign: Campaign, out: str | Path) -> list[Run]:
     """
     folder = Path(out).resolve()
     check_folder(folder, campaign)
-    before = finished(folder)
-    return [r for r in batch(campaign, 1, campaign.study.replicates) if r.run_id not in before]
+    done = finished(folder, ["point", "replicate"], tell=tell)
+    counts = [campaign.study.replicates] * len(campaign.points)
+    for point, replicate in done.values():
+        counts[point - 1] -= replicate <= campaign.study.replicates
+    steps = sum(g.steps * counts[p] for g in campaign.groups for p in g.places)
+    return Missing(done.keys(), sum(counts), steps, tuple(counts))
 
 
 def estimate(
-    campaign: Campaign, runs: Sequence[Run], workers: int | None = None, master: str | None = None
-) -> float:
-    """Seconds that some runs will take, from a sample of them; nothing is written."""
-    if not runs:
-        return 0.0
-    simulate(campaign, runs[:1], workers, master, silent)  # libraries are loaded
-    groups = [[run for run in runs if run.place in g.places] for g in campaign.groups]
-    size = 1
+    campaign: Campaign, what: Missing, workers: int | None = None, master: str | None = None
+) -> tuple[float, float]:
+    """Seconds that the missing runs will take; nothing is written.
+
+    Samples of the runs are simulated several times. The first number is for a machine that does
+    nothing else: the least processor time of the samples, shared by the workers. The second is for
+    one that stays as busy as it is: the upper quartile of their durations. Both are widened by
+    `MARGIN`.
+    """
+    if not what.runs:
+        return 0.0, 0.0
+    threads = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
+    size = -(-SIDE_BY_SIDE * threads // len(campaign.groups))  # all lanes of all workers are in use
+    simulate(campaign, _sample(campaign, what, 1), workers, master, silent)  # libraries are loaded
     while True:
-        sample = [run for group in groups for run in group[:size]]
-        started = time.perf_counter()
-        simulate(campaign, sample, workers, master, silent)
-        seconds = time.perf_counter() - started
-        if seconds > SAMPLE_SECONDS or len(sample) >= len(runs):
-            return seconds * sum(steps_of(campaign, runs)) / sum(steps_of(campaign, sample))
+        sample = _sample(campaign, what, size)
+        first = _timed(campaign, sample, workers, master)
+        if first[0] > SAMPLE_SECONDS or len(sample) >= what.runs:
+            break
         size *= 4
+    times = [first, *(_timed(campaign, sample, workers, master) for _ in range(SAMPLES - 1))]
+    share = what.steps / sum(steps_of(campaign, sample))
+    idle = min(min(wall, processor / threads) for wall, processor in times)
+    busy = sorted(wall for wall, _ in times)[3 * len(times) // 4]
+    return idle * share / MARGIN, busy * share * MARGIN
+
+
+def _timed(
+    campaign: Campaign, runs: Sequence[Run], workers: int | None, master: str | None
+) -> tuple[float, float]:
+    """Seconds that some runs take, and seconds of all processors."""
+    wall, processor = time.perf_counter(), time.process_time()
+    simulate(campaign, runs, workers, master, silent)
+    return time.perf_counter() - wall, time.process_time() - processor
+
+
+def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
+    """The first so many missing runs of each group."""
+    sample: list[Run] = []
+    wanted = {n: min(size, sum(what.by_point[p] for p in group.places))
+              for n, group in enumerate(campaign.groups)}
+    group_of = {p: n for n, group in enumerate(campaign.groups) for p in group.places}
+    for replicate in range(1, campaign.study.replicates + 1):
+        if not any(wanted.values()):
+            break
+        for run in batch(campaign, replicate, 1):
+            number = group_of[run.place]
+            if wanted[number] and run.run_id not in what.done:
+                wanted[number] -= 1
+                sample.append(run)
+    return sample
 
 
 def replay(

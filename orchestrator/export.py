@@ -23,11 +23,13 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 from xml.etree import ElementTree as ET
 
-from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_model_description
+from fmpy.model_description import ModelDescription, ModelVariable, Unit
 from sblcosim.fmus.archive import write_fmu
 from sblcosim.fmus.description import PACKAGE
 from sblcosim.fmus.factory import build
 from sblcosim.fmus.files import scratch, write_file
+from sblcosim.fmus.read.archive import opened
+from sblcosim.fmus.read.description import describe
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
@@ -245,8 +247,8 @@ def _parts(plan: Plan, bake: bool) -> list[_Part]:
     for component in plan.components:
         source = cast(Fmu, component.source)
         path = _baked(component, source, plan) if bake else source.path
-        description = read_model_description(str(path), validate=False)
-        parts.append(_Part(names[component.name], component, path, description))
+        with opened(path) as archive:
+            parts.append(_Part(names[component.name], component, path, describe(archive)))
     return parts
 
 

@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import check_choice
-from .base import ForceOption, Terminated, app, place, report, table, waiting
+from .base import ForceOption, app, numeric, place, report_run, table, waiting
+from .outcome import Terminated
 
 
 @app.command()
@@ -31,10 +32,11 @@ def study(
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+        int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
     executor: Annotated[
         str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
@@ -60,6 +62,7 @@ def study(
     """Run a factorial study, or what is missing of it.
 
     The folder gets a table with a row per run. After Ctrl-C or a crash the same command goes on.
+    The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
         from .. import campaign
@@ -84,20 +87,23 @@ def study(
                 raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master)
-            missing = campaign.missing(prepared, out)
+            missing = campaign.missing(prepared, out, tell=True)
             seconds = campaign.estimate(prepared, missing, workers, master)
     if dry_run:
-        done = prepared.runs - len(missing)
+        done = prepared.runs - missing.runs
         typer.echo(
             f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
             f"runs, {prepared.steps} steps"
             + (f"; {done} runs are in {out}" if done else "")
-            + (f"; {_duration(seconds)} on this machine" if missing else "")
+            + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
             + "; nothing was run"
         )
         return
     typer.echo(_summary(runs))
     typer.echo(f"\nwritten to {out}")
+    if runs["error"].notna().all():
+        typer.echo(f"all {len(runs)} runs failed: there is nothing to analyse", err=True)
+        raise typer.Exit(1)
 
 
 def _say_how_to_resume(out: Path, runs: int) -> None:
@@ -116,11 +122,19 @@ def _stopped(stop: KeyboardInterrupt) -> int:
     return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"about {max(seconds, 1):.0f} s"
-    minutes = seconds / 60
-    return f"about {minutes:.0f} min" if minutes < 90 else f"about {minutes / 60:.1f} h"
+def _duration(least: float, most: float) -> str:
+    """A range of times, of which the second is not trusted to be the larger."""
+    (low, unit), (high, other) = (_amount(s) for s in (least, max(least, most)))
+    if (low, unit) == (high, other):
+        return f"about {low} {unit}"
+    return f"about {low}{'' if unit == other else f' {unit}'} to {high} {other}"
+
+
+def _amount(seconds: float) -> tuple[str, str]:
+    for unit, length, until in (("s", 1, 90), ("min", 60, 90), ("h", 3600, 72)):
+        if seconds < until * length:
+            return f"{max(seconds / length, 1):.2g}", unit
+    return f"{seconds / 86400:,.0f}", "days"
 
 
 def _summary(runs: Any) -> str:
@@ -130,13 +144,26 @@ def _summary(runs: Any) -> str:
     lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
     suffix = ".absolute_total_rms_m"
     for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        if runs[column].isna().all():
+            continue
         name = column.removesuffix(suffix)
+        if runs[column].isna().all():
+            lines.append(f"{name}: no estimate in any run")
+            continue
         lines.append(
             f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
-            f"{runs[f'{name}.inconsistent'].mean():.0%} of them inconsistent, "
+            f"{_inconsistent(runs[f'{name}.inconsistent'])}, "
             f"{runs[f'{name}.lost'].mean():.0%} lost"
         )
     return "\n".join(lines)
+
+
+def _inconsistent(flags: Any) -> str:
+    known = flags.dropna()
+    if known.empty:
+        return "consistency unknown (no estimate has a covariance)"
+    whose = "them" if len(known) == len(flags) else f"the {len(known)} with a covariance"
+    return f"{known.mean():.0%} of {whose} inconsistent"
 
 
 @app.command()
@@ -161,7 +188,7 @@ def replay(
         artifacts.check(wanted, other=other)
         result = campaign.replay(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report(result, folder, as_json, wanted)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -175,7 +202,7 @@ def analyse(
         str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
     ] = None,
     order: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+        int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
     transform: Annotated[
         str,
@@ -191,7 +218,7 @@ def analyse(
         ),
     ] = "pure",
     practical: Annotated[
-        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+        float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -239,14 +266,14 @@ def advise(
         ),
     ],
     limit: Annotated[
-        float | None, typer.Option("--limit", help="Largest error that will do.")
+        float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
     ] = None,
     percentile: Annotated[
         float | None,
-        typer.Option("--percentile", help="So many percent of the runs [default: their mean]."),
+        numeric("--percentile", float, "P", "So many percent of the runs [default: their mean]."),
     ] = None,
     confidence: Annotated[
-        float, typer.Option("--confidence", help="That the advised design is good enough.")
+        float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
     response: Annotated[
         str | None,
@@ -281,6 +308,8 @@ def advise(
         folder = analysis.save_advice(found, out, shown=shown)
     typer.echo(shown)
     typer.echo(f"\nwritten to {folder}")
+    if found.limit is not None and found.chosen is None:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -295,10 +324,11 @@ def paper(
         bool, typer.Option("--quick", help="Few replicates: a look at everything.")
     ] = False,
     practical: Annotated[
-        float, typer.Option(metavar="SIZE", help="Effects below it do not matter [m].")
+        float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
     ] = 0.5,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.

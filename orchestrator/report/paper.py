@@ -25,16 +25,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from sblcosim.fmus.files import is_hidden
 from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
 from .. import artifacts, campaign, plots, store
 from .. import study as studies
 from ..api import run as run_scenario
+from ..definitions import AXES, recorded
 from ..design import TIMES
 from ..errors import ConfigurationError
 from ..factorial import answer, places
-from ..metrics import AXES, recorded
 from ..record import Record
 from ..scenario import load as load_scenario
 from ..study import Study
@@ -239,7 +240,11 @@ def check(folder: Path) -> None:
         So it is.
     """
     if folder.is_dir():
-        foreign = sorted(f.name for f in folder.iterdir() if f.name not in (RUNS, PAGES))
+        foreign = sorted(
+            f.name
+            for f in folder.iterdir()
+            if f.name not in (RUNS, PAGES) and not is_hidden(f.name)
+        )
         if foreign:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold what 'sblcosim paper' wrote, got {foreign[0]!r} "
@@ -251,6 +256,8 @@ def check(folder: Path) -> None:
         place = folder / RUNS / name
         if place.is_dir() and not (place / store.STUDY).exists():
             for file in sorted(place.iterdir()):
+                if file.name in (store.PARTS, store.RUNS) or is_hidden(file.name):
+                    continue
                 raise ConfigurationError(
                     f"{place}: must be empty or hold results of this study, got {file.name!r} in it"
                 )
