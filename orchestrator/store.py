@@ -258,7 +258,7 @@ def table(results: str | Path) -> pd.DataFrame:
         parts.append(part.to_pandas())
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    whole: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
     return whole.sort_values(["replicate", "point"], ignore_index=True)
 
 
