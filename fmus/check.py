@@ -10,42 +10,29 @@ FMU's binary only on demand.
 
 from __future__ import annotations
 
-import os
-import re
-import signal
-import subprocess
-import sys
-import tempfile
-import zipfile
-import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET
 
-from fmpy import extract
-from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
-from fmpy.validation import validate_fmu
+from fmpy.model_description import ModelDescription, ModelVariable
 from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from .archive import DESCRIPTION
-from .description import FMI2_TYPES
+from .conformance.checks import LOADING
+from .conformance.runner import PATIENCE, run, unpacked
+from .description import FMI2_TYPES, base_unit
 from .errors import FmuError, nearest
-from .factory import fmi_headers
-from .files import scratch
-from .platforms import folders, suffix, this_platform
-from .terminals import PORTS, TERMINALS, members, port_names
+from .read.archive import Archive, opened
+from .read.description import check_interface, describe, library_of, split, terminals_of
+from .terminals import PORTS, members, port_names
 
 Severity = Literal["ok", "absent", "warning", "error"]
 
 _PORTS = {port.name: port for group in PORTS.values() for port in group}
 _TYPES = {old: new for new, old in FMI2_TYPES.items()}
-_PATIENCE = 60.0
-"""Seconds that a binary has to load."""
-_ELEMENT = re.compile(r"(?P<base>.+)\[(?P<indices>\d+(\s*,\s*\d+)*)\]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,13 +115,14 @@ class _Declared:
         if len({len(indices) for indices in self.scalars}) > 1:
             return None
         shape = tuple(map(max, zip(*self.scalars, strict=True)))
-        complete = product(*(range(1, size + 1) for size in shape))
-        return shape if set(complete) == set(self.scalars) else None
+        # As many elements as there are places for, and none twice: all of them.
+        complete = math.prod(shape) == len(self.scalars) and min(map(min, self.scalars)) > 0
+        return shape if complete else None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the FMU's variables, without indices; more than one only by a terminal."""
-        return tuple(dict.fromkeys(_split(v.name)[0] for v in self.scalars.values()))
+        return tuple(dict.fromkeys(split(v.name)[0] for v in self.scalars.values()))
 
 
 def check_receiver(path: str | Path, *, load: bool = False) -> Report:
@@ -143,7 +131,8 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
     Parameters
     ----------
     load
-        Whether to load the FMU's binary, too; in a process of its own, as loading runs code of it.
+        Whether to load and instantiate the FMU, too; in a process of its own, as that runs code of
+        it.
 
     Raises
     ------
@@ -151,10 +140,12 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
         There is no such file, or it cannot be read as an FMU.
     """
     path = Path(path)
-    description, files, terminals = read_fmu(path)
-    findings = list(check_kind(description, files))
-    if load and not any(f.severity == "error" for f in findings):
-        findings.append(_check_binary(path, description, files))
+    with opened(path) as archive:
+        description = describe(archive)
+        terminals = terminals_of(archive)
+        findings = [check_kind(archive, description)]
+        if load and findings[0].severity == "ok":
+            findings.append(_check_binary(archive, description))
     variables = {v.name: v for v in description.modelVariables}
     named: Mapping[str, str] = {}
     if terminals is not None:
@@ -196,140 +187,24 @@ def _check_ports(
             yield Finding(name, "warning", f"is not a port: will keep its start value{hint}")
 
 
-def read_fmu(path: Path) -> tuple[ModelDescription, Sequence[str], ET.Element | None]:
-    """Model description, names of all files, and terminals of an FMU."""
-    if not os.path.isfile(path):
-        got = "a folder" if os.path.isdir(path) else "no file"
-        raise FmuError(f"{path}: must be an FMU, got {got}")
-    try:
-        with path.open("rb") as file:
-            packed = zipfile.is_zipfile(file)
-    except OSError as error:
-        raise FmuError(
-            f"{path}: must be a file that can be read, got {error.strerror}"
-        ) from error
-    if not packed:
-        raise FmuError(f"{path}: is not an FMU (not a ZIP archive)")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            files = archive.namelist()
-            if DESCRIPTION not in files:
-                raise FmuError(
-                    f"{path}: must contain {DESCRIPTION}, got only "
-                    f"{_count(len(files), 'other file')}"
-                )
-            version = ET.fromstring(archive.read(DESCRIPTION)).get("fmiVersion", "no version")
-            terminals = ET.fromstring(archive.read(TERMINALS)) if TERMINALS in files else None
-    except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError) as error:
-        raise FmuError(f"{path}: must be an intact ZIP archive, got {_line(error)}") from error
-    except ET.ParseError as error:
-        raise FmuError(f"{path}: must hold well-formed XML, got {_line(error)}") from error
-    if version != "2.0" and not version.startswith("3."):
-        raise FmuError(f"{path}: must be FMI 2.0 or 3.0, got {version}")
-    try:
-        description = read_model_description(str(path), validate=False)
-    except Exception as error:  # FMPy passes on whatever the defect happens to cause
-        problem = next(iter(validate_fmu(str(path))), _line(error))
-        raise FmuError(f"{path}: must have a valid {DESCRIPTION}, got {problem}") from error
-    return description, files, terminals
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-def binary_files(description: ModelDescription) -> dict[str, str]:
-    """Where the binary for this machine may be, by the name of its folder."""
-    assert description.coSimulation is not None
-    identifier = description.coSimulation.modelIdentifier
-    names = folders(this_platform(), 2 if description.fmiVersion == "2.0" else 3)
-    return {name: f"binaries/{name}/{identifier}{suffix(name)}" for name in names}
-
-
-_LOAD = """
-import ctypes, os, sys
-os.chdir(os.path.dirname(sys.argv[1]))
-try:
-    library = ctypes.CDLL(sys.argv[1])
-except OSError as error:
-    sys.exit(str(error))
-missing = [name for name in sys.argv[2:] if not hasattr(library, name)]
-if missing:
-    more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-    sys.exit("the standard asks for functions that it lacks: " + ", ".join(missing[:3]) + more)
-"""
-
-
-def functions_of(description: ModelDescription) -> tuple[str, ...]:
-    """The functions that the standard's header has for the FMU's kinds of interface."""
-    fmi = description.fmiMajorVersion
-    text = (fmi_headers() / f"fmi{fmi}Functions.h").read_text()
-    offered = {
-        "Model Exchange": description.modelExchange is not None,
-        "Co-Simulation": True,
-        "Scheduled Execution": description.scheduledExecution is not None,
-    }
-    names = []
-    section = ""
-    for heading, name in re.findall(
-        rf"/\*{{5,}}\s*(\w[^\n]*)|FMI{fmi}_Export\s+\w+TYPE\s+(\w+);", text
-    ):
-        section = heading or section
-        kinds = (k for k in offered if k in section or re.sub("[ -]", "", k) in name)
-        if name and all(offered[kind] for kind in kinds):
-            names.append(name)
-    return tuple(names)
-
-
-
-def _check_binary(path: Path, description: ModelDescription, files: Sequence[str]) -> Finding:
-    """Does the binary load, and is it one of an FMU? Asked in another process: it may crash."""
-    name = next(name for name in binary_files(description).values() if name in files)
-    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as folder:
-        try:
-            extract(path, folder)
-            binary = Path(folder, name)
-            wanted = functions_of(description)
-            done = subprocess.run(
-                [sys.executable, "-I", "-c", _LOAD, str(binary), *wanted],
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=_PATIENCE,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            problem = f"it has not loaded after {_PATIENCE:g} s"
-        except Exception as error:  # FMPy raises Exception itself
-            problem = _line(error)
-        else:
-            if done.returncode == 0:
-                return Finding("binary", "ok", "loads")
-            problem = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
-            if done.returncode < 0:
-                problem = f"it crashed ({signal.Signals(-done.returncode).name})"
-        # A loader names the file that it cannot load, whose folder is gone by now.
-        problem = problem.replace(f"{folder}{os.sep}", "").removeprefix(f"{name}: ")
-    return Finding("binary", "error", f"does not load: {problem}")
-
-
-def check_kind(description: ModelDescription, files: Sequence[str]) -> Iterator[Finding]:
+def check_kind(archive: Archive, description: ModelDescription) -> Finding:
     """Is it for Co-Simulation and for this machine?"""
-    if description.coSimulation is None:
-        yield Finding("FMU", "error", "must be for Co-Simulation, got another interface")
-        return
-    binaries = binary_files(description)
-    folder = next(iter(binaries))
-    if any(binary in files for binary in binaries.values()):
-        yield Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")
-    else:
-        others = sorted({f.split("/")[1] for f in files if re.match(r"binaries/[^/]+/.", f)})
-        yield Finding(
-            "FMU",
-            "error",
-            f"must have a binary for this machine ({folder}), got "
-            + (", ".join(others) if others else "none"),
-        )
+    try:
+        check_interface(archive, description)
+        library = library_of(archive, description)
+    except FmuError as error:
+        return Finding("FMU", "error", str(error).removeprefix(f"{archive.path}: "))
+    folder = library.split("/")[1]
+    return Finding("FMU", "ok", f"FMI {description.fmiVersion} for Co-Simulation on {folder}")
+
+
+def _check_binary(archive: Archive, description: ModelDescription) -> Finding:
+    """Can it be loaded and instantiated? Asked in another process, which may not survive it."""
+    with unpacked(archive, description) as folder:
+        outcome = run(folder, LOADING, PATIENCE)
+    if outcome.state == "passed":
+        return Finding("binary", "ok", "loads and can be instantiated")
+    return Finding("binary", "error", outcome.reason)
 
 
 def _check_members(
@@ -350,22 +225,14 @@ def _check_members(
                 where,
                 "warning",
                 f"must list members of {member.kind} only, got "
-                f"{member.port!r}{nearest(_split(member.port)[0], member.known)}",
+                f"{member.port!r}{nearest(split(member.port)[0], member.known)}",
             )
-
-
-def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """``x[1,2]`` is ``("x", (1, 2))``."""
-    match = _ELEMENT.fullmatch(name)
-    if match is None:
-        return name, ()
-    return match["base"], tuple(int(index) for index in match["indices"].split(","))
 
 
 def _declared(named: Mapping[str, ModelVariable]) -> Mapping[str, _Declared]:
     groups: dict[str, dict[tuple[int, ...], ModelVariable]] = {}
     for name, variable in named.items():
-        base, indices = _split(name)
+        base, indices = split(name)
         groups.setdefault(base, {})[indices] = variable
     return {base: _Declared(scalars) for base, scalars in groups.items()}
 
@@ -426,7 +293,7 @@ def _unit(variable: ModelVariable, description: ModelDescription) -> str | None:
             k: n for k in ("kg", "m", "s", "A", "K", "mol", "cd", "rad") if (n := getattr(base, k))
         }
         for unit in UNITS.values():
-            if (dict(unit.exponents), 1.0, 0.0) == (exponents, base.factor, base.offset):
+            if (base_unit(unit.name), 1.0, 0.0) == (exponents, base.factor, base.offset):
                 return unit.name
         return f"{name} (by its definition)" if name in UNITS else name
     return name

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree as ET
 
-from sblcosim.models.declaration import UNITS, Component, Number, Unit, Variable
+from sblcosim.models.declaration import UNITS, Component, Number, Variable
 
 from .terminals import TERMINAL_KIND
 
@@ -27,6 +28,40 @@ LOG_CATEGORIES: Mapping[str, str] = {
 }
 FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 """The name in FMI 2 of each type; in FMI 3 the declared names hold."""
+
+
+_POWER = re.compile(r"(kg|mol|cd|rad|Hz|m|s|A|K)([2-9]?)")
+
+
+def base_unit(name: str) -> dict[str, int]:
+    """Exponents of the SI base units of a unit, from its name.
+
+    Parameters
+    ----------
+    name
+        Powers of ``kg``, ``m``, ``s``, ``A``, ``K``, ``mol``, ``cd``, ``rad`` or ``Hz``, such as
+        ``s3``, with dots between them; then perhaps a slash and more of them: ``"m2/s3"``.
+
+    Returns
+    -------
+    dict
+        FMI's attributes of a BaseUnit, those that are 0 left out.
+
+    Raises
+    ------
+    ValueError
+        The name is none of that kind.
+    """
+    exponents: dict[str, int] = {}
+    above, slash, below = name.partition("/")
+    for sign, factors in ((1, above), (-1, below)) if slash else ((1, above),):
+        for factor in factors.split("."):
+            power = _POWER.fullmatch(factor)
+            if power is None:
+                raise ValueError(f"unit: must be powers of SI units, as m2/s3, got {name!r}")
+            base, sense = ("s", -sign) if power[1] == "Hz" else (power[1], sign)
+            exponents[base] = exponents.get(base, 0) + sense * int(power[2] or 1)
+    return {base: n for base, n in exponents.items() if n}
 
 
 def value_references(component: Component) -> Mapping[str, int]:
@@ -245,22 +280,23 @@ def _units(root: ET.Element, component: Component, fmi: Fmi) -> None:
     definitions = ET.SubElement(root, "UnitDefinitions")
     for unit in units:
         element = ET.SubElement(definitions, "Unit", {"name": unit.name})
-        ET.SubElement(element, "BaseUnit", {k: str(n) for k, n in unit.exponents.items()})
-        shown = _display_unit(unit)
+        exponents = base_unit(unit.name)
+        ET.SubElement(element, "BaseUnit", {k: str(n) for k, n in exponents.items()})
+        shown = _display_unit(unit.name)
         if shown is not None:
             ET.SubElement(
                 element,
                 "DisplayUnit",
                 {
                     "name": shown,
-                    "factor": repr(math.degrees(1.0)),
+                    "factor": repr(math.degrees(1.0) ** exponents["rad"]),
                 },
             )
 
 
-def _display_unit(unit: Unit) -> str | None:
+def _display_unit(name: str) -> str | None:
     """Angles are shown in degrees."""
-    return unit.name.replace("rad", "deg") if "rad" in unit.exponents else None
+    return name.replace("rad", "deg") if "rad" in base_unit(name) else None
 
 
 def _attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
@@ -282,7 +318,7 @@ def _type_attributes(variable: Variable, starts: Iterable[Number]) -> dict[str, 
     attributes: dict[str, str] = {}
     if variable.unit is not None:
         attributes["unit"] = variable.unit
-        shown = _display_unit(UNITS[variable.unit])
+        shown = _display_unit(variable.unit)
         if shown is not None:
             attributes["displayUnit"] = shown
     if variable.min is not None:

@@ -8,8 +8,8 @@ needs neither CasADi nor NumPy.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 Causality = Literal["parameter", "input", "output"]
@@ -23,7 +23,7 @@ INT32_MAX = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit and its exponents of the SI base units, as FMI writes them.
+    """A unit, which its name defines (`sblcosim.fmus.description.base_unit`).
 
     Attributes
     ----------
@@ -31,32 +31,55 @@ class Unit:
         As it stands in modelDescription.xml, e.g. ``"m/s"``.
     suffix
         As it stands at the end of a key in a scenario file, e.g. ``"m_s"``.
-    exponents
-        FMI base unit attributes: ``kg``, ``m``, ``s``, ``A``, ``K``, ``mol``, ``cd``, ``rad``.
     """
 
     name: str
     suffix: str
-    exponents: Mapping[str, int] = field(default_factory=dict)
 
 
 UNITS: Mapping[str, Unit] = {
     unit.name: unit
     for unit in (
-        Unit("m", "m", {"m": 1}),
-        Unit("s", "s", {"s": 1}),
-        Unit("m/s", "m_s", {"m": 1, "s": -1}),
-        Unit("m2/s3", "m2_s3", {"m": 2, "s": -3}),
-        Unit("rad", "deg", {"rad": 1}),
-        Unit("rad/s", "deg_s", {"rad": 1, "s": -1}),
-        Unit("rad/K", "deg_K", {"rad": 1, "K": -1}),
-        Unit("K", "K", {"K": 1}),
-        Unit("K/s", "K_s", {"K": 1, "s": -1}),
-        Unit("Hz", "Hz", {"s": -1}),
-        Unit("s/s", "s_s", {}),
+        Unit("m", "m"),
+        Unit("s", "s"),
+        Unit("m/s", "m_s"),
+        Unit("m2/s3", "m2_s3"),
+        Unit("rad", "deg"),
+        Unit("rad/s", "deg_s"),
+        Unit("rad/K", "deg_K"),
+        Unit("K", "K"),
+        Unit("K/s", "K_s"),
+        Unit("Hz", "Hz"),
+        Unit("s/s", "s_s"),
     )
 }
 """Every unit a declaration may use. Angles are radians here and degrees in a scenario file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What another parameter must be.
+
+    Attributes
+    ----------
+    parameter
+        Name in the same component.
+    values
+        One of these; without any, everything but zero will do (of an array: one element).
+    """
+
+    parameter: str
+    values: tuple[int, ...] = ()
+
+    def holds(self, value: Number | Sequence[Number]) -> bool:
+        """Whether a value in SI units, or the elements of an array, will do."""
+        if self.values:
+            return value in self.values
+        return any(value) if isinstance(value, Sequence) else bool(value)
+
+
+Needs = tuple[tuple[Condition, ...], ...]
+"""What must hold: of each group, one condition."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +105,8 @@ class Variable:
         Bounds of every element, both included.
     choices
         For an Int32 that selects something: its values and their names.
+    needs
+        What must hold that a parameter has an effect.
     """
 
     name: str
@@ -95,6 +120,7 @@ class Variable:
     type: Type = "Float64"
     variability: Variability | None = None
     choices: Mapping[int, str] | None = None
+    needs: Needs = ()
 
     def __post_init__(self) -> None:
         for word, value, known in (
@@ -211,6 +237,11 @@ class Component:
         order = [("parameter", "input", "output").index(v.causality) for v in self.variables]
         if order != sorted(order):
             raise ValueError(f"{self.name}: parameters must come first, then inputs, then outputs")
+        parameters = {v.name for v in self.of("parameter")}
+        for variable in self.variables:
+            for condition in (c for group in variable.needs for c in group):
+                if condition.parameter not in parameters:
+                    raise ValueError(f"{variable.name}: needs {condition.parameter}, no parameter")
 
     def __iter__(self) -> Iterator[Variable]:
         return iter(self.variables)
@@ -241,26 +272,44 @@ def input_(name: str, description: str, unit: str | None = None, **rest: object)
     return Variable(name, description, "input", unit, **rest)  # type: ignore[arg-type]
 
 
-def choice(name: str, description: str, choices: Mapping[int, str], start: int) -> Variable:
+def choice(
+    name: str, description: str, choices: Mapping[int, str], start: int, needs: Needs = ()
+) -> Variable:
     """A parameter that selects one of several named alternatives."""
-    return Variable(name, description, "parameter", start=start, choices=choices)
+    return parameter(name, description, start=start, choices=choices, needs=needs)
 
 
-def switch(name: str, description: str, start: bool) -> Variable:
+def switch(name: str, description: str, start: bool, needs: Needs = ()) -> Variable:
     """A parameter that turns something on or off."""
-    return Variable(name, description, "parameter", start=start, type="Boolean")
+    return parameter(name, description, start=start, type="Boolean", needs=needs)
 
 
-def tick_interval(name: str, description: str) -> Variable:
+def tick_interval(name: str, description: str, needs: Needs = ()) -> Variable:
     """The parameter that holds the time between a component's ticks."""
-    return parameter(name, description, "s", start=0.1, min=1e-6, max=1e6)
+    return parameter(name, description, "s", start=0.1, min=1e-6, max=1e6, needs=needs)
 
 
-def noise_keys() -> tuple[Variable, Variable]:
-    """Seed and stream of a noisy component: equal pairs share their noise."""
+def noise_keys(*needs: tuple[Condition, ...]) -> tuple[Variable, Variable]:
+    """Seed and stream of a noisy component: equal pairs share their noise.
+
+    Parameters
+    ----------
+    needs
+        When anything is random at all, see `Variable`.
+    """
     return (
         Variable("seed", "Seed of every random number of this component", "parameter",
-                 start=1, min=0, max=INT32_MAX, type="Int32"),
+                 start=1, min=0, max=INT32_MAX, type="Int32", needs=needs),
         Variable("stream", "Tells components of one kind and one seed apart", "parameter",
-                 start=0, min=0, max=2**16 - 1, type="Int32"),
+                 start=0, min=0, max=2**16 - 1, type="Int32", needs=needs),
     )
+
+
+def is_one_of(name: str, choices: Mapping[int, str], *chosen: str) -> Condition:
+    """The condition that a choice is one of some."""
+    return Condition(name, tuple(value for value, label in choices.items() if label in chosen))
+
+
+def not_zero(*names: str) -> tuple[Condition, ...]:
+    """The conditions that parameters are not zero."""
+    return tuple(map(Condition, names))

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from . import artifacts, campaign, factorial_plots, style
@@ -73,7 +74,8 @@ def of_table(
         )
     column = column_of(table, response, receiver)
     found = analyse(
-        table, list(study.factors), column, order=order, transform=transform, error=error,
+        in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
+        error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
@@ -91,7 +93,7 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     Raises
     ------
     ConfigurationError
-        There is no such receiver or response.
+        There is no such receiver or response, or it is unknown in all runs.
     """
     responses = [c for c in table.columns if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
@@ -109,7 +111,19 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
             f"response: must be one of {', '.join(known)}, got {response!r}"
             f"{nearest(response, known)}"
         )
-    return f"{chosen}.{response}"
+    column = f"{chosen}.{response}"
+    if table[column].isna().all():
+        why = f"; no estimate of {chosen} has a covariance" if response in _OF_COVARIANCE else ""
+        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
+    return column
+
+
+_OF_COVARIANCE = ("inconsistent", "nees_position")
+
+
+def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The same with a column as numbers, NaN where it is missing."""
+    return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
 def unit_of(column: str) -> str:
@@ -189,8 +203,9 @@ def advice_on_study(
                 raise ConfigurationError(f"{where}: {name}: must be numbers, got {value!r}")
         prices[name] = dict(zip(levels, values, strict=True))
     points = table[~table["point"].isin(_centre(study))]
+    column = column_of(table, response, receiver)
     return advise(
-        points, list(study.factors), column_of(table, response, receiver), prices, limit=limit,
+        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
         percentile=percentile, confidence=confidence, unit=unit_of(response),
     )
 

@@ -287,13 +287,15 @@ def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
 
 
 def plain(value: Any) -> Any:
-    """The same as numbers, words, lists and dicts that JSON knows; NaN becomes None."""
+    """The same as numbers, words, lists and dicts that JSON knows; what is missing becomes None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
         return [plain(item) for item in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
+    if value is pd.NA:
+        return None
     if isinstance(value, float):
         return value if abs(value) < float("inf") else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)

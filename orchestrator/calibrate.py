@@ -27,9 +27,9 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
 from . import artifacts, plots, style
+from .definitions import Floats
 from .errors import ConfigurationError, check_choice
 from .master import execute
-from .metrics import Floats
 from .plan import resolve
 from .record import Record
 from .system import SECOND, ComponentSpec, Connection, PythonComponent, System

@@ -1,9 +1,11 @@
 """A scenario as one file for other tools: an SSP package, or a single FMU.
 
-What is in a package is what other tools take (tried with FMPy, libcosim, ecos and fmucontainer):
-connections from component to component only, one parameter set per component with the short names
-of its variables, all FMUs inside, and the step sizes as annotations of OMSimulator and of the Open
-Simulation Platform. Connectors and units are those of the FMUs' model descriptions.
+What is in a package is what other tools take (tried with FMPy, libcosim, ecos, OMSimulator and
+fmucontainer): connections from component to component only, one parameter set per component with
+the short names of its variables, all FMUs inside, names that are identifiers, and the step sizes as
+annotations: for the Open Simulation Platform that of the experiment, for OMSimulator the first of
+the system, as it reads no other and takes none of a component. The components' own intervals are in
+the system's second. Connectors and units are those of the FMUs' model descriptions.
 
 Some tools do not look at parameter sets. For them the FMUs can be *baked*: built with the
 scenario's numbers as start values. A baked package has no parameter sets: that shows what it is.
@@ -21,11 +23,13 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 from xml.etree import ElementTree as ET
 
-from fmpy.model_description import ModelDescription, ModelVariable, Unit, read_model_description
+from fmpy.model_description import ModelDescription, ModelVariable, Unit
 from sblcosim.fmus.archive import write_fmu
 from sblcosim.fmus.description import PACKAGE
 from sblcosim.fmus.factory import build
 from sblcosim.fmus.files import scratch, write_file
+from sblcosim.fmus.read.archive import opened
+from sblcosim.fmus.read.description import describe
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
@@ -49,20 +53,18 @@ _NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "sblcosim": "urn:org.sblcosim",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A component of the package: what was planned, its FMU file, and its description."""
+    """A component of the package: its name there, what was planned, its FMU, its description."""
 
+    name: str
     planned: PlannedComponent
     fmu: Path
     description: ModelDescription
-
-    @property
-    def name(self) -> str:
-        return self.planned.name
 
 
 def export_ssp(
@@ -111,7 +113,7 @@ def export_ssp(
         "ssd:SystemStructureDescription",
         {
             **{f"xmlns:{prefix}": uri for prefix, uri in _NAMESPACES.items()},
-            "name": settled.name,
+            "name": _identifier(settled.name),
             "version": f"{version}.0",
             "generationTool": PACKAGE,
         },
@@ -241,11 +243,33 @@ def _without_raw(system: System, receiver: Receivers) -> System:
 
 def _parts(plan: Plan, bake: bool) -> list[_Part]:
     parts = []
+    names = _names(plan)
     for component in plan.components:
         source = cast(Fmu, component.source)
         path = _baked(component, source, plan) if bake else source.path
-        parts.append(_Part(component, path, read_model_description(str(path), validate=False)))
+        with opened(path) as archive:
+            parts.append(_Part(names[component.name], component, path, describe(archive)))
     return parts
+
+
+def _identifier(name: str, taken: Collection[str] = ()) -> str:
+    """A name as OMSimulator asks for it: ASCII letters, digits and _, a letter first."""
+    stem = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    stem = found = stem if stem[0].isalpha() else f"x{stem}"
+    number = 2
+    while found in taken:
+        found = f"{stem}_{number}"
+        number += 1
+    return found
+
+
+def _names(plan: Plan) -> dict[str, str]:
+    """The name of each component in a package; those that may stay as they are do."""
+    names = {c.name: c.name for c in plan.components if _identifier(c.name) == c.name}
+    for component in plan.components:
+        if component.name not in names:
+            names[component.name] = _identifier(component.name, names.values())
+    return names
 
 
 def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
@@ -281,6 +305,7 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
 
 def _links(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
     """(component, variable) at both ends of every connection, variable by variable of the FMUs."""
+    names = _names(plan)
     by_name = {c.name: c for c in plan.components}
     for target in plan.components:
         for write in target.writes:
@@ -293,7 +318,7 @@ def _links(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
                         f"{len(port.variables)} scalars"
                     )
                 for output, input_ in zip(outputs, port.variables, strict=True):
-                    yield (source, output), (target.name, input_)
+                    yield (names[source], output), (names[target.name], input_)
 
 
 def _step(plan: Plan) -> int:
@@ -352,8 +377,6 @@ def _system(
             ET.SubElement(
                 bindings, "ssd:ParameterBinding", {"source": f"resources/{part.name}.ssv"}
             )
-        hint = _annotation(component, "com.opensimulationplatform")
-        ET.SubElement(hint, "osp:StepSizeHint", {"value": _seconds(part.planned.interval_ns)})
     connections = ET.SubElement(system, "ssd:Connections")
     for (source, output), (target, input_) in links:
         ET.SubElement(
@@ -366,9 +389,13 @@ def _system(
                 "endConnector": input_,
             },
         )
-    annotations = ET.SubElement(_annotation(system, "org.openmodelica"), "oms:Annotations")
+    annotations = ET.SubElement(system, "ssd:Annotations")
+    information = ET.SubElement(
+        ET.SubElement(_annotation(annotations, "org.openmodelica"), "oms:Annotations"),
+        "oms:SimulationInformation",
+    )
     ET.SubElement(
-        ET.SubElement(annotations, "oms:SimulationInformation"),
+        information,
         "oms:FixedStepMaster",
         {
             "description": "oms-ma",
@@ -377,6 +404,10 @@ def _system(
             "relativeTolerance": "0.0001",
         },
     )
+    intervals = ET.SubElement(_annotation(annotations, "org.sblcosim"), "sblcosim:Intervals")
+    for part in parts:
+        seconds = _seconds(part.planned.interval_ns)
+        ET.SubElement(intervals, "sblcosim:Interval", {"component": part.name, "seconds": seconds})
 
 
 def _connector(
@@ -405,7 +436,8 @@ def _experiment(document: ET.Element, plan: Plan) -> None:
         "ssd:DefaultExperiment",
         {"startTime": _seconds(plan.start_ns), "stopTime": _seconds(plan.stop_ns)},
     )
-    annotation = _annotation(experiment, "com.opensimulationplatform")
+    annotations = ET.SubElement(experiment, "ssd:Annotations")
+    annotation = _annotation(annotations, "com.opensimulationplatform")
     ET.SubElement(
         ET.SubElement(annotation, "osp:Algorithm"),
         "osp:FixedStepAlgorithm",
@@ -444,8 +476,7 @@ def _type(variable: ModelVariable, version: Version) -> str:
     return str(variable.type)
 
 
-def _annotation(parent: ET.Element, kind: str) -> ET.Element:
-    group = ET.SubElement(parent, "ssd:Annotations")
+def _annotation(group: ET.Element, kind: str) -> ET.Element:
     return ET.SubElement(group, "ssc:Annotation", {"type": kind})
 
 

@@ -1,42 +1,47 @@
 """FMU files and their instances: one view of FMI 2.0 and FMI 3.0, on FMPy.
 
-`read` looks at a file without running anything in it. `acquire` and `release` lend instances: an
-FMU is instantiated once per process and name and reset before each further use.
+`read` (of `sblcosim.fmus.read`) looks at a file without running anything in it. `acquire` and
+`release` lend instances: an FMU is instantiated once per process and name and reset before each
+further use.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import io
-import math
 import os
-import re
 import tempfile
 import threading
-import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import count
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
-from xml.etree import ElementTree as ET
 
-import fmpy
 import numpy as np
 from fmpy import fmi1, fmi2, fmi3
-from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 from numpy.typing import NDArray
 from sblcosim.fmus.files import scratch
-from sblcosim.fmus.platforms import folders, machine_of, suffix, this_platform
-from sblcosim.fmus.terminals import TERMINALS, port_names
-from sblcosim.models.declaration import Number, Variable
+from sblcosim.fmus.read.archive import opened
+from sblcosim.fmus.read.ports import Fmu, Port, ports_of, read
 
 from .errors import FmuError
 from .system import SECOND, text_of
+
+__all__ = [
+    "DTYPES",
+    "WARNING",
+    "Fmu",
+    "Instance",
+    "Port",
+    "Vector",
+    "acquire",
+    "binary_of",
+    "ports_of",
+    "read",
+    "release",
+]
 
 Vector = NDArray[Any]
 """Values of one type, one after another."""
@@ -68,298 +73,8 @@ DTYPES: Mapping[str, type[np.generic]] = MappingProxyType(
 )
 """The types of FMI that can be connected, set and recorded."""
 
-_FMI2_TYPES = {
-    "Real": "Float64",
-    "Integer": "Int32",
-    "Enumeration": "Int32",
-    "Boolean": "Boolean",
-    "String": "String",
-}
 _FMI2_NAMES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
-_INDEXED = re.compile(r"(?P<base>.+)\[(?P<indices>[1-9]\d*(?:, ?[1-9]\d*)*)\]")
 _LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
-
-
-@dataclass(frozen=True, slots=True)
-class Port:
-    """A variable of an FMU or a Python component, a scalar or an array.
-
-    Attributes
-    ----------
-    name
-        As in the FMU, unless one of its terminals says that it is a port of another name.
-    causality, unit
-        As in the FMU; a unit of ``"1"`` is none.
-    type
-        A type of FMI 3, in FMI 2 the one that corresponds.
-    shape
-        ``()`` for a scalar. In FMI 2, and in FMI 3 where variables are so named, scalars
-        ``name[i]`` or ``name[i,j]`` that make up a complete array are one port.
-    start, min, max
-        Per element, row by row; ``start`` is None if the FMU gives none.
-    references
-        Value references: one for an array of FMI 3, one per element for scalars.
-    variables
-        Names of the FMU's variables, one per reference.
-    """
-
-    name: str
-    causality: str
-    type: str
-    shape: tuple[int, ...]
-    unit: str | None = None
-    start: tuple[Number, ...] | None = None
-    min: tuple[float, ...] = ()
-    max: tuple[float, ...] = ()
-    references: tuple[int, ...] = ()
-    variables: tuple[str, ...] = ()
-
-    @property
-    def size(self) -> int:
-        """Number of elements."""
-        return math.prod(self.shape)
-
-
-@dataclass(frozen=True)
-class Fmu:
-    """What is known about an FMU file without running it.
-
-    Attributes
-    ----------
-    sha256
-        Of the file; equal contents are one FMU wherever they lie.
-    fmi
-        2 or 3.
-    identifier, token
-        Stem of the binary's name, and GUID or instantiation token.
-    once
-        Whether a process may hold only one instance.
-    """
-
-    path: Path
-    sha256: str
-    fmi: int
-    identifier: str
-    token: str
-    once: bool
-    log_categories: tuple[str, ...]
-    ports: Mapping[str, Port] = field(repr=False)
-
-
-def read(path: Path) -> Fmu:
-    """Look at an FMU file.
-
-    Raises
-    ------
-    FmuError
-        The file is missing, is not an FMU, cannot be read, is not for Co-Simulation, or has no
-        binary for this machine.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FmuError(f"{path}: must be an FMU file, got {error.strerror or error}") from error
-    sha256 = hashlib.sha256(content).hexdigest()
-    known = _READ.get(sha256)
-    if known is None:
-        known = _READ[sha256] = _parse(path, content, sha256)
-    return known if known.path == path else Fmu(**{**vars(known), "path": path})
-
-
-_READ: dict[str, Fmu] = {}
-
-
-_DESCRIPTION = "modelDescription.xml"
-
-
-def _parse(path: Path, content: bytes, sha256: str) -> Fmu:
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            names = archive.namelist()
-            terminals = archive.read(TERMINALS) if TERMINALS in names else None
-            xml = archive.read(_DESCRIPTION) if _DESCRIPTION in names else None
-    except zipfile.BadZipFile as error:
-        raise FmuError(f"{path}: is not an FMU (not a ZIP archive)") from error
-    if xml is None:
-        raise FmuError(f"{path}: must be an FMU, got a zip archive without modelDescription.xml")
-    try:
-        version = ET.fromstring(xml).get("fmiVersion", "none")
-    except ET.ParseError as error:
-        raise FmuError(
-            f"{path}: modelDescription.xml must be well-formed XML, got: {error}"
-        ) from error
-    if not version.startswith(("2.", "3.")):
-        raise FmuError(f"{path}: must be FMI 2.0 or 3.0, got {version}")
-    try:
-        description = read_model_description(io.BytesIO(content), validate=False)
-        if description.fmiMajorVersion not in (2, 3):
-            raise ValueError(f"FMI version {description.fmiVersion}, not 2.0 or 3.0")
-        known = [v.name for v in description.modelVariables]
-        named = {} if terminals is None else port_names(ET.fromstring(terminals), known)
-        ports = _ports(description, named)
-    except ET.ParseError as error:
-        raise FmuError(f"{path}: {TERMINALS} must be well-formed XML, got: {error}") from error
-    except Exception as error:  # FMPy and lxml raise all sorts, Exception itself included
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise FmuError(f"{path}: modelDescription.xml must be readable, got: {reason}") from error
-    if description.coSimulation is None:
-        offered = [
-            kind
-            for kind, there in (
-                ("Model Exchange", description.modelExchange),
-                ("Scheduled Execution", description.scheduledExecution),
-            )
-            if there is not None
-        ]
-        raise FmuError(
-            f"{path}: must be an FMU for Co-Simulation, got {' and '.join(offered) or 'none'}"
-        )
-    fmu = Fmu(
-        path=path,
-        sha256=sha256,
-        fmi=description.fmiMajorVersion,
-        identifier=description.coSimulation.modelIdentifier,
-        token=description.guid,
-        once=description.coSimulation.canBeInstantiatedOnlyOncePerProcess,
-        log_categories=tuple(category.name for category in description.logCategories),
-        ports=MappingProxyType(ports),
-    )
-    binary = str(_binary(fmu, names))
-    with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open(binary) as file:
-        machine = machine_of(file.read(20))
-    here = this_platform()
-    if machine not in (None, here.partition("-")[0]):
-        # Said here, as the loader of Linux only says that there is no such file.
-        raise FmuError(f"{path}: must have a binary for {here}, got {binary} for {machine}")
-    return fmu
-
-
-def _binary(fmu: Fmu, names: Iterable[str]) -> PurePosixPath:
-    """Where the FMU keeps the binary for this machine."""
-    here = this_platform()
-    places = folders(here, 2 if fmu.fmi == 2 else 3)
-    binaries = [PurePosixPath(n) for n in names if n.startswith("binaries/") and n[-1] != "/"]
-    for folder in places:
-        binary = PurePosixPath("binaries", folder, fmu.identifier + suffix(here))
-        if binary in binaries:
-            return binary
-    misnamed = [str(binary) for binary in binaries if binary.parts[1] in places]
-    if misnamed:
-        expected = PurePosixPath("binaries", places[0], fmu.identifier + suffix(here))
-        raise FmuError(f"{fmu.path}: must have the binary {expected}, got {', '.join(misnamed)}")
-    has = ", ".join(sorted({binary.parts[1] for binary in binaries})) or "no binary at all"
-    raise FmuError(f"{fmu.path}: must have a binary for {places[0]}, got {has}")
-
-
-def ports_of(variables: Iterable[Variable]) -> dict[str, Port]:
-    """The ports of a Python component."""
-    return {
-        v.name: Port(
-            name=v.name,
-            causality=v.causality,
-            type=v.type,
-            shape=v.shape,
-            unit=v.unit,
-            start=v.starts,
-            min=(-math.inf if v.min is None else v.min,) * v.size,
-            max=(math.inf if v.max is None else v.max,) * v.size,
-        )
-        for v in variables
-    }
-
-
-def _ports(description: ModelDescription, named: Mapping[str, str]) -> dict[str, Port]:
-    """All variables, scalars ``name[i,j]`` gathered to arrays.
-
-    ``named`` has the names of ports for variables that have another name. A variable that has such
-    a name without being the port cannot be reached.
-    """
-    shadowed = set(named.values()) - named.keys()
-    single = [
-        replace(_port(v, description.fmiMajorVersion), name=named.get(v.name, v.name))
-        for v in description.modelVariables
-        if v.causality != "independent" and v.name not in shadowed
-    ]
-    groups: dict[str, list[Port]] = {}
-    for port in single:
-        match = None if port.shape else _INDEXED.fullmatch(port.name)
-        groups.setdefault(match["base"] if match else port.name, []).append(port)
-    ports: dict[str, Port] = {}
-    for base, members in groups.items():
-        array = _array(base, members)
-        for port in members if array is None else [array]:
-            ports[port.name] = port
-    return ports
-
-
-def _port(variable: ModelVariable, fmi: int) -> Port:
-    kind = _FMI2_TYPES[variable.type] if fmi == 2 else variable.type
-    if kind == "Enumeration":
-        kind = "Int64"
-    shape = tuple(variable.shape or ())
-    size: int = math.prod(shape)
-
-    def attribute(name: str) -> Any:
-        value = getattr(variable, name)
-        return getattr(variable.declaredType, name, None) if value is None else value
-
-    def bounds(name: str, default: float) -> tuple[float, ...]:
-        value = attribute(name)
-        bound = default if value is None else float(value)
-        return (bound,) * size
-
-    start: tuple[Number, ...] | None = None
-    if variable.start is not None and kind in DTYPES:
-        words = variable.start.split()
-        start = tuple(_number(word, kind) for word in words) * (size if len(words) == 1 else 1)
-    unit = attribute("unit")
-    return Port(
-        name=variable.name,
-        causality=variable.causality,
-        type=kind,
-        shape=shape,
-        unit=None if unit in ("", "1") else unit,
-        start=start,
-        min=bounds("min", -math.inf),
-        max=bounds("max", math.inf),
-        references=(variable.valueReference,),
-        variables=(variable.name,),
-    )
-
-
-def _number(text: str, kind: str) -> Number:
-    if kind == "Boolean":
-        return text in ("true", "1")
-    return float(text) if kind.startswith("Float") else int(text)
-
-
-def _array(base: str, members: Sequence[Port]) -> Port | None:
-    """The array that scalars ``base[i,j]`` make up; None if they do not."""
-    matches = [_INDEXED.fullmatch(port.name) for port in members]
-    indices = [
-        tuple(int(i) for i in match["indices"].split(",")) for match in matches if match is not None
-    ]
-    alike = {(port.causality, port.type, port.unit, len(port.shape)) for port in members}
-    if len(indices) < len(members) or len({len(i) for i in indices}) > 1 or len(alike) > 1:
-        return None
-    shape = tuple(max(column) for column in zip(*indices, strict=True))
-    if len(set(indices)) < len(members) or math.prod(shape) != len(members):
-        return None
-    ordered = [port for _, port in sorted(zip(indices, members, strict=True), key=lambda p: p[0])]
-    starts = [port.start for port in ordered]
-    first = ordered[0]
-    return Port(
-        name=base,
-        causality=first.causality,
-        type=first.type,
-        shape=shape,
-        unit=first.unit,
-        start=tuple(s[0] for s in starts if s is not None) if None not in starts else None,
-        min=tuple(port.min[0] for port in ordered),
-        max=tuple(port.max[0] for port in ordered),
-        references=tuple(port.references[0] for port in ordered),
-        variables=tuple(port.name for port in ordered),
-    )
 
 
 class Instance:
@@ -385,8 +100,7 @@ class Instance:
         here = os.getcwd()
         try:
             if fmu.fmi == 2:
-                library = _binary(fmu, _names(folder))
-                self._fmu = fmi2.FMU2Slave(libraryPath=str(folder / library), **common)
+                self._fmu = fmi2.FMU2Slave(libraryPath=str(folder / fmu.library), **common)
                 self._fmu.instantiate(callbacks=_callbacks(self._key), loggingOn=True)
             else:
                 self._fmu = fmi3.FMU3Slave(**common)
@@ -604,22 +318,19 @@ def _unpacked(fmu: Fmu) -> Path:
     folder = _FOLDERS.get(fmu.sha256)
     if folder is None:
         folder = Path(tempfile.mkdtemp(dir=scratch()))
-        try:
-            fmpy.extract(fmu.path, folder)
-        except Exception as error:  # FMPy raises Exception itself
-            raise FmuError(f"{fmu.path}: must be possible to unpack, got: {error}") from error
+        with opened(fmu.path) as archive:
+            if archive.sha256 != fmu.sha256:
+                raise FmuError(f"{fmu.path}: must not change while it is used, got another file")
+            archive.unpack(folder)
         _FOLDERS[fmu.sha256] = folder
     return folder
 
 
 def binary_of(fmu: Fmu) -> Path:
     """The FMU's shared library for this machine, unpacked."""
-    folder = _unpacked(fmu)
-    return folder / _binary(fmu, _names(folder))
+    return _unpacked(fmu) / fmu.library
 
 
-def _names(folder: Path) -> list[str]:
-    return [f.relative_to(folder).as_posix() for f in folder.glob("binaries/*/*")]
 
 
 _KEYS = count(1)

@@ -32,12 +32,14 @@ Floats = NDArray[np.float64]
 ENTRY = "sblcosim_lanes"
 _MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16
 _GROUPS_PER_CALL = 16
+_MOMENT = 13  # values that the driver remembers of an instant
 DRIVER = drivers.Driver(
     "lanes_master",
     lanes=True,
     header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
     " /* sums per receiver and run */\n"
-    f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS} }};\n",
+    f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS}, "
+    f"MOMENT = {_MOMENT} }};\n",
 )
 
 
@@ -68,7 +70,8 @@ _RECEIVER_PORTS = (
 _Receiver = _integers("_Receiver", ("component", *_RECEIVER_PORTS))
 _Truth = _integers(
     "_Truth",
-    ("target", "target_position", "platform", "platform_position", "beacon", "reported", "beacons"),
+    ("target", "target_position", "target_velocity", "platform", "platform_position", "beacon",
+     "reported", "beacons"),
 )
 _Span = _integers("_Span", ("component", "from_", "count"))
 
@@ -78,7 +81,7 @@ class _Plan(ctypes.Structure):
 
     _fields_ = (
         *((n, ctypes.c_int32) for n in ("n_components", "n_links", "n_handovers", "n_receivers",
-                                        "n_spans", "n_instants", "remembered", "padding")),
+                                        "n_spans", "n_instants", "remembered", "sparse")),
         *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
                                          "receivers", "truth", "spans", "instants_ns")),
         ("settling_ns", ctypes.c_int64),
@@ -92,18 +95,24 @@ class Outcome:
     Attributes
     ----------
     sums
-        By receiver: the sums of `sblcosim.reduction.SUMS`, shape (runs, len(SUMS)).
-    values, time_ns
-        If asked for: recorded variables, (runs, instants, *shape), at these times.
+        By receiver: the sums of `sblcosim.reduction.SUMS`, shape (runs, len(SUMS)); of none if the
+        system has no target and platform to judge them by.
+    values, time_ns, intervals_ns
+        If asked for: recorded variables, (runs, instants, *shape), at these times; see `Record`.
     """
 
     sums: Mapping[str, Floats]
     time_ns: NDArray[np.int64]
     values: Mapping[str, NDArray[Any]]
+    intervals_ns: Mapping[str, int]
 
     def record(self, run: int) -> Record:
         """The record of one run, with the variables that were asked for."""
-        return Record(self.time_ns, {name: values[run] for name, values in self.values.items()})
+        return Record(
+            self.time_ns,
+            {name: values[run] for name, values in self.values.items()},
+            self.intervals_ns,
+        )
 
 
 def foreign(plan: Plan) -> str | None:
@@ -190,9 +199,7 @@ class _Campaign:
             for c, engine in zip(plan.components, self.engines, strict=True)
         ]
         self.runs, self.varied = self._varied(variations)
-        self.receivers = [
-            c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()
-        ]
+        self.receivers = _receivers(plan)
         if len(self.receivers) > _MAX_RECEIVERS:
             raise ConfigurationError(f"system: must have at most {_MAX_RECEIVERS} receivers")
         self._translate(handovers, record, settling_ns)
@@ -274,11 +281,11 @@ class _Campaign:
         self.recorded = list(record)
         truth = self._truth()
         base = int(np.diff(self.instants).min())
-        # An estimate is of the newest sample before its update and is seen one update later.
-        updates = [
-            c.tick_ns or c.interval_ns for c in self.plan.components if c.name in self.receivers
+        same = len({c.interval_ns for c in self.plan.components}) == 1
+        self.needs_holding = [
+            not same and c.interval_ns != base for c in self.plan.components
         ]
-        self.remembered = 2 * max(updates, default=base) // base + 2
+        self.remembered = remembered(self.plan)
         arrays = (
             (ctypes.POINTER(_Lanes) * len(self.engines))(*self.engines),
             (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),
@@ -290,15 +297,12 @@ class _Campaign:
         )
         self._kept = arrays
         self.c_plan = _Plan(
-            len(self.names), len(links), len(given), len(judged) if truth else 0, len(self.spans),
-            len(self.instants), self.remembered, 0,
+            len(self.names), len(links), len(given), len(judged), len(self.spans),
+            len(self.instants), self.remembered,
+            truth is not None and self.needs_holding[truth.target],
             *(None if a is None else ctypes.addressof(a) for a in arrays),
             self.instants.ctypes.data, settling_ns,
         )
-        same = len({c.interval_ns for c in self.plan.components}) == 1
-        self.needs_holding = [
-            not same and c.interval_ns != base for c in self.plan.components
-        ]
 
     def _truth(self) -> ctypes.Structure | None:
         """Where the truth is, if the system has a target and a platform."""
@@ -308,8 +312,9 @@ class _Campaign:
         places = self.places[platform]
         beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
         truth: ctypes.Structure | None = _Truth(
-            target, self.places[target]["position"], platform, places["position"],
-            places["beacon_position"], places["reported_beacon_position"], beacons,
+            target, self.places[target]["position"], self.places[target]["velocity"],
+            platform, places["position"], places["beacon_position"],
+            places["reported_beacon_position"], beacons,
         )
         return truth
 
@@ -403,7 +408,10 @@ class _Campaign:
                 values[name] = _typed(column, port.type)
                 start += count
         return Outcome(
-            {name: by_run[:, i] for i, name in enumerate(self.receivers)}, self.instants, values
+            {name: by_run[:, i] for i, name in enumerate(self.receivers)},
+            self.instants,
+            values,
+            self.plan.intervals_ns,
         )
 
 
@@ -411,6 +419,28 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
     if kind == "Float64":
         return np.ascontiguousarray(values)
     return values.astype(np.bool_ if kind == "Boolean" else np.int32)
+
+
+def _receivers(plan: Plan) -> list[str]:
+    """Whom to judge, if there is a truth to judge by."""
+    if not {"target", "platform"} <= {c.name for c in plan.components}:
+        return []
+    return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
+
+
+def remembered(plan: Plan) -> int:
+    """Instants for which the truth is kept, so that the receivers' epochs are among them.
+
+    An estimate is of the newest sample before its update, which may be one sampling time old, and
+    is seen one update later; what lies between instants of the target needs the one before.
+    """
+    receivers = _receivers(plan)
+    longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
+    updates = [longest[name] for name in receivers]
+    samples = [longest[name] for name in longest if name not in receivers]
+    instants = plan.instants
+    behind = 2 * max(updates, default=0) + max(samples, default=0)
+    return int(min(behind // np.diff(instants).min() + 2, len(instants)))
 
 
 class _Memory:
@@ -424,7 +454,7 @@ class _Memory:
             blocks.append(self._aligned(k.block_size))
             size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
             held.append(self._aligned(size) if holds else None)
-        self.moments = self._aligned(campaign.remembered * 8 * campaign.lanes * 8)
+        self.moments = self._aligned(campaign.remembered * _MOMENT * campaign.lanes * 8)
         self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
         self.held = (ctypes.c_void_p * len(held))(*held)
 

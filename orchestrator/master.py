@@ -90,6 +90,7 @@ def execute(
         values={
             c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
         },
+        intervals_ns=plan.intervals_ns,
     )
 
 

@@ -1,154 +1,36 @@
-"""How good an estimate is: errors against the truth, availability, consistency.
+"""How good a run's estimates are: tables of errors against the truth, availability, consistency.
 
-An error is the estimate minus the truth (the paper's equation 10 has the opposite sign). It is
-given in two frames:
-
-- *absolute*: ``x̂ − x``, north, east, down;
-- *relative* to the platform: the absolute error minus the mean over the beacons of reported minus
-  true position at the estimate's epoch, so that an error of GPS which moves all beacons alike does
-  not count.
-
-Everything here is a pure function of arrays and tables.
+What an error is, and everything else that is said of an estimate, is defined in
+`sblcosim.definitions`. Everything here is a pure function of records and tables.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri
 
+from .definitions import (
+    AXES,
+    FRAMES,
+    NEVER,
+    POSITION_STATES,
+    Judged,
+    Nanoseconds,
+    chi_square_band,
+    inconsistent,
+    judge,
+    nees,
+    of_position,
+)
+from .definitions import lost as lost_by
 from .errors import FmuError, check_choice
 
 if TYPE_CHECKING:
     from .record import Record
-
-Floats = NDArray[np.float64]
-Nanoseconds = NDArray[np.int64]
-
-AXES = ("x", "y", "z")
-FRAMES = ("absolute", "relative")
-POSITION_STATES = [0, 2, 4]
-"""Places of the position in the state (x, vx, y, vy, z, vz)."""
-CONFIDENCE = 0.95
-
-
-def state_at(
-    time_ns: Nanoseconds, position: Floats, velocity: Floats, epoch_ns: Nanoseconds
-) -> tuple[Floats, Floats]:
-    """True position and velocity at given epochs.
-
-    At a recorded instant it is the recorded value, bit by bit; in between the cubic Hermite
-    polynomial through the recorded positions and velocities at both ends.
-
-    Parameters
-    ----------
-    time_ns
-        Recorded instants [ns], increasing; shape (n,).
-    position, velocity
-        Recorded motion [m], [m/s]; shape (n, 3).
-    epoch_ns
-        Epochs within the recorded time [ns]; shape (m,).
-
-    Returns
-    -------
-    position, velocity
-        [m], [m/s]; shape (m, 3).
-
-    Raises
-    ------
-    ValueError
-        An epoch lies outside the recorded time.
-    """
-    if epoch_ns.size and not (time_ns[0] <= epoch_ns.min() and epoch_ns.max() <= time_ns[-1]):
-        raise ValueError("epochs must lie within the recorded time")
-    right = np.searchsorted(time_ns, epoch_ns)
-    exact = time_ns[right] == epoch_ns
-    left = np.where(exact, right, right - 1)
-    step = np.where(exact, 1, time_ns[right] - time_ns[left])
-    h = (step * 1e-9)[:, None]
-    u = ((epoch_ns - time_ns[left]) / step)[:, None]
-    p0, p1, v0, v1 = position[left], position[right], velocity[left], velocity[right]
-    secant = (p1 - p0) / h
-    # p = p0 + h (v0 u + b u² + a u³), with a and b from p(1) = p1 and dp/du(1) = h v1
-    b = 3 * secant - 2 * v0 - v1
-    a = v0 + v1 - 2 * secant
-    between = p0 + h * u * (v0 + u * (b + u * a))
-    return (
-        np.where(exact[:, None], p0, between),
-        np.where(exact[:, None], v0, v0 + u * (2 * b + u * 3 * a)),
-    )
-
-
-def held_at(time_ns: Nanoseconds, values: Floats, epoch_ns: Nanoseconds) -> Floats:
-    """Recorded values at the last instant that is not after each epoch; shape (m, …)."""
-    held: Floats = values[np.searchsorted(time_ns, epoch_ns, side="right") - 1]
-    return held
-
-
-def recorded(record: Record, name: str) -> Floats:
-    """Recorded values of ``"component.variable"`` as floats; shape (n, …)."""
-    return record.values[name].astype(np.float64, copy=False)
-
-
-def platform_error(record: Record, epoch_ns: Nanoseconds) -> Floats:
-    """Mean over the beacons of reported minus true position [m] at given epochs; shape (m, 3).
-
-    Sensor errors are held between samples, and so is the value between recorded instants.
-    """
-    reported = recorded(record, "platform.reported_beacon_position")
-    error = (reported - recorded(record, "platform.beacon_position")).mean(axis=1)
-    return held_at(record.time_ns, error, epoch_ns)
-
-
-def nees(error: Floats, covariance: Floats) -> Floats:
-    """Normalised estimation error squared, eᵀ P⁻¹ e.
-
-    Parameters
-    ----------
-    error
-        Shape (m, d).
-    covariance
-        Shape (m, d, d), in the units of the error.
-
-    Returns
-    -------
-    nees
-        Shape (m,); NaN where the covariance is not positive definite to working precision.
-    """
-    result = np.full(len(error), np.nan)
-    finite: NDArray[np.bool_] = np.isfinite(np.einsum("mi,mij->m", error, covariance))
-    eigenvalues = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
-    usable = finite & (eigenvalues[:, 0] > 1e-14 * np.abs(eigenvalues[:, -1]))
-    e, P = error[usable], covariance[usable]
-    result[usable] = np.einsum("mi,mi->m", e, np.linalg.solve(P, e[:, :, None])[:, :, 0])
-    return result
-
-
-def chi_square_band(degrees: float, samples: int) -> tuple[float, float]:
-    """Two-sided 95 % band of the mean of independent chi-square samples.
-
-    Parameters
-    ----------
-    degrees
-        Degrees of freedom of all samples together.
-    samples
-        Number of samples.
-
-    Notes
-    -----
-    The errors of one run follow each other and are not independent, so the mean of a consistent
-    filter leaves this band more often than once in twenty runs. It is a yardstick, not a test; a
-    test takes the mean over runs at one epoch.
-    """
-    if samples == 0 or degrees == 0:
-        return np.nan, np.nan
-    tail = (1 - CONFIDENCE) / 2
-    low, high = chdtri(degrees, [1 - tail, tail]) / samples
-    return float(low), float(high)
 
 
 def verdict(mean: float, band: tuple[float, float]) -> str:
@@ -160,7 +42,7 @@ def verdict(mean: float, band: tuple[float, float]) -> str:
         ``optimistic``: errors are larger than the filter claims; ``pessimistic``: smaller;
         ``consistent``: inside the band; ``unknown``: there is no mean.
     """
-    if not np.isfinite(mean) or not np.isfinite(band).all():
+    if np.isnan(mean) or not np.isfinite(band).all():
         return "unknown"
     if mean > band[1]:
         return "optimistic"
@@ -180,53 +62,59 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     FmuError
         An estimate's epoch lies outside the run, or its position is not finite.
     """
-    estimates = record.estimates(receiver)
-    epoch_ns, position = estimates.epoch_ns, estimates.position
-    start, stop = record.time_ns[0], record.time_ns[-1]
-    outside = (epoch_ns < start) | (epoch_ns > stop)
-    if outside.any():
-        raise FmuError(
-            f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
-            f"got {epoch_ns[outside][0] / 1e9:g} s"
-        )
-    broken = ~np.isfinite(position).all(axis=1)
-    if broken.any():
-        raise FmuError(
-            f"{receiver}.position: must be finite in a valid estimate, got "
-            f"{position[broken][0].tolist()} at epoch {epoch_ns[broken][0] / 1e9:g} s"
-        )
-    true_position, true_velocity = state_at(
-        record.time_ns,
-        recorded(record, "target.position"),
-        recorded(record, "target.velocity"),
-        epoch_ns,
-    )
-    error = position - true_position
-    relative = error - platform_error(record, epoch_ns)
-    columns: dict[str, ArrayLike] = {"epoch_s": epoch_ns / 1e9}
-    columns |= {f"{axis}_m": position[:, i] for i, axis in enumerate(AXES)}
-    columns |= {f"true_{axis}_m": true_position[:, i] for i, axis in enumerate(AXES)}
-    for prefix, values in (("", error), ("relative_", relative)):
-        columns |= {f"{prefix}error_{axis}_m": values[:, i] for i, axis in enumerate(AXES)}
-        columns[f"{prefix}error_total_m"] = np.linalg.norm(values, axis=1)
+    judged = judge(record, receiver)
+    if judged.broken.any():
+        raise _problem(record, receiver, judged)
+    estimates = judged.estimates
+    columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
+    columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
+    columns |= {f"true_{axis}_m": judged.true_position[:, i] for i, axis in enumerate(AXES)}
+    for prefix, error, square in (
+        ("", judged.error, judged.square),
+        ("relative_", judged.relative, judged.relative_square),
+    ):
+        columns |= {f"{prefix}error_{axis}_m": error[:, i] for i, axis in enumerate(AXES)}
+        columns[f"{prefix}error_total_m"] = np.sqrt(square)
     std, P = estimates.position_std, estimates.covariance
     if std is None and P is not None:
         std = np.sqrt(P[:, POSITION_STATES, POSITION_STATES])
     if std is not None:
         columns |= {f"std_{axis}_m": std[:, i] for i, axis in enumerate(AXES)}
     if P is not None:
-        of_position = P[np.ix_(range(len(P)), POSITION_STATES, POSITION_STATES)]
-        columns["nees_position"] = nees(error, of_position)
-        columns["relative_nees_position"] = nees(relative, of_position)
+        columns["nees_position"] = judged.nees
+        columns["relative_nees_position"] = nees(judged.relative, of_position(P))
         if estimates.velocity is not None:
             # the paper's order: each axis' position, then its velocity
-            pairs = np.stack([error, estimates.velocity - true_velocity], axis=2)
+            pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
             columns["nees_state"] = nees(pairs.reshape(-1, 6), P)
     if estimates.nis is not None:
         columns["nis"] = estimates.nis
     if estimates.nis_degrees is not None:
         columns["nis_degrees"] = estimates.nis_degrees
     return pd.DataFrame(columns)
+
+
+def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
+    """What is wrong with the first broken estimate."""
+    i = int(judged.broken.argmax())
+    start, stop, epoch = record.time_ns[0], record.time_ns[-1], judged.estimates.epoch_ns[i]
+    if not start <= epoch <= stop:
+        got = "no time" if epoch == NEVER else f"{judged.epoch_s[i]:g} s"
+        return FmuError(
+            f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
+            f"got {got}"
+        )
+    named = (
+        (f"{receiver}.position", judged.estimates.position[i]),
+        ("target.position", judged.true_position[i]),
+        ("platform.reported_beacon_position", judged.platform_error[i]),
+    )
+    # Without any, the error is too large to be squared.
+    name, values = next((n for n in named if not np.isfinite(n[1]).all()), named[0])
+    return FmuError(
+        f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
+        f"at epoch {judged.epoch_s[i]:g} s"
+    )
 
 
 def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -295,27 +183,17 @@ def update_share(
     return float((update_count[-1] - update_count[0]) / due) if due > 0 else np.nan
 
 
-def late(record: Record, track: pd.DataFrame) -> pd.DataFrame:
-    """A receiver's estimates of the last quarter of the run."""
-    start, stop = record.time_ns[0] / 1e9, record.time_ns[-1] / 1e9
-    end: pd.DataFrame = track[track["epoch_s"] >= stop - (stop - start) / 4]
-    return end
-
-
-def lost(record: Record, track: pd.DataFrame) -> bool:
+def lost(record: Record, receiver: str) -> bool:
     """Whether the RMS error of the last quarter of the run exceeds the distance to the platform.
 
     The distance is the RMS of the true one at the same epochs. A receiver without an estimate in
     the last quarter is lost, too.
     """
-    end = late(record, track)
-    if end.empty:
-        return True
-    epoch_ns = np.rint(end["epoch_s"].to_numpy() * 1e9).astype(np.int64)
-    platform = held_at(record.time_ns, recorded(record, "platform.position"), epoch_ns)
-    truth = end[[f"true_{axis}_m" for axis in AXES]].to_numpy()
-    squares = ((truth - platform) ** 2).sum(axis=1)
-    return bool((end["error_total_m"] ** 2).mean() > squares.mean())
+    judged = judge(record, receiver)
+    late = judged.late & ~judged.broken
+    return bool(
+        lost_by(late.sum(), judged.square[late].sum(), judged.distance_square[late].sum())
+    )
 
 
 def summary(
@@ -329,17 +207,16 @@ def summary(
     ``update_share`` (NaN if the update interval is not given), and for each of
     ``nees_position``, ``relative_nees_position``, ``nees_state`` and ``nis`` the time mean,
     ``…_expected`` (the mean degrees of freedom), ``…_low`` and ``…_high`` of its band
-    (`chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES above its
-    band) and ``lost``.
+    (`definitions.chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES
+    above its band; missing without any NEES) and ``lost``.
     """
     rows = {}
     for receiver, estimates in tracks.items():
         count = record.values[f"{receiver}.update_count"].astype(np.int64)
-        valid = record.values.get(f"{receiver}.valid", count > 0).astype(bool)
-        row: dict[str, object] = {
+        row: dict[str, Any] = {
             "estimates": len(estimates),
             "first_fix_s": estimates["epoch_s"].iloc[0] if len(estimates) else np.nan,
-            "availability": availability(record.time_ns, valid),
+            "availability": availability(record.time_ns, record.valid(receiver)),
             "update_share": (
                 np.nan if update_interval_ns is None
                 else update_share(record.time_ns, count, update_interval_ns)
@@ -354,7 +231,7 @@ def summary(
         }
         for name, dof in degrees.items():
             values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
-            used = np.isfinite(values) & ((dof > 0) | ("nis_degrees" not in estimates))
+            used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
             mean = float(values[used].mean()) if used.any() else np.nan
             band = chi_square_band(float(dof[used].sum()), int(used.sum()))
             row |= {
@@ -366,9 +243,13 @@ def summary(
                 f"{name}_high": band[1],
                 f"{name}_verdict": verdict(mean, band),
             }
-        row["inconsistent"] = row["nees_position_verdict"] == "optimistic"
-        row["lost"] = lost(record, estimates)
+        claims = estimates.get("nees_position", pd.Series(dtype=float)).count()
+        flag, known = inconsistent(row["nees_position"], claims)
+        row["inconsistent"] = bool(flag) if known else pd.NA
+        row["lost"] = lost(record, receiver)
         rows[receiver] = row
     table = pd.DataFrame.from_dict(rows, orient="index")
+    if table["inconsistent"].isna().any():
+        table = table.astype({"inconsistent": "boolean"})
     table.index.name = "receiver"
     return table

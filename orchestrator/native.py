@@ -190,7 +190,9 @@ class _Program:
             stack_size=_SIGNAL_STACK,
         )
         self.record = Record(
-            self.instants, {c.name: history[c.name].reshape(-1, *c.shape) for c in columns}
+            self.instants,
+            {c.name: history[c.name].reshape(-1, *c.shape) for c in columns},
+            plan.intervals_ns,
         )
 
     def _component(

@@ -175,6 +175,11 @@ class Plan:
         return grids[0] if len(grids) == 1 else np.unique(np.concatenate(grids))
 
     @property
+    def intervals_ns(self) -> dict[str, int]:
+        """Communication intervals by component."""
+        return {c.name: c.interval_ns for c in self.components}
+
+    @property
     def count(self) -> int:
         """Number of communication instants, without listing them."""
         duration = self.stop_ns - self.start_ns
@@ -229,8 +234,13 @@ def _memory() -> int:
         return 8 * 1024**3
 
 
-def resolve(system: System) -> Plan:
+def resolve(system: System, *, again: bool = False) -> Plan:
     """Look everything up and check it.
+
+    Parameters
+    ----------
+    again
+        Whether a system like it was resolved before, so that nobody need be warned.
 
     Raises
     ------
@@ -252,7 +262,7 @@ def resolve(system: System) -> Plan:
     settings = {
         name: _settings(name, spec, ports[name]) for name, spec in system.components.items()
     }
-    connections = _connections(system, ports)
+    connections = _connections(system, ports, warn=not again)
     start_ns, stop_ns = _span(system)
 
     sizes = dict.fromkeys(DTYPES, 0)
@@ -468,7 +478,7 @@ def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
 
 
 def _connections(
-    system: System, ports: Mapping[str, Mapping[str, Port]]
+    system: System, ports: Mapping[str, Mapping[str, Port]], warn: bool
 ) -> dict[tuple[str, str], Connection]:
     """Connections by the component and variable they feed."""
     connections: dict[tuple[str, str], Connection] = {}
@@ -493,7 +503,8 @@ def _connections(
             )
             if source.unit and target.unit:
                 raise ConfigurationError(message)
-            warnings.warn(message, ConfigurationWarning, stacklevel=3)
+            if warn:
+                warnings.warn(message, ConfigurationWarning, stacklevel=3)
         earlier = connections.get((component, variable))
         if earlier is not None:
             raise ConfigurationError(

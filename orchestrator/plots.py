@@ -19,7 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-from .metrics import AXES, Floats, error_column, recorded
+from .definitions import AXES, Floats, recorded
+from .metrics import error_column
 from .style import LINES, MARKERS, Theme, ThemeName, new_figure, use
 from .wiring import RAW
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,14 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models import COMPONENTS
 
-from . import artifacts, lanes, masters, native
-from .errors import ConfigurationError, SblcosimError, check_choice
+from . import artifacts, effects, lanes, masters, native
+from .errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    NoEffectWarning,
+    SblcosimError,
+    check_choice,
+)
 from .fmu import Fmu
 from .plan import TICK_PARAMETERS, Plan, resolve
 from .scenario import Scenario
 from .study import Study
 from .system import SECOND, Connection, System
-from .wiring import FIXED, RAW, choose
+from .wiring import FIXED, RAW, choose, no_effect
 
 Floats = NDArray[np.float64]
 _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
@@ -143,7 +152,9 @@ def prepare(study: Study, master: str | None = None) -> Campaign:
     if master is not None:
         check_choice("master", master, masters.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
+    with _warnings_once(len(study.plan.points)):
+        made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
+    _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
     plans = [plan for _, _, plan in made]
     seeded, handovers = left_free(study, made[0][1], labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
@@ -183,6 +194,34 @@ def resolved(study: Study, number: int) -> tuple[Scenario, System, Plan]:
         lines = [f"{study.name}: point {number} ({at}): {s}" for s in str(error).splitlines()]
         raise type(error)("\n".join(lines)) from None
     return scenario, system, plan
+
+
+@contextmanager
+def _warnings_once(points: int) -> Iterator[None]:
+    """Warn of each thing once, and say at how many points.
+
+    Keys without effect are left out: one that has none at a point may have one at another.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ConfigurationWarning)
+        yield
+    counts = Counter((str(w.message), w.category) for w in caught)
+    for (message, category), count in counts.items():
+        if not issubclass(category, NoEffectWarning):
+            at = f" (at {count} of {points} points)" if points > 1 else ""
+            warnings.warn(f"{message}{at}", category, stacklevel=4)
+
+
+def _warn_of_keys_without_effect(study: Study, scenarios: Sequence[Scenario]) -> None:
+    """Warn of given keys that have no effect at any point."""
+    base = study.base
+    keys: Iterable[effects.Key] = effects.given(base)
+    idle: dict[effects.Key, str] = {}
+    for scenario in scenarios:
+        idle = effects.idle(scenario, study.components(scenario), keys)
+        keys = idle
+    for line in no_effect(base, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 
 def _check_effects(study: Study, points: Iterable[Point]) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
+from .definitions import epochs_ns
 from .errors import ConfigurationError, nearest
 from .system import SECOND
 
+Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -24,7 +26,7 @@ class Estimates:
     Attributes
     ----------
     epoch_ns
-        Time to which each estimate belongs [ns]; shape (m,).
+        Time to which each estimate belongs [ns] (see `definitions.epochs_ns`); shape (m,).
     available_ns
         Communication instant at which it could first be read [ns]; shape (m,).
     update_count
@@ -62,13 +64,28 @@ class Record:
     values
         By ``"component.variable"``, in SI units; shape (n, *shape of the variable). At an instant
         that is none of a component's own, its outputs are those of its own instant before.
+    intervals_ns
+        Communication intervals by component; of one that is not here, all instants are its own.
     """
 
     time_ns: Integers
     values: Mapping[str, NDArray[np.generic]]
+    intervals_ns: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_ns)
+
+    def own(self, component: str) -> Flags:
+        """Which instants are the component's own; shape (n,)."""
+        interval = self.intervals_ns.get(component, 1)
+        own: Flags = (self.time_ns - self.time_ns[0]) % interval == 0
+        return own
+
+    def valid(self, component: str) -> Flags:
+        """Whether a receiver has a fix: as it says, else once it has counted one; shape (n,)."""
+        if f"{component}.valid" in self.values:
+            return self.values[f"{component}.valid"].astype(bool)
+        return self.values[f"{component}.update_count"].astype(np.int64) > 0
 
     def to_frame(self) -> pd.DataFrame:
         """One row per instant: ``time_s`` [s], then ``component.variable[i,j]``, 1-based."""
@@ -107,14 +124,14 @@ class Record:
             )
         count = ports["update_count"].astype(np.int64)
         new = np.diff(count, prepend=0) != 0
-        new &= ports["valid"].astype(bool) if "valid" in ports else count > 0
+        new &= self.valid(component)
 
         def at(name: str) -> Floats | None:
             return ports[name][new].astype(np.float64) if name in ports else None
 
         degrees = ports.get("nis_degrees")
         return Estimates(
-            epoch_ns=np.rint(ports["epoch"][new].astype(np.float64) * SECOND).astype(np.int64),
+            epoch_ns=epochs_ns(self.time_ns, ports["epoch"][new].astype(np.float64)),
             available_ns=self.time_ns[new],
             update_count=count[new],
             position=ports["position"][new].astype(np.float64),

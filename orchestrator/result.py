@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from . import artifacts, metrics, plots, style
-from .metrics import AXES, FRAMES
+from .definitions import AXES, FRAMES, judge
 from .wiring import RAW
 
 if TYPE_CHECKING:
@@ -153,6 +153,15 @@ class Result:
         return metrics.summary(self.data, self.estimates, self.update_interval_ns)
 
     @property
+    def problems(self) -> list[str]:
+        """A line for each receiver without any estimate, but for the raw fix that runs along."""
+        return [
+            f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
+            for receiver in self.receivers
+            if receiver != RAW and self.estimates[receiver].empty
+        ]
+
+    @property
     def title(self) -> str:
         """What the scenario calls itself, else its name."""
         return getattr(self.scenario, "title", "") or self.scenario_name
@@ -280,7 +289,7 @@ class Result:
             for axis in (*AXES, "total"):
                 cells = "   ".join(
                     "".join(
-                        f"{value:9.3f}"
+                        _cell(value)
                         for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
                     )
                     for frame in FRAMES
@@ -294,7 +303,7 @@ class Result:
         """Availability and consistency of a receiver in words."""
         row: Any = self.summary.loc[receiver]
         if not row.estimates:
-            return [f"{receiver}: no fix"]
+            return [f"{receiver}: no estimate; {self._silence(receiver)}"]
         first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
         lines = [
             f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
@@ -305,14 +314,36 @@ class Result:
         for name, words in _CONSISTENCY.items():
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+        if pd.isna(row.inconsistent):
+            claims = f"{receiver}.covariance" in self.data.values
+            why = "its covariance is never positive definite" if claims else "no covariance"
+            lines.append(f"  consistency unknown: {why}")
         if row.lost:
-            silent = metrics.late(self.data, self.estimates[receiver]).empty
+            silent = not judge(self.data, receiver).late.any()
             lines.append(
                 "  lost: no estimate in the last quarter"
                 if silent
                 else "  lost: in the last quarter its error exceeds the distance to the platform"
             )
         return lines
+
+    def _silence(self, receiver: str) -> str:
+        """Why there may be no estimate, and where to look."""
+        values = self.data.values
+        count = values[f"{receiver}.update_count"].astype(int)
+        look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
+        look = [name for name in look if name in values]
+        text = (
+            f"update_count reached {count.max()}, but there was no valid fix when it changed"
+            if count.any()
+            else "update_count stayed 0"
+        )
+        heard = values.get("acoustics.reception_count")
+        if heard is not None:
+            look.append("acoustics.reception_count")
+            beacons = ", ".join(str(n) for n in heard[-1].tolist())
+            text += f"; packets received from each beacon: {beacons}"
+        return f"{text}; look at {', '.join(look)} in the record"
 
     def _notes(self) -> list[str]:
         """What the printed numbers mean."""
@@ -330,6 +361,10 @@ class Result:
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
+
+
+def _cell(value: Any) -> str:
+    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
 
 
 def _compared(row: Any, name: str) -> str:

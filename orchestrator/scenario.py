@@ -19,13 +19,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.platform.beaufort import sea_state
-from sblcosim.models.platform.imu import grade
 
+from . import effects
 from .errors import ConfigurationError, instance, nearest
 from .system import SECOND, PythonComponent, System, is_whole_ns, nanoseconds
 from .tables import (
     ANYWHERE,
+    PRESETS,
     PRIOR_KEYS,
     SEED,
     TRUE,
@@ -37,7 +37,7 @@ from .tables import (
     Time,
     default,
     divides,
-    in_file_units,
+    preset,
     rows,
     toml,
 )
@@ -82,10 +82,10 @@ class Scenario(Table):
         """Fill in what was not given, then check what several keys say together."""
         common = {"sampling_time_s": self.time.sampling_time_s, "seed": self.seed}
         presets: dict[str, Any] = {}
-        if self.platform.beaufort is not None:
-            presets |= _preset(sea_state(self.platform.beaufort))
-        if self.platform.imu_grade is not None:
-            presets |= _preset(grade(self.platform.imu_grade))
+        for name in PRESETS:
+            value = getattr(self.platform, name)
+            if value is not None:
+                presets |= preset(name, value)
         if self.target.waypoint_m:
             presets["waypoint_count"] = len(self.target.waypoint_m) // 3
         for name, table in self._tables("target", "platform", "acoustics"):
@@ -182,7 +182,7 @@ class Scenario(Table):
         return f"{self.name}: [{table}] {key}"
 
     def dump_toml(self, folder: Path | None = None) -> str:
-        """The complete scenario as TOML; `load` gives the same scenario back.
+        """The scenario as TOML, with all keys that have an effect; `load` gives the same back.
 
         Parameters
         ----------
@@ -191,6 +191,7 @@ class Scenario(Table):
             the text depends on where both lie; None: they stay as they are.
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
+        idle = self.idle()
         for name in ("time", "target", "platform", "acoustics", "receiver"):
             table = getattr(self, name)
             lines += ["", f"[{name}]"]
@@ -202,6 +203,8 @@ class Scenario(Table):
                 filled = variable is not None and key not in table.model_fields_set
                 if filled and table.fmu is not None and variable.name not in ANYWHERE:
                     continue  # what a file says must be a parameter of that FMU
+                if filled and (name, key) in idle:
+                    continue  # somebody would have to be warned of it
                 if key == "fmu" and folder is not None:
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
@@ -217,6 +220,11 @@ class Scenario(Table):
         from .wiring import connect
 
         return connect(self, receivers, fmi, components)
+
+    def idle(self) -> dict[effects.Key, str]:
+        """Keys of our components that have no effect in this scenario, and why."""
+        keys = [(name, key) for name, table in self._tables() for key in table.variables]
+        return effects.idle(self, effects.components_of(self), keys)
 
     @property
     def true_prior(self) -> bool:
@@ -239,12 +247,6 @@ def _relative(file: Path, folder: Path) -> str:
     except ValueError:  # on another drive
         return str(file)
     return Path(relative).as_posix()
-
-
-def _preset(values: Mapping[str, float]) -> dict[str, Any]:
-    """FMI names and SI values as keys and values of ``[platform]``."""
-    platform = COMPONENTS["platform"]
-    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
 
 
 # --- Reading -------------------------------------------------------------------------------------
@@ -274,7 +276,9 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         file, nested tables, or a scenario.
     overrides
         Keys to change: ``{"platform.arm_length_m": 0.4}``, nested tables, or
-        ``["platform.arm_length_m=0.4"]`` with values in TOML (a bare word is a string).
+        ``["platform.arm_length_m=0.4"]`` with values in TOML (a bare word is a string). A preset
+        (``platform.beaufort``, ``platform.imu_grade``) replaces the keys that it sets, but for
+        those among the overrides.
 
     Raises
     ------
@@ -289,8 +293,10 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
     changed: set[tuple[str, ...]] = set()
     if isinstance(source, Scenario):
         changed |= source.__dict__.get("_changed", frozenset())
-    for path, value in _pairs(overrides):
-        changed.add(path)
+    batch = list(_pairs(overrides))
+    changed |= {path for path, _ in batch}
+    _clear_for_presets(raw, batch)
+    for path, value in batch:
         table = raw
         for part in path[:-1]:
             table = table.setdefault(part, {})
@@ -302,11 +308,40 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         raw["name"] = Path(source).stem
     try:
         scenario = Scenario.model_validate(_without_none(raw))
-        scenario.__dict__["_changed"] = frozenset(changed)  # no field: it is no part of what is run
-        return scenario
     except ValidationError as error:
         lines = [line for e in error.errors() for line in _lines(e, where, changed)]
         raise ConfigurationError("\n".join(lines)) from None
+    scenario.__dict__["_changed"] = frozenset(changed)  # no field: it is no part of what is run
+    vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
+    if vain:
+        raise ConfigurationError(
+            "\n".join(f"{no_effect(key)}, as {why}" for key, why in sorted(vain.items()))
+        )
+    return scenario
+
+
+SETTERS = {
+    ("seed",), ("time", "sampling_time_s"), ("time", "ekf_ratio"),
+    *(("platform", name) for name in PRESETS),
+}
+"""Keys that do nothing but set others: one that sets none was not meant so."""
+
+
+def no_effect(key: effects.Key) -> str:
+    """The beginning of a message about a key that is overridden in vain."""
+    return f"override {'.'.join(key)}: must have an effect, got none"
+
+
+def _clear_for_presets(
+    raw: Mapping[str, Any], batch: Iterable[tuple[tuple[str, ...], Any]]
+) -> None:
+    """What is said later wins: remove the keys that the presets of a batch replace."""
+    said = dict(batch)
+    table = raw.get("platform")
+    for name, keys in PRESETS.items():
+        if said.get(("platform", name)) is not None and isinstance(table, dict):
+            for key in keys:
+                table.pop(key, None)
 
 
 def _without_none(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,11 +13,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from . import lanes, masters, native
+from .definitions import TRUTH
 from .errors import BuildError, ConfigurationError, FmuError, one_line
 from .master import initial_outputs
 from .plan import resolve
 from .points import Campaign, Group, Point, Run
-from .reduction import PORTS, SUMS, TRUTH, responses, sums_of
+from .reduction import PORTS, SUMS, responses, sums_of
 from .system import System
 
 Floats = NDArray[np.float64]
@@ -97,8 +98,9 @@ def _side_by_side(
         return np.concatenate([a for a, _ in alone]), [e for _, es in alone for e in es]
     sums = np.stack([outcome.sums[label] for label in campaign.receivers], axis=1)
     errors: list[str | None] = [None] * len(runs)
-    # The other masters know where a run went wrong, and end it there.
-    bad = (sums[:, :, SUMS.index("broken")] > 0).any(axis=1) | ~np.isfinite(sums).all(axis=(1, 2))
+    # The other masters know where a run went wrong, and end it there; and a record knows all truth.
+    doubtful = sums[:, :, [SUMS.index("broken"), SUMS.index("unjudged")]] > 0
+    bad = doubtful.any(axis=(1, 2)) | ~np.isfinite(sums).all(axis=(1, 2))
     if bad.any():
         rows: list[int] = np.flatnonzero(bad).tolist()
         again = _one_by_one(campaign, group, [runs[i] for i in rows], workers, None, silent)
@@ -130,7 +132,7 @@ def _one_by_one(
 
     def one(run: Run) -> tuple[Floats, str | None]:
         try:
-            plan = resolve(_system(campaign, campaign.points[run.place], run.seed))
+            plan = resolve(_system(campaign, campaign.points[run.place], run.seed), again=True)
             made = masters.execute(plan, record=record, master=master)
             rows = [sums_of(made, r, campaign.study.settling_ns) for r in campaign.receivers]
         except BuildError:
@@ -191,13 +193,14 @@ def _table(
     columns["seed"] = np.array([r.seed for r in runs])
     for number, label in enumerate(campaign.receivers):
         found = responses(sums[:, number], durations)
-        columns |= {f"{label}.{name}": found[name].to_numpy() for name in found}
+        columns |= {f"{label}.{name}": found[name].array for name in found}
         problems = np.flatnonzero(found["broken"] | (found["estimates"] == 0))
         for i in problems:
             if found["broken"][i]:
                 count = int(sums[i, number, SUMS.index("broken")])
                 problem = (
-                    f"{label}: estimates must be finite and of a known epoch, got {count} others"
+                    f"{label}: estimates must be finite and of an epoch within the run, got "
+                    f"{count} others"
                 )
             else:
                 problem = f"{label}: must give estimates after the settling time, got none"

@@ -247,6 +247,8 @@ def table(results: str | Path) -> pd.DataFrame:
     """
     folder = Path(results)
     described(folder)
+    # What is missing in a column of flags is not false.
+    flags = {pa.bool_(): pd.BooleanDtype()}.get
     parts = []
     for path in _parts(folder):
         part = _parquet(path)
@@ -255,10 +257,12 @@ def table(results: str | Path) -> pd.DataFrame:
                 f"{path}: {_OTHER}; 'sblcosim study' with the same study and folder does its runs "
                 "again"
             )
-        parts.append(part.to_pandas())
+        parts.append(part.to_pandas(types_mapper=flags))
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
     whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
+    known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
+    whole = whole.astype(dict.fromkeys(known, bool))
     return whole.sort_values(["replicate", "point"], ignore_index=True)
 
 

@@ -11,16 +11,19 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from importlib import resources
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
+from sblcosim.models import RECEIVERS
 
 from . import design as designs
+from . import effects
 from .design import TIMES, Design, Number
 from .errors import ConfigurationError, instance, nearest
-from .scenario import Scenario, read_text, requirement, toml_problem
+from .scenario import SETTERS, Scenario, no_effect, read_text, requirement, toml_problem
 from .scenario import load as load_scenario
 from .system import nanoseconds, settled
 from .tables import SEED, Table, toml
@@ -170,6 +173,14 @@ class Study(Table):
         """Units of the factors, by name; where none is given, those of the keys if they agree."""
         return {name: f.unit or _unit(f.keys) for name, f in self.factors.items()}
 
+    def components(self, scenario: Scenario) -> effects.Ours:
+        """Our components in the runs, by the table whose keys they take."""
+        found = dict(effects.components_of(scenario))
+        if self.receivers:
+            named = all(name in RECEIVERS for name in self.receivers)
+            found["receiver"] = self.receivers if named else ()
+        return found
+
     def _base_of(self, name: str) -> Number:
         values = [_value(self.base, key) for key in self.factors[name].keys]
         if len(set(values)) > 1 or isinstance(values[0], bool | str | tuple | None):
@@ -287,6 +298,9 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
         points = len(study.plan.points)
     except ConfigurationError as error:
         raise ConfigurationError(_prefixed(where, error)) from None
+    idle = [*_idle_factors(study)]
+    if idle:
+        raise ConfigurationError("\n".join(f"{where}: {problem}" for problem in idle))
     last = study.run_seed(points, study.replicates)
     if SEED.max is not None and last > SEED.max:
         raise ConfigurationError(
@@ -393,6 +407,47 @@ def _level(study: Study, factor: FactorTable, level: Number) -> Iterator[str]:
         for line in str(error).splitlines():
             if any(line.startswith(f"override {key}: must be") for key in factor.keys):
                 yield line.removeprefix("override ")
+
+
+def _idle_factors(study: Study) -> Iterator[str]:
+    """Keys of factors that have no effect at any point; one line each."""
+    for name, factor in study.factors.items():
+        for key in factor.keys:
+            why = _why_idle(study, key)
+            if why is not None:
+                yield f"[factors.{name}] keys: {key} must have an effect, got none, as {why}"
+
+
+def _why_idle(study: Study, key: str) -> str | None:
+    """Why a key has no effect at any point; None if it has one."""
+    path = tuple(key.split("."))
+    on = set(effects.conditions(path))
+    if not on and path not in SETTERS:
+        return None
+    decisive = {path, *on, *SETTERS}
+    names = [
+        any(tuple(k.split(".")) in decisive for k in factor.keys)
+        for factor in study.factors.values()
+    ]
+    why, seen = None, set()
+    for number, values in enumerate(study.plan.points, 1):
+        levels = tuple(compress(values, names))
+        if levels in seen:
+            continue
+        seen.add(levels)
+        try:
+            scenario = study.base.override(study.overrides(number))
+        except ConfigurationError as error:
+            lead = f"{no_effect(path)}, as "
+            found = [line for line in str(error).splitlines() if line.startswith(lead)]
+            if not found:
+                return None  # it is told elsewhere what is wrong with that point
+            why = found[0].removeprefix(lead)
+            continue
+        why = effects.in_vain(scenario, study.components(scenario), [path]).get(path)
+        if why is None:
+            return None
+    return why
 
 
 @cache

@@ -16,8 +16,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic_core import PydanticCustomError
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Variable
-from sblcosim.models.platform.beaufort import LEVELS
-from sblcosim.models.platform.imu import GRADES
+from sblcosim.models.platform.beaufort import LEVELS, sea_state
+from sblcosim.models.platform.imu import GRADES, grade
 
 from .system import MAX_SECONDS, nanoseconds, settled
 
@@ -29,6 +29,13 @@ ANYWHERE = ("sampling_time", "update_interval", "seed", "range_std", "depth_std"
 """Parameters that a foreign component gets without being asked, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
+
+
+def preset(name: str, value: Any) -> dict[str, Any]:
+    """Keys of ``[platform]`` that a preset sets, and their values."""
+    platform = COMPONENTS["platform"]
+    values = sea_state(value) if name == "beaufort" else grade(value)
+    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
 
 
 class Table(BaseModel):
@@ -204,6 +211,13 @@ else:
             ),
         },
     )
+
+
+PRESETS: Mapping[str, frozenset[str]] = {
+    name: frozenset(key for value in values for key in preset(name, value))
+    for name, values in (("beaufort", LEVELS), ("imu_grade", GRADES))
+}
+"""Keys of ``[platform]`` that set others, and all that they may set."""
 
 
 def _duration(value: Any) -> Any:

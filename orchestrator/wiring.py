@@ -6,7 +6,7 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +16,16 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
 
-from .errors import ConfigurationError, ConfigurationWarning, check_choice, instance, nearest
+from . import effects
+from .errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    NoEffectWarning,
+    check_choice,
+    instance,
+    nearest,
+    shortened,
+)
 from .fmu import Port, ports_of, read
 from .master import initial_outputs
 from .plan import variables_of
@@ -24,7 +33,7 @@ from .scenario import Receivers, Scenario, Source, load
 from .system import ComponentSpec, Connection, PythonComponent, System, Value, nanoseconds
 from .tables import ANYWHERE, PATH, TRUE, in_si
 
-FIXED = ("target", "platform", "acoustics")
+FIXED = effects.FIXED
 """Names of the components that every system has."""
 RAW = "raw"
 """Name of the raw fix that runs beside the receivers for comparison."""
@@ -68,7 +77,7 @@ def connect(
     Warns
     -----
     ConfigurationWarning
-        Nothing feeds an input of a foreign component.
+        Nothing feeds an input of a foreign component; a key that was given has no effect.
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -96,6 +105,9 @@ def connect(
         _hand_over_start(parts, chosen)
     connections = tuple(_connections(parts, chosen))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
+    idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
+    for line in no_effect(scenario, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=3)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -239,6 +251,31 @@ def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None
                     ConfigurationWarning,
                     stacklevel=3,
                 )
+
+
+def ours(
+    scenario: Scenario, chosen: Mapping[str, Source], replaced: Collection[str] = ()
+) -> effects.Ours:
+    """Our components by table, if no other component takes the keys of that table, too."""
+    found = {
+        name: () if name in replaced else names
+        for name, names in effects.components_of(scenario).items()
+    }
+    strangers = any(not isinstance(source, str) for source in chosen.values())
+    found["receiver"] = () if strangers else [s for s in chosen.values() if isinstance(s, str)]
+    return found
+
+
+def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[str]:
+    """Messages about keys without effect, together what has the same place and the same reason."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for (table, key), why in idle.items():
+        place = scenario.where(table, key)
+        before, same, _ = place.rpartition(f"[{table}] {key}")
+        places.setdefault((f"{before}[{table}]" if same else place, why), []).append(key)
+    for (place, why), keys in places.items():
+        named = place if place.startswith("override ") else f"{place} {shortened(', '.join(keys))}"
+        yield f"{named}: {'has' if len(keys) == 1 else 'have'} no effect, as {why}"
 
 
 def _values(variables: Iterable[Variable], table: Any) -> dict[str, Value]:

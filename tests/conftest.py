@@ -3,4 +3,5 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "unit" / "models"))
+for folder in ("fmus", "models"):
+    sys.path.insert(0, str(Path(__file__).parent / "unit" / folder))

@@ -6,9 +6,11 @@ import json
 import os
 import pickle
 import sys
+import traceback
 from pathlib import Path
 
-from .checks import CHECKS, Bench, ConformanceError, NotApplicableError
+from .bench import Bench, ConcernError, ConformanceError, NotApplicableError
+from .checks import CHECKS, LOADING
 from .host import MissingError, RefusedError, Trace
 
 
@@ -22,19 +24,39 @@ def main(folder: Path, name: str, step: int, first: int) -> None:
         pass
     trace = Trace(folder / "trace")
     subject = pickle.loads((folder / "subject").read_bytes())
-    check = next(check for check in CHECKS if check.name == name)
+    check = next(check for check in (LOADING, *CHECKS) if check.name == name)
+    bench = Bench(subject, folder, trace, first)
+    clause = check.clauses[subject.fmi - 2]
     try:
-        state, reason = "passed", check.steps[step](Bench(subject, folder, trace, first))
-    except (ConformanceError, MissingError, RefusedError) as problem:
-        state, reason = "failed", str(problem)
+        state, reason = "passed", check.steps[step](bench)
+    except ConformanceError as problem:
+        clause = clause if problem.clauses is None else problem.clauses[subject.fmi - 2]
+        state, reason = "failed" if clause else "warning", str(problem)
+    except (MissingError, RefusedError) as problem:
+        state, reason = "failed" if clause else "warning", str(problem)
+    except ConcernError as problem:
+        state, reason = "warning", str(problem)
     except NotApplicableError as problem:
         state, reason = "does not apply", str(problem)
     except OSError as error:  # what ctypes makes of a crash on Windows
-        state, reason = "failed", f"crashed: {error}"
-    (folder / "result").write_text(json.dumps([state, reason]))
+        state, reason = "failed" if clause else "warning", f"crashed: {error}"
+    result = {
+        "state": state,
+        "reason": reason,
+        "clause": clause if state == "failed" else None,
+        "resume": bench.resume,
+    }
+    unfinished = folder / "result.part"
+    unfinished.write_text(json.dumps(result))
+    unfinished.replace(folder / "result")
     # What the FMU does at the end of a process is not asked.
     os._exit(0)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+    place = Path(sys.argv[1])
+    try:
+        main(place, sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+    except Exception:  # a mistake of ours, which must not pass for one of the FMU
+        (place / "broken").write_text(traceback.format_exc())
+        os._exit(1)

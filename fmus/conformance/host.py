@@ -11,6 +11,7 @@ import mmap
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from .subject import Number, Subject, Variable
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _TRACE = 512
+_MESSAGE = 200
+"""Characters that are kept of what an FMU logs."""
 
 _P, _N, _D, _I = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double, ctypes.c_int
 _B, _S = ctypes.c_bool, ctypes.c_char_p
@@ -112,15 +115,16 @@ class MissingError(Exception):
 class Trace:
     """Where the process is, in a file that outlives it.
 
-    It holds ``COUNT PROBE WHAT``: how often it was written, the number of the probe after which
-    one can go on (or ``-``), and the call under way.
+    It holds ``COUNT PROBE CLAUSE WHAT``: how often it was written, the number of the probe after
+    which one can go on (or ``-``), the section of the standard by which that call must be borne
+    (or ``-``), and the call under way.
     """
 
     def __init__(self, path: Path) -> None:
         path.write_bytes(bytes(_TRACE))
         with path.open("r+b") as file:
             self._map = mmap.mmap(file.fileno(), _TRACE)
-        self._count, self._probe, self._label = 0, "-", ""
+        self._count, self._probe, self._label = 0, "- -", ""
 
     def enter(self, call: str) -> None:
         """Note the call that comes now."""
@@ -128,21 +132,52 @@ class Trace:
         text = f"{self._count} {self._probe} {self._label or call}".encode()
         self._map[:] = text[:_TRACE].ljust(_TRACE, b"\0")
 
-    def probe(self, number: int, label: str) -> None:
+    def probe(self, number: int, label: str, clause: str | None) -> None:
         """Note what the following calls are, as far as people are concerned."""
-        self._probe, self._label = str(number), label
+        self._probe, self._label = f"{number} {clause or '-'}", label
         self.enter(label)
 
 
-def read_trace(path: Path) -> tuple[str, int | None, str]:
-    """Count, probe and call of a trace; the count changes as long as the process goes on."""
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a process is or was.
+
+    Attributes
+    ----------
+    count
+        Changes as long as the process goes on.
+    probe
+        Number of the probe; None outside of any.
+    clause
+        By which its call must be borne, if any.
+    call
+        What is or was under way.
+    """
+
+    count: str
+    probe: int | None
+    clause: str | None
+    call: str
+
+
+def read_trace(path: Path) -> Place:
+    """What a trace says."""
     text = path.read_bytes().strip(b"\0") if path.is_file() else b""
-    count, probe, what = (text or b"0 - its start").split(b" ", 2)
-    return count.decode(), None if probe == b"-" else int(probe), what.decode(errors="replace")
+    count, probe, clause, call = (text or b"0 - - its start").decode(errors="replace").split(" ", 3)
+    return Place(
+        count, None if probe == "-" else int(probe), None if clause == "-" else clause, call
+    )
 
 
 class Library:
     """The functions of an FMU.
+
+    Attributes
+    ----------
+    message
+        What the FMU has logged last.
+    fatal
+        Whether a call has returned Fatal: then no instance may be used any more.
 
     Raises
     ------
@@ -153,6 +188,7 @@ class Library:
     def __init__(self, subject: Subject, trace: Trace) -> None:
         self.subject, self.trace, self.fmi = subject, trace, subject.fmi
         self.message = ""
+        self.fatal = False
         self._functions: dict[str, Any] = {}
         trace.enter("loading the library")
         os.chdir(Path(subject.library).parent)  # some look for their files there
@@ -176,8 +212,8 @@ class Library:
 
     def _note(self, status: int, message: bytes | None) -> None:
         if status >= WARNING:
-            text = " ".join((message or b"").decode(errors="replace").split())
-            self.message = text.replace("%%", "%").replace("##", "#")
+            text = " ".join((message or b"")[: 4 * _MESSAGE].decode(errors="replace").split())
+            self.message = text.replace("%%", "%").replace("##", "#")[:_MESSAGE]
 
     def has(self, function: str) -> bool:
         """Whether a function, named in full, is exported."""
@@ -243,21 +279,28 @@ class Library:
 
 
 class Instance:
-    """An instance; what is not named ``try_…`` raises `RefusedError` for worse than a warning."""
+    """An instance; what is not named ``try_…`` raises `RefusedError` for worse than a warning.
 
-    def __init__(self, library: Library, name: str = "conformance") -> None:
+    One that is not ``born`` is there to be looked at: it knows its library and has no address.
+    """
+
+    def __init__(self, library: Library, name: str = "conformance", *, born: bool = True) -> None:
         self.library, self.subject = library, library.subject
         self._read: Any = None
         self._places: tuple[Any, ...] | None = None
+        self.address: int | None = None
+        if not born:
+            return
         address = library.instantiate(name.encode(), self.subject.token.encode())
         if address is None:
             raise RefusedError(f"fmi{library.fmi}Instantiate", ERROR, library.message)
-        self.address: int | None = address
+        self.address = address
 
     def try_(self, name: str, *arguments: Any) -> int:
         """The status of a call that may be refused."""
         status: int = self.library.call(name, self.address, *arguments)
         if status == FATAL:
+            self.library.fatal = True
             self.address = None  # nothing may be called on it any more
         return status
 

@@ -63,6 +63,8 @@ class Subject:
         Names of all functions that it has to export.
     once, saves, serialises, variable_steps, derivatives
         Its capability flags.
+    tool
+        Whether it needs a tool that is not part of it.
     start, step, steps, tolerance
         Start in s, communication interval in s and number of steps of all runs, and the relative
         tolerance of results, from the default experiment as far as it says.
@@ -79,6 +81,7 @@ class Subject:
     resources: str
     functions: tuple[str, ...]
     once: bool
+    tool: bool
     saves: bool
     serialises: bool
     variable_steps: bool

@@ -6,6 +6,7 @@ from ..declaration import (
     Component,
     choice,
     noise_keys,
+    not_zero,
     output,
     parameter,
     switch,
@@ -15,6 +16,11 @@ from ..ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION, ports, termina
 
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 
+_RANDOM = tuple(
+    not_zero("range_std", "loss_probability", outlier)
+    for outlier in ("outlier_probability", "outlier_mean")
+)
+
 COMPONENT = Component(
     name="Acoustics",
     number=3,
@@ -22,7 +28,7 @@ COMPONENT = Component(
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
-        *noise_keys(),
+        *noise_keys(*_RANDOM),
         parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
         parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),
@@ -32,9 +38,11 @@ COMPONENT = Component(
         parameter("loss_probability", "Probability that a packet is lost", start=0.0, min=0.0,
                   max=1.0),
         parameter("outlier_probability", "Probability that a range is an outlier", start=0.0,
-                  min=0.0, max=1.0),
-        choice("outlier_distribution", "Distribution of an outlier's excess", OUTLIERS, 1),
-        parameter("outlier_mean", "Mean excess of an outlier", "m", start=1.0, min=0.0),
+                  min=0.0, max=1.0, needs=(not_zero("outlier_mean"),)),
+        choice("outlier_distribution", "Distribution of an outlier's excess", OUTLIERS, 1,
+               needs=(not_zero("outlier_probability"), not_zero("outlier_mean"))),
+        parameter("outlier_mean", "Mean excess of an outlier", "m", start=1.0, min=0.0,
+                  needs=(not_zero("outlier_probability"),)),
         parameter("clock_offset", "Receiver's clock minus the beacons' at the start", "s"),
         parameter("clock_drift", "Rate of change of that difference", "s/s", min=-0.1, max=0.1),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",

@@ -2,14 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 
-from ..declaration import Component, Variable, noise_keys, output, parameter, switch, tick_interval
+from ..declaration import (
+    Component,
+    Condition,
+    Variable,
+    noise_keys,
+    not_zero,
+    output,
+    parameter,
+    switch,
+    tick_interval,
+)
 from ..ports import BEACON_POSITIONS, BEACONS, ports
 
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
 DISPLACEMENTS = tuple(DIRECTIONS)
+
+
+_GPS_AXES = ("horizontal", "vertical")
+_IMU_AXES = ("tilt", "heading")
+
+
+def _any(sensor: str, axes: tuple[str, ...], *parts: str) -> tuple[Condition, ...]:
+    """The conditions that one of these parts of a sensor's error is not zero."""
+    return not_zero(*(f"{sensor}_{axis}_{part}" for part in parts for axis in axes))
+
+
+_REDRAWN = (*_any("gps", _GPS_AXES, "std", "markov_std"),
+            *_any("imu", _IMU_AXES, "std", "markov_std"))
+_DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"))
+_WAVES = not_zero(*(f"{axis}_amplitude" for axis in (*ANGLES, *DISPLACEMENTS)))
+_WARM = not_zero("imu_temperature_offset", "imu_temperature_rate")
+_INCLINED = {"tilt": not_zero("roll_amplitude", "pitch_amplitude"),
+             "heading": not_zero("yaw_amplitude")}
 
 
 def _motion_name(axis: str) -> str:
@@ -26,18 +55,22 @@ def _waves() -> tuple[Variable, ...]:
                       "rad" if axis in ANGLES else "m", min=0.0,
                       max=pi / 2 if axis in ANGLES else 1000.0),
             parameter(f"{axis}_frequency", f"Frequency of {axis}", "Hz", start=0.25, min=0.0,
-                      max=100.0),
+                      max=100.0, needs=(not_zero(f"{axis}_amplitude"),)),
             parameter(f"{axis}_phase", f"Phase of {axis} at time 0, if phases are not random",
-                      "rad", min=-2 * pi, max=2 * pi),
+                      "rad", min=-2 * pi, max=2 * pi,
+                      needs=(not_zero(f"{axis}_amplitude"), (Condition("random_phases", (0,)),))),
         )
     )
 
 
-def _imu(part: str, unit: str | None, description: str, signed: bool) -> tuple[Variable, ...]:
+def _imu(
+    part: str, unit: str | None, description: str, signed: bool,
+    needs: Mapping[str, tuple[Condition, ...]] | None = None,
+) -> tuple[Variable, ...]:
     """One part of the IMU error, for tilt (roll and pitch each) and for heading."""
     return tuple(
         parameter(f"imu_{angle}_{part}", f"{description}, {what}", unit,
-                  min=None if signed else 0.0)
+                  min=None if signed else 0.0, needs=(needs[angle],) if needs else ())
         for angle, what in (("tilt", "of roll and of pitch"), ("heading", "of yaw"))
     )
 
@@ -56,15 +89,17 @@ COMPONENT = Component(
     description="A moored platform in waves; it broadcasts its beacons' positions from GPS and IMU",
     interval="sampling_time",
     variables=(
-        tick_interval("sampling_time", "Time between draws of the GPS and IMU errors"),
-        *noise_keys(),
+        tick_interval("sampling_time", "Time between draws of the GPS and IMU errors",
+                      needs=(_REDRAWN,)),
+        *noise_keys((*_DRAWN, Condition("random_phases", (1,))), (*_DRAWN, *_WAVES)),
         parameter("mean_position", "Mean position of the reference point, NED", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",
                   start=3.0, min=0.001, max=1000.0),
         parameter("beacon_depth", "Depth of the beacons below the reference point, body frame",
                   "m", start=0.5, min=-100.0, max=100.0),
-        switch("random_phases", "Whether the phases of all waves are drawn from the seed", True),
+        switch("random_phases", "Whether the phases of all waves are drawn from the seed", True,
+               needs=(_WAVES,)),
         *_waves(),
         parameter("mounting_error", "Installation error of each beacon, body frame; the platform "
                   "does not know it", "m", shape=(BEACONS, 3)),
@@ -74,24 +109,28 @@ COMPONENT = Component(
         *_gps("bias_std", "GPS: standard deviation of the constant error of a run"),
         *_gps("markov_std", "GPS: standard deviation of the Gauss-Markov error"),
         parameter("gps_correlation_time", "GPS: correlation time of the Gauss-Markov error", "s",
-                  start=100.0, min=0.001),
+                  start=100.0, min=0.001, needs=(_any("gps", _GPS_AXES, "markov_std"),)),
         *_imu("std", "rad", "IMU: standard deviation of white noise per sample", False),
         *_imu("bias", "rad", "IMU: fixed error, the same in every run", True),
         *_imu("turn_on_std", "rad", "IMU: standard deviation of the run-to-run error", False),
         *_imu("markov_std", "rad", "IMU: standard deviation of the in-run Gauss-Markov error",
               False),
         parameter("imu_correlation_time", "IMU: correlation time of the Gauss-Markov error", "s",
-                  start=100.0, min=0.001),
+                  start=100.0, min=0.001, needs=(_any("imu", _IMU_AXES, "markov_std"),)),
         *_imu("drift", "rad/s", "IMU: in-run linear drift", True),
-        *_imu("temperature_coefficient", "rad/K", "IMU: error per kelvin", True),
+        *_imu("temperature_coefficient", "rad/K", "IMU: error per kelvin", True,
+              dict.fromkeys(_IMU_AXES, _WARM)),
         parameter("imu_temperature_offset", "Temperature at the start minus that of calibration",
-                  "K"),
-        parameter("imu_temperature_rate", "Rate of change of the temperature", "K/s"),
+                  "K", needs=(_any("imu", _IMU_AXES, "temperature_coefficient"),)),
+        parameter("imu_temperature_rate", "Rate of change of the temperature", "K/s",
+                  needs=(_any("imu", _IMU_AXES, "temperature_coefficient"),)),
         *_imu("step", "rad", "IMU: sudden error after a shock", True),
-        parameter("imu_step_time", "IMU: time of the shock after the start", "s", min=0.0),
-        *_imu("scale_factor_error", None, "IMU: scale factor error", True),
+        parameter("imu_step_time", "IMU: time of the shock after the start", "s", min=0.0,
+                  needs=(_any("imu", _IMU_AXES, "step"),)),
+        *_imu("scale_factor_error", None, "IMU: scale factor error", True, _INCLINED),
         parameter("imu_misalignment", "IMU: rotation of the sensor axes about the body axes; "
-                  "couples roll, pitch and yaw", "rad", shape=(3,), min=-pi / 4, max=pi / 4),
+                  "couples roll, pitch and yaw", "rad", shape=(3,), min=-pi / 4, max=pi / 4,
+                  needs=(not_zero(*(f"{axis}_amplitude" for axis in ANGLES)),)),
         output("position", "True position of the reference point, NED", "m", shape=(3,)),
         output("attitude", "True roll, pitch, yaw", "rad", shape=(3,)),
         *ports(BEACON_POSITIONS, "output"),

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from ..declaration import Component, Variable, choice, parameter, tick_interval
+from ..declaration import (
+    Component,
+    Variable,
+    choice,
+    is_one_of,
+    not_zero,
+    parameter,
+    tick_interval,
+)
 from ..ports import DEPTH, ESTIMATE, RECEPTION, ports, terminal
 
 INITIALISATION = {1: "first_receptions", 2: "prior"}
@@ -18,15 +26,18 @@ _SENSORS = (
     choice("beacon_position_source", "Beacon position that goes with a range",
            BEACON_POSITION_SOURCE, 1),
 )
+_WITH_PRIOR = ((is_one_of("initialisation", INITIALISATION, "prior"),),)
 _MOTION = (
     choice("initialisation", "Where the first estimate comes from", INITIALISATION, 1),
-    parameter("prior_position", "Prior: position at the start, NED", "m", shape=(3,)),
-    parameter("prior_velocity", "Prior: velocity at the start, NED", "m/s", shape=(3,)),
+    parameter("prior_position", "Prior: position at the start, NED", "m", shape=(3,),
+              needs=_WITH_PRIOR),
+    parameter("prior_velocity", "Prior: velocity at the start, NED", "m/s", shape=(3,),
+              needs=_WITH_PRIOR),
     parameter("prior_position_std", "Prior: standard deviation of the position, per axis", "m",
-              start=1.0, min=0.0),
+              start=1.0, min=0.0, needs=_WITH_PRIOR),
     parameter("prior_velocity_std", "Prior, and after the first receptions: standard deviation of "
               "the velocity, per axis", "m/s", start=1.0, min=0.0),
-    choice("process_noise", "Form of Q", PROCESS_NOISE, 1),
+    choice("process_noise", "Form of Q", PROCESS_NOISE, 1, needs=(not_zero("acceleration_psd"),)),
     parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
               "the other form of Q takes the variance q / dt", "m2/s3", start=0.01, min=0.0),
 )
@@ -71,7 +82,7 @@ SEQUENTIAL = _receiver(
                   "switches the gate off", start=4.0, min=0.0),
         Variable("gate_limit", "Score of rejections at which the filter starts anew from the "
                  "latest receptions: a rejected range adds 1, any other takes back 1/2",
-                 "parameter", start=5, min=1, max=1000, type="Int32"),
+                 "parameter", start=5, min=1, max=1000, type="Int32", needs=(not_zero("gate"),)),
     ),
 )
 MULTILATERATION = _receiver(

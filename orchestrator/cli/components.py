@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ..errors import ConfigurationError
-from .base import app, waiting
+from .base import app, numeric, waiting
 
 
 @app.command()
@@ -18,7 +19,7 @@ def build(
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
     ] = None,
     fmi: Annotated[
-        int | None, typer.Option("--fmi", min=2, max=3, help="FMI version; none: both.")
+        int | None, numeric("--fmi", int, "2|3", "FMI version; none: both.", low=2, high=3)
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
         Path("fmus")
@@ -80,19 +81,28 @@ def conformance(
     ] = None,
     timeout: Annotated[
         float,
-        typer.Option("--timeout", metavar="SECONDS", min=0.1, help="Time that a call may take."),
+        numeric("--timeout", float, "SECONDS", "Time that a call may take.", low=0.1),
     ] = 30.0,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="The exit code is 1 for warnings, too.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
 ) -> None:
     """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
 
-    Crashes and calls that do not return are findings. The exit code is 1 if a check fails, and 2
-    if FILE.fmu cannot be checked.
+    A check has failed where the standard says otherwise; what is lawful but hurts users is a
+    warning. Crashes and calls that do not return are findings. The exit code is 1 if a check has
+    failed, and 2 if FILE.fmu cannot be checked.
     """
-    from sblcosim.fmus.conformance.kit import examine
+    from sblcosim.fmus.conformance.kit import Result, examine
+
+    def show(result: Result) -> None:
+        if not as_json:
+            typer.echo(str(result))
+            sys.stdout.flush()  # also into a file: whoever waits sees how far it is
 
     with waiting("checking"):
-        report = examine(file, only=checks or (), patience=timeout)
-    typer.echo(json.dumps(report.to_json(), indent=2) if as_json else str(report))
-    if not report.ok:
+        report = examine(file, only=checks or (), patience=timeout, each=show)
+    typer.echo(json.dumps(report.to_json(), indent=2) if as_json else report.summary)
+    if not report.ok or (strict and report.count("warning")):
         raise typer.Exit(1)

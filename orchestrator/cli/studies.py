@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import check_choice
-from .base import ForceOption, Terminated, app, place, report, table, waiting
+from .base import ForceOption, app, numeric, place, report_run, table, waiting
+from .outcome import Terminated
 
 
 @app.command()
@@ -31,10 +32,11 @@ def study(
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+        int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
     executor: Annotated[
         str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
@@ -145,12 +147,23 @@ def _summary(runs: Any) -> str:
         if runs[column].isna().all():
             continue
         name = column.removesuffix(suffix)
+        if runs[column].isna().all():
+            lines.append(f"{name}: no estimate in any run")
+            continue
         lines.append(
             f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
-            f"{runs[f'{name}.inconsistent'].mean():.0%} of them inconsistent, "
+            f"{_inconsistent(runs[f'{name}.inconsistent'])}, "
             f"{runs[f'{name}.lost'].mean():.0%} lost"
         )
     return "\n".join(lines)
+
+
+def _inconsistent(flags: Any) -> str:
+    known = flags.dropna()
+    if known.empty:
+        return "consistency unknown (no estimate has a covariance)"
+    whose = "them" if len(known) == len(flags) else f"the {len(known)} with a covariance"
+    return f"{known.mean():.0%} of {whose} inconsistent"
 
 
 @app.command()
@@ -175,7 +188,7 @@ def replay(
         artifacts.check(wanted, other=other)
         result = campaign.replay(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report(result, folder, as_json, wanted)
+    report_run(result, folder, as_json, wanted)
 
 
 @app.command()
@@ -189,7 +202,7 @@ def analyse(
         str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
     ] = None,
     order: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+        int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
     transform: Annotated[
         str,
@@ -205,7 +218,7 @@ def analyse(
         ),
     ] = "pure",
     practical: Annotated[
-        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+        float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -253,14 +266,14 @@ def advise(
         ),
     ],
     limit: Annotated[
-        float | None, typer.Option("--limit", help="Largest error that will do.")
+        float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
     ] = None,
     percentile: Annotated[
         float | None,
-        typer.Option("--percentile", help="So many percent of the runs [default: their mean]."),
+        numeric("--percentile", float, "P", "So many percent of the runs [default: their mean]."),
     ] = None,
     confidence: Annotated[
-        float, typer.Option("--confidence", help="That the advised design is good enough.")
+        float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
     response: Annotated[
         str | None,
@@ -311,10 +324,11 @@ def paper(
         bool, typer.Option("--quick", help="Few replicates: a look at everything.")
     ] = False,
     practical: Annotated[
-        float, typer.Option(metavar="SIZE", help="Effects below it do not matter [m].")
+        float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
     ] = 0.5,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.

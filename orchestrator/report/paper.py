@@ -32,10 +32,10 @@ from scipy import stats
 from .. import artifacts, campaign, plots, store
 from .. import study as studies
 from ..api import run as run_scenario
+from ..definitions import AXES, recorded
 from ..design import TIMES
 from ..errors import ConfigurationError
 from ..factorial import answer, places
-from ..metrics import AXES, recorded
 from ..record import Record
 from ..scenario import load as load_scenario
 from ..study import Study

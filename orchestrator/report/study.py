@@ -66,6 +66,7 @@ def save(
             (folder / REPORT).write_text(render(page), "utf-8")
         return str(found.shown)
     column = analysis.column_of(table, response, receiver)
+    table = analysis.in_numbers(table, column)
     means = sweep.means(table, list(study.factors), column, study.sweep_base)
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
     with artifacts.folder(directory, about) as folder:

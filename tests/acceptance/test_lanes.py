@@ -249,10 +249,8 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
             expected.append(getattr(structure, field).offset)
             places.append(f"offsetof(struct {name}, {field.rstrip('_')})")
     source += f"API size_t places[] = {{{', '.join(places)}}};\n"
-    header = "enum sum { " + ", ".join(name.upper() for name in lanes.SUMS) + ", SUMS };\n"
-    header += "enum { MAX_COMPONENTS = 1, MAX_RECEIVERS = 1 };\n"
     sources = {
-        "places.c": source.encode(), "lanes_master.h": header.encode(),
+        "places.c": source.encode(), "lanes_master.h": lanes.DRIVER.header.encode(),
         **factory.engine_headers(),
     }
     library = tmp_path / "places.so"

@@ -10,6 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import sblcosim
+from click.testing import Result
 from sblcosim.cli import app
 from sblcosim.export import export_ssp
 from typer.testing import CliRunner
@@ -57,6 +59,50 @@ def test_two_strangers_with_the_same_formula_agree(
     errors = run(*both, folder=tmp_path / "out")["errors"]
     one, other = (errors[file.stem]["absolute"]["total"]["rms_m"] for file in receivers.values())
     assert one == pytest.approx(other, rel=1e-9)
+
+
+def test_of_a_stranger_without_covariance_nothing_says_that_it_is_consistent(
+    receivers: dict[str, Path], tmp_path: Path
+) -> None:
+    study = tmp_path / "blind.toml"
+    study.write_text(f"""
+scenario = "paper-scenario-1"
+replicates = 3
+receivers = ["ekf", "{receivers['C'].as_posix()}"]
+[fixed.time]
+duration_s = 20.0
+[factors.gps]
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+""")
+
+    def call(*arguments: object) -> Result:
+        return CliRunner().invoke(app, [*map(str, arguments)], catch_exceptions=False)
+
+    out = tmp_path / "out"
+    done = call("study", study, "--out", out)
+    assert done.exit_code == 0, done.stderr
+    lines = dict(line.split(": ", 1) for line in done.stdout.splitlines()[1:3])
+    assert "of them inconsistent" in lines["ekf"]
+    assert "consistency unknown (no estimate has a covariance), " in lines["receiver"]
+    table = sblcosim.campaign.table(out)
+    assert table["receiver.inconsistent"].isna().all()
+    assert table["ekf.inconsistent"].dtype == bool
+    (tmp_path / "costs.toml").write_text("gps = [900, 40]")
+    for command in (
+        ["analyse", out], ["advise", out, "--costs", tmp_path / "costs.toml", "--limit", 0.5],
+    ):
+        done = call(*command, "--response", "receiver.inconsistent")
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert done.stderr == (
+            "error: receiver.inconsistent: must be known in some runs, got none; no estimate of "
+            "receiver has a covariance\n"
+        )
+    one = call(
+        "run", "paper-scenario-1", "--set", "time.duration_s=20", "--no-figures", "--receiver",
+        receivers["C"], "--out", tmp_path / "run",
+    )  # fmt: skip
+    assert "consistency unknown: no covariance" in one.stdout
 
 
 def test_a_stranger_passes_the_check(receivers: dict[str, Path]) -> None:

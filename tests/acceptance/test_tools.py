@@ -53,6 +53,8 @@ TOOLS = {
     "FMPy's SSP": ("in_fmpy_ssp.py", "baked.ssp"),
     "libcosim": ("in_libcosim.py", "plain.ssp"),
     "ecos": ("in_ecos.py", "plain.ssp"),
+    "OMSimulator": ("in_omsimulator.py", "plain.ssp"),
+    "OMSimulator, baked": ("in_omsimulator.py", "baked.ssp"),
     "libcosim, baked": ("in_libcosim.py", "baked.ssp"),
     "ecos, baked": ("in_ecos.py", "baked.ssp"),
     "fmucontainer in FMPy": ("in_container.py", "whole.fmu"),
@@ -115,7 +117,8 @@ def same(one: NDArray[np.float64], other: NDArray[np.float64]) -> None:
 
 def skip_without(complaint: str) -> None:
     """Skip a test whose tool cannot be installed on this machine, by what the example said."""
-    if "libtbb.so" in complaint or ("libcosimpy" in complaint and not find_spec("libcosimpy")):
+    absent = [name for name in ("libcosimpy", "OMSimulator") if find_spec(name) is None]
+    if "libtbb.so" in complaint or any(f"pip install {name}" in complaint for name in absent):
         pytest.skip(complaint.strip())
 
 
@@ -187,6 +190,7 @@ def test_the_steps_in_the_readme_work(
         ("in_fmpy_ssp.py", "fmpy", "pip install fmpy"),
         ("in_libcosim.py", "libcosimpy", "pip install libcosimpy"),
         ("in_ecos.py", "ecospy", "pip install ecospy, apt-get install libtbb12"),
+        ("in_omsimulator.py", "OMSimulator", "pip install OMSimulator"),
         ("in_container.py", "fmpy", "pip install fmpy"),
         ("receiver_in_c/build.py", "fmpy", "pip install fmpy"),
     ],

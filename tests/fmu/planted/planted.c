@@ -32,6 +32,11 @@ enum defect {
     NEVER_THE_SAME,        /* no defect to be told: noise from the clock */
     EXITS,                 /* ends the process when it is terminated */
     THREADS_CLASH,         /* a step works in one place for all instances */
+    STATE_NOT_OVERWRITTEN, /* x of a copy that is to be written over stays what it is */
+    DERIVATIVE_A_BIT_OFF,  /* 2.1 depth in place of 2 depth */
+    ONLY_ONCE,             /* no defect if it says so: a second instance crashes, also afterwards */
+    CRASH_ON_RESET,        /* before and during initialisation */
+    NO_FATAL_END,          /* no defect: a step of NaN s is Fatal, and no call is answered after it */
 };
 
 #ifndef DEFECT
@@ -59,7 +64,7 @@ typedef bool boolean;
 #endif
 
 enum mode { NEW, INITIALISATION, STEPPING, TERMINATED };
-enum { OK = 0, DISCARD = 2, ERROR = 3 };
+enum { OK = 0, DISCARD = 2, ERROR = 3, FATAL = 4 };
 enum { TAU = 1, DEPTH = 2, POSITION = 3, EPOCH = 6, COUNT = 7 };
 
 typedef struct {
@@ -74,6 +79,7 @@ typedef struct {
 } instance;
 
 static double shared;
+static bool dead; /* NO_FATAL_END */
 
 static double *x_of(instance *in) { return DEFECT == SHARED_GLOBAL ? &shared : &in->now.x; }
 
@@ -94,6 +100,9 @@ static instance *create(const char *name, const char *token)
 {
     if (!name || !token || strcmp(token, "planted"))
         return NULL;
+    static int instances;
+    if ((DEFECT == ONLY_ONCE && instances++) || dead)
+        abort();
     instance *in = calloc(1, sizeof *in);
     in->name = malloc(strlen(name) + 1);
     strcpy(in->name, name);
@@ -112,7 +121,12 @@ void EXPORT(FreeInstance)(instance *in)
     free(in);
 }
 
-int EXPORT(Reset)(instance *in) { return in ? start(in, true), OK : ERROR; }
+int EXPORT(Reset)(instance *in)
+{
+    if (DEFECT == CRASH_ON_RESET && in && in->now.mode < STEPPING)
+        abort();
+    return in ? start(in, true), OK : ERROR;
+}
 
 static int enter(instance *in, double time)
 {
@@ -211,6 +225,8 @@ int INTEGER(Set)(instance *in, const unsigned vr[], size_t n, const int32_t valu
 static int step(instance *in, double time, double h)
 {
     static double depth; /* THREADS_CLASH */
+    if (DEFECT == NO_FATAL_END && isnan(h))
+        return dead = true, FATAL;
     if (DEFECT == CRASH_OUT_OF_ORDER && in && in->now.mode == NEW)
         abort();
     if (!in || in->now.mode != STEPPING || !(h > 0) || !(fabs(time - in->now.time) < 1e-6))
@@ -241,6 +257,9 @@ int EXPORT(GetDirectionalDerivative)(instance *in, const unsigned unknowns[], si
                                      const unsigned knowns[], size_t m, const double seed[] SEEDS,
                                      double sensitivity[] SENSITIVITIES)
 {
+    const double factor = DEFECT == WRONG_DERIVATIVE       ? 1
+                          : DEFECT == DERIVATIVE_A_BIT_OFF ? 2.1
+                                                           : 2;
     if (refused(in, unknowns, n, sensitivity) || refused(in, knowns, m, seed))
         return ERROR;
     for (size_t i = 0; i < n; i++) {
@@ -249,7 +268,7 @@ int EXPORT(GetDirectionalDerivative)(instance *in, const unsigned unknowns[], si
             if (unknowns[i] != POSITION + 2 || knowns[j] != DEPTH)
                 return ERROR;
             else
-                sensitivity[i] += (DEFECT == WRONG_DERIVATIVE ? 1 : 2) * in->now.depth * seed[j];
+                sensitivity[i] += factor * in->now.depth * seed[j];
     }
     return OK;
 }
@@ -261,9 +280,12 @@ int STATE(Get)(instance *in, state **copy)
 {
     if (!in || !copy)
         return ERROR;
+    const double before = *copy ? (*copy)->x : in->now.x;
     if (!*copy)
         *copy = malloc(sizeof **copy);
     **copy = in->now;
+    if (DEFECT == STATE_NOT_OVERWRITTEN)
+        (*copy)->x = before;
     return OK;
 }
 #endif

@@ -11,7 +11,7 @@ from typing import get_args
 from xml.sax.saxutils import quoteattr
 
 import pytest
-from sblcosim.fmus import compiler, factory
+from sblcosim.fmus import check, compiler, factory
 from sblcosim.fmus.archive import contents, write_fmu
 from sblcosim.fmus.check import Report, check_receiver
 from sblcosim.fmus.description import Fmi
@@ -22,6 +22,13 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model
 
 VERSIONS = get_args(Fmi)
+FUNCTIONS = set(
+    re.findall(
+        r"FMI2_Export\s+\w+TYPE\s+(\w+);",
+        (factory.fmi_headers() / "fmi2Functions.h").read_text(),
+    )
+)
+"""All functions of FMI 2."""
 REQUIRED = {
     "epoch": "Real output s",
     "position[1]": "Real output m",
@@ -271,9 +278,9 @@ def test_an_array_put_together_from_several_variables_is_a_port(tmp_path: Path) 
 def test_an_fmu_for_other_machines_says_which(tmp_path: Path) -> None:
     files = {"binaries/win32/R.dll": b"", "binaries/plan9/R.so": b""}
     assert complaints(checked(tmp_path, fmi2(REQUIRED), files)) == {
-        "FMU": f"error: must have a binary for this machine ({here(2)}), got plan9, win32",
+        "FMU": f"error: must have a binary for {here(2)}, got plan9, win32",
     }
-    assert complaints(checked(tmp_path, fmi2(REQUIRED), {}))["FMU"].endswith("got none")
+    assert complaints(checked(tmp_path, fmi2(REQUIRED), {}))["FMU"].endswith("got no binary at all")
 
 
 def test_an_fmi2_fmu_may_use_the_folder_names_of_fmi3(tmp_path: Path) -> None:
@@ -282,17 +289,20 @@ def test_an_fmi2_fmu_may_use_the_folder_names_of_fmi3(tmp_path: Path) -> None:
 
 def test_model_exchange_is_refused(tmp_path: Path) -> None:
     assert complaints(checked(tmp_path, fmi2(REQUIRED, "ModelExchange"))) == {
-        "FMU": "error: must be for Co-Simulation, got another interface",
+        "FMU": "error: must be an FMU for Co-Simulation, got Model Exchange",
     }
 
 
 @pytest.mark.parametrize(
     ("description", "reason"),
     [
-        (b"<fmiModelDescription", "must hold well-formed XML"),
+        (b"<fmiModelDescription", "modelDescription.xml must be well-formed XML, got unclosed"),
         (b"<other/>", "must be FMI 2.0 or 3.0, got no version"),
         (fmi2(REQUIRED).replace(b'"2.0"', b'"1.0"'), "must be FMI 2.0 or 3.0, got 1.0"),
-        (fmi2(REQUIRED).replace(b"valueReference", b"reference"), "must have a valid model"),
+        (
+            fmi2(REQUIRED).replace(b"valueReference", b"reference"),
+            "modelDescription.xml must be valid, got: ",
+        ),
     ],
 )
 def test_a_broken_description_gives_one_line_that_names_the_file(
@@ -337,7 +347,7 @@ def test_a_binary_that_does_not_load_is_an_error_on_demand(tmp_path: Path) -> No
             {"modelDescription.xml": fmi2(REQUIRED), **dict.fromkeys(binary(2), content)},
         )
         report = check_receiver(tmp_path / "r.fmu", load=True)
-        assert complaints(report) == {"binary": f"error: does not load: {reason}"}
+        assert complaints(report) == {"binary": f"error: the library does not load: {reason}"}
 
 
 def compiled(code: bytes) -> bytes:
@@ -351,8 +361,8 @@ def test_a_library_that_is_no_fmu_is_told_so(tmp_path: Path) -> None:
     write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
     report = check_receiver(tmp_path / "r.fmu", load=True)
     assert complaints(report) == {
-        "binary": "error: does not load: the standard asks for functions that it lacks: "
-        "fmi2GetTypesPlatform, fmi2GetVersion, fmi2SetDebugLogging and 31 more"
+        "binary": "error: it does not export fmi2GetTypesPlatform, fmi2GetVersion, "
+        "fmi2SetDebugLogging and 31 more"
     }
 
 
@@ -361,7 +371,43 @@ def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None
     files = dict.fromkeys(binary(2), compiled(code))
     write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
     report = check_receiver(tmp_path / "r.fmu", load=True)
-    assert complaints(report) == {"binary": "error: does not load: it crashed (SIGSEGV)"}
+    assert complaints(report) == {"binary": "error: crashes (SIGSEGV) in loading the library"}
+
+
+@pytest.mark.parametrize(
+    ("where", "what", "ending"),
+    [
+        ("__attribute__((constructor)) static void f(void)", "exit(0);",
+         "ends the process (exit code 0x0) in loading the library"),
+        ("void *fmi2Instantiate(void)", "exit(0);",
+         "ends the process (exit code 0x0) in fmi2Instantiate"),
+        ("void *fmi2Instantiate(void)", "abort();", "crashes (SIGABRT) in fmi2Instantiate"),
+        ("void *fmi2Instantiate(void)", "for (;;) sleep(1);",
+         "has not returned after 2 s from fmi2Instantiate"),
+        ("void *fmi2Instantiate(void)", "return 0;", "fmi2Instantiate must succeed, got Error"),
+        ("void *fmi2Instantiate(void)", "static int x; return &x;", ""),
+        ("void *fmi2Instantiate(void)", "printf(\"loaded\\n\"); _exit(0);",
+         "ends the process (exit code 0x0) in fmi2Instantiate"),
+    ],
+    ids=["exit while loading", "exit", "abort", "hang", "refused", "sound", "exit after output"],
+)  # fmt: skip
+def test_an_fmu_that_does_not_live_to_be_instantiated_is_not_sound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, what: str, ending: str
+) -> None:
+    monkeypatch.setattr(check, "PATIENCE", 2.0)
+    functions = {f for f in FUNCTIONS if f != "fmi2Instantiate"}
+    rest = "".join(f"int {name}(void) {{ return 3; }}\n" for name in sorted(functions))
+    if "fmi2Instantiate" not in where:
+        rest += "void *fmi2Instantiate(void) { return 0; }\n"
+    headers = "#pragma GCC visibility push(default)\n" + "".join(
+        f"#include <{name}.h>\n" for name in ("stdio", "stdlib", "unistd")
+    )
+    code = f"{headers}{where} {{ {what} }}\n{rest}".encode()
+    files = dict.fromkeys(binary(2), compiled(code))
+    write_fmu(tmp_path / "r.fmu", {"modelDescription.xml": fmi2(REQUIRED), **files})
+    report = check_receiver(tmp_path / "r.fmu", load=True)
+    assert complaints(report) == ({"binary": f"error: {ending}"} if ending else {})
+    assert report.ok == (not ending)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)

@@ -13,13 +13,14 @@ from lxml import etree
 from sblcosim.fmus.archive import contents, write_fmu
 from sblcosim.fmus.description import (
     Fmi,
+    base_unit,
     build_description,
     model_description,
     terminals,
     value_references,
 )
 from sblcosim.models import COMPONENTS
-from sblcosim.models.declaration import Component
+from sblcosim.models.declaration import UNITS, Component, Variable
 from sblcosim.models.equations import Model, load
 
 VERSIONS = get_args(Fmi)
@@ -126,6 +127,65 @@ def test_head_of_the_description_follows_the_declaration(tmp_path: Path, fmi: Fm
     (configuration,) = description.buildConfigurations
     assert configuration.modelIdentifier == component.name
     assert [f.sourceFiles for f in configuration.sourceFileSets] == [["model.c"]]
+
+
+TRUE_UNITS = {
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m2/s3": {"m": 2, "s": -3},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "rad/K": {"rad": 1, "K": -1},
+    "K": {"K": 1},
+    "K/s": {"K": 1, "s": -1},
+    "Hz": {"s": -1},
+    "s/s": {},
+}
+"""Exponents of every unit there is, by hand."""
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_units_are_defined_by_their_true_exponents(tmp_path: Path, name: str, fmi: Fmi) -> None:
+    found = {}
+    for unit in etree.fromstring(model_description(MODELS[name], fmi, "", ())).iter("Unit"):
+        (definition,) = unit.iter("BaseUnit")
+        found[unit.get("name")] = {key: int(n) for key, n in definition.items()}
+        for shown in unit.iter("DisplayUnit"):
+            power = TRUE_UNITS[unit.get("name")]["rad"]
+            assert float(shown.get("factor")) == math.degrees(1.0) ** power
+    used = {v.unit for v in COMPONENTS[name]} - {None} | ({"s"} if fmi == 3 else set())
+    assert found == {unit: TRUE_UNITS[unit] for unit in used}
+
+
+def test_every_unit_is_used_and_known_by_hand() -> None:
+    used = {v.unit for component in COMPONENTS.values() for v in component} - {None}
+    assert used == set(UNITS) == set(TRUE_UNITS)
+
+
+@pytest.mark.parametrize(
+    ("name", "exponents"),
+    [
+        *TRUE_UNITS.items(),
+        ("kg.m2/s3.A", {"kg": 1, "m": 2, "s": -3, "A": -1}),
+        ("m.m/s.s", {"m": 2, "s": -2}),
+        ("m/Hz", {"m": 1, "s": 1}),
+        ("cd.mol", {"cd": 1, "mol": 1}),
+    ],
+)
+def test_a_units_name_gives_its_exponents(name: str, exponents: dict[str, int]) -> None:
+    assert base_unit(name) == exponents
+
+
+@pytest.mark.parametrize(
+    "name", ["", "h", "m/h", "deg", "m//s", "m/s/s", "m/", "/s", "m1", "m-1", "m2.5", "m 2", "m^2"]
+)
+def test_an_unknown_unit_is_an_error(name: str) -> None:
+    with pytest.raises(ValueError, match=r"^unit: must be powers of SI units, .* got "):
+        base_unit(name)
+    with pytest.raises(ValueError, match="is not one of"):
+        Variable("x", "", "output", name)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)

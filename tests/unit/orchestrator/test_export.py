@@ -45,6 +45,7 @@ NS = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "own": "urn:org.sblcosim",
 }
 CONVERSIONS = {"Integer": int, "Int32": int, "Boolean": "true".__eq__}
 BOOLEANS = {"true": "1", "false": "0"}
@@ -183,8 +184,20 @@ def test_connectors_have_the_types_units_and_shapes_of_the_fmus(
             assert kind.get("unit") == variable.unit
             sizes = [int(d.get("size")) for d in connector.iterfind("ssc:Dimension", NS)]
             assert sizes == (list(variable.shape) if version == 2 else [])
-    speed = structure.find("ssd:Units/ssc:Unit[@name='m/s']/ssc:BaseUnit", NS)
-    assert dict(speed.attrib) == {"m": "1", "s": "-1"}
+
+
+def test_units_are_defined_as_in_the_fmus(
+    package: zipfile.ZipFile, structure: etree._Element, version: int
+) -> None:
+    units = {u.get("name"): dict(u[0].attrib) for u in structure.iterfind("ssd:Units/ssc:Unit", NS)}
+    expected = {}
+    for source in structure.iterfind(".//ssd:Component", NS):
+        for unit in described(package, source.get("name")).iter("Unit"):
+            expected[unit.get("name")] = dict(unit[0].attrib)
+    assert units == expected
+    assert units["m2/s3"] == {"m": "2", "s": "-3"}
+    assert units["rad/K"] == {"rad": "1", "K": "-1"}
+    assert units["s/s"] == {}
 
 
 def test_every_component_has_its_parameters_by_their_short_names(
@@ -220,6 +233,7 @@ def test_the_package_is_the_whole_system(
     """Read back, it gives the same record to the last bit."""
     package.extractall(tmp_path)
     components = {}
+    intervals = intervals_of(structure)
     for component in structure.iterfind(".//ssd:Component", NS):
         name = component.get("name")
         parameters: dict[str, list[float]] = {}
@@ -230,7 +244,7 @@ def test_the_package_is_the_whole_system(
             parameters.setdefault(parameter.get("name").partition("[")[0], []).extend(numbers)
         components[name] = ComponentSpec(
             tmp_path / component.get("source"),
-            round(float(component.find(".//osp:StepSizeHint", NS).get("value")) * SECOND),
+            round(float(intervals[name]) * SECOND),
             {
                 key: numbers if COMPONENTS[name][key].shape else numbers[0]
                 for key, numbers in parameters.items()
@@ -264,15 +278,15 @@ def test_the_true_prior_is_a_number(package: zipfile.ZipFile, version: int) -> N
     assert any(true)
 
 
+def intervals_of(structure: etree._Element) -> dict[str, str]:
+    (group,) = structure.iterfind(
+        "ssd:System/ssd:Annotations/ssc:Annotation[@type='org.sblcosim']/own:Intervals", NS
+    )
+    return {i.get("component"): i.get("seconds") for i in group}
+
+
 def test_step_sizes_are_annotated_for_osp_and_omsimulator(structure: etree._Element) -> None:
-    hints = {
-        c.get("name"): c.find(
-            "ssd:Annotations/ssc:Annotation[@type='com.opensimulationplatform']/osp:StepSizeHint",
-            NS,
-        ).get("value")
-        for c in structure.iterfind(".//ssd:Component", NS)
-    }
-    assert hints == {
+    assert intervals_of(structure) == {
         "target": "0.1", "platform": "0.1", "acoustics": "0.1", "ekf": "0.2", "sequential": "0.2",
     }  # fmt: skip
     experiment = structure.find("ssd:DefaultExperiment", NS)
@@ -289,6 +303,35 @@ def test_step_sizes_are_annotated_for_osp_and_omsimulator(structure: etree._Elem
         NS,
     )
     assert master.get("stepSize") == "0.1"
+    # OMSimulator reads the first annotation of a system only, and accepts none of a component.
+    assert structure.find("ssd:System/ssd:Annotations/ssc:Annotation", NS).get("type") == (
+        "org.openmodelica"
+    )
+    assert structure.find(".//ssd:Component/ssd:Annotations", NS) is None
+
+
+def test_names_are_identifiers(version: int, tmp_path: Path) -> None:
+    """OMSimulator takes no others; they tell the components apart all the same."""
+    labels = {"my-ekf": "ekf", "my_ekf": "ekf", "2nd": "sequential", "ü": "ekf"}
+    scenario = {**SCENARIO, "name": "1-dive, ü"}
+    path = export_ssp(scenario, tmp_path / "x.ssp", labels, version=version)
+    package = zipfile.ZipFile(path)
+    structure = etree.fromstring(package.read("SystemStructure.ssd"))
+    assert structure.get("name") == "x1_dive___"
+    assert structure.find("ssd:System", NS).get("name") == "system"
+    names = [c.get("name") for c in structure.iterfind(".//ssd:Component", NS)]
+    assert names == [
+        "target", "platform", "acoustics", "my_ekf_2", "my_ekf", "x2nd", "x_",
+    ]  # fmt: skip
+    assert intervals_of(structure).keys() == set(names)
+    for connection in structure.iterfind(".//ssd:Connection", NS):
+        assert {connection.get("startElement"), connection.get("endElement")} <= set(names)
+    ends = {c.get("endElement") for c in structure.iterfind(".//ssd:Connection", NS)}
+    assert ends == set(names) - {"target", "platform"}
+    for name in names:
+        assert f"resources/{name}.ssv" in package.namelist()
+        sequential = described(package, name).get("modelName") == "Sequential"
+        assert sequential == (name == "x2nd")
 
 
 def test_steps_are_the_longest_that_divide_all_intervals(tmp_path: Path) -> None:

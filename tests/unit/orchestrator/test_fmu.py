@@ -8,6 +8,7 @@ import pytest
 from sblcosim import fmu as fmus
 from sblcosim.errors import FmuError
 from sblcosim.fmu import Port, acquire, ports_of, read, release
+from sblcosim.fmus.read import description
 from sblcosim.models.declaration import parameter
 from stranger import build_stranger
 
@@ -84,7 +85,7 @@ def test_a_declaration_makes_ports_with_bounds_per_element():
 
 
 def test_a_missing_file_is_named(tmp_path):
-    assert refusal(tmp_path / "no.fmu").endswith("got No such file or directory")
+    assert refusal(tmp_path / "no.fmu").endswith(": must be an FMU, got no file")
 
 
 def test_a_folder_is_no_fmu(tmp_path):
@@ -99,16 +100,16 @@ def test_a_file_that_is_no_zip_archive_is_named(tmp_path):
 
 def test_an_archive_without_model_description_is_named(tmp_path):
     message = refusal(archive(tmp_path / "empty.fmu", other_xml="<a/>"))
-    assert message.endswith("got a zip archive without modelDescription.xml")
+    assert message.endswith("must contain modelDescription.xml, got only 1 other file")
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("<fmiModelDescription", "modelDescription.xml must be well-formed XML, got: unclosed"),
+        ("<fmiModelDescription", "modelDescription.xml must be well-formed XML, got unclosed"),
         ('<fmiModelDescription fmiVersion="4.0"/>', "must be FMI 2.0 or 3.0, got 4.0"),
-        ('<fmiModelDescription fmiVersion="2.0"/>', "modelDescription.xml must be readable, got: "),
-        ("<html/>", "must be FMI 2.0 or 3.0, got none"),
+        ('<fmiModelDescription fmiVersion="2.0"/>', "modelDescription.xml must be valid, got: "),
+        ("<html/>", "must be FMI 2.0 or 3.0, got no version"),
     ],
 )
 def test_a_broken_model_description_is_named(tmp_path, text, reason):
@@ -148,7 +149,7 @@ def test_an_fmu_for_another_processor_in_the_usual_folder_says_so(tmp_path, stra
     with zipfile.ZipFile(stranger(2)) as source, zipfile.ZipFile(path, "w") as target:
         target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
         target.writestr("binaries/linux64/stranger.so", b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")
-    monkeypatch.setattr(fmus, "this_platform", lambda: "aarch64-linux")
+    monkeypatch.setattr(description, "this_platform", lambda: "aarch64-linux")
     assert refusal(path).endswith(
         "must have a binary for aarch64-linux, got binaries/linux64/stranger.so for x86_64"
     )
@@ -214,15 +215,15 @@ def test_a_file_that_has_changed_is_read_again(tmp_path):
 
 def test_messages_of_instances_made_by_others_still_reach_fmpy(fmu, capsys):
     acquire(read(fmu), "ours")
-    description = fmpy.read_model_description(fmu)
+    theirs = fmpy.read_model_description(fmu)
     kind = fmpy.fmi2.FMU2Slave if read(fmu).fmi == 2 else fmpy.fmi3.FMU3Slave
-    theirs = kind(
+    wrong = kind(
         guid="wrong",
-        modelIdentifier=description.coSimulation.modelIdentifier,
+        modelIdentifier=theirs.coSimulation.modelIdentifier,
         unzipDirectory=str(fmus._unpacked(read(fmu))),
     )
     with pytest.raises(Exception, match="Failed to instantiate"):
-        theirs.instantiate()
+        wrong.instantiate()
     assert "[ERROR] token must be stranger-1" in capsys.readouterr().out
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from sblcosim import metrics
 from sblcosim.errors import FmuError
@@ -9,48 +10,6 @@ from scipy.stats import chi2
 from synthetic_record import make_record, silent
 
 SECOND = 1_000_000_000
-
-
-def cubic(time_s):
-    """A cubic in each axis, and its derivative; shape (n, 3)."""
-    t = np.asarray(time_s, dtype=float)[:, None]
-    a = np.array([[1.0, -2.0, 0.5]])
-    return a * t**3 - t**2 + 3 * a * t + 7, 3 * a * t**2 - 2 * t + 3 * a
-
-
-def test_truth_at_a_recorded_instant_is_the_recorded_row_bit_by_bit():
-    rng = np.random.default_rng(1)
-    time_ns = np.array([0, 3, 7, 20]) * SECOND // 10
-    position, velocity = rng.normal(size=(2, 4, 3))
-    p, v = metrics.state_at(time_ns, position, velocity, time_ns[[3, 0, 2]])
-    assert (p == position[[3, 0, 2]]).all()
-    assert (v == velocity[[3, 0, 2]]).all()
-
-
-def test_truth_between_recorded_instants_is_exact_for_a_cubic():
-    time_s = np.array([0.0, 0.4, 1.0, 2.5])
-    epoch_s = np.array([0.1, 0.39, 0.7, 2.4999])
-    p, v = metrics.state_at(
-        (time_s * SECOND).astype(np.int64), *cubic(time_s), np.rint(epoch_s * SECOND).astype(int)
-    )
-    expected_p, expected_v = cubic(epoch_s)
-    np.testing.assert_allclose(p, expected_p, rtol=1e-12)
-    np.testing.assert_allclose(v, expected_v, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("epoch_ns", [-1, SECOND + 1])
-def test_truth_outside_of_the_record_is_refused(epoch_ns):
-    with pytest.raises(ValueError, match="recorded time"):
-        metrics.state_at(
-            np.array([0, SECOND]), np.zeros((2, 3)), np.zeros((2, 3)), np.array([epoch_ns])
-        )
-
-
-def test_platform_error_is_held_between_instants():
-    time_ns = np.array([0, 10, 20])
-    values = np.array([[1.0], [2.0], [3.0]])
-    held = metrics.held_at(time_ns, values, np.array([0, 9, 10, 19, 20]))
-    assert held[:, 0].tolist() == [1, 1, 2, 2, 3]
 
 
 def test_absolute_error_is_estimate_minus_truth_and_relative_leaves_out_the_platform():
@@ -101,6 +60,7 @@ def test_receiver_without_an_estimate_has_no_numbers_and_is_lost():
     assert table["rms_m"].isna().all()
     assert summary.loc["ekf", "availability"] == 0
     assert summary.loc["ekf", "nees_position_verdict"] == "unknown"
+    assert pd.isna(summary.loc["ekf", "inconsistent"])
     assert summary.loc["ekf", "lost"]
 
 
@@ -110,6 +70,7 @@ def test_receiver_with_the_required_ports_only_is_measured():
     row = metrics.summary(record, tracks).loc["ekf"]
     assert metrics.error_table(tracks).loc[("ekf", "absolute", "x"), "rms_m"] == pytest.approx(1)
     assert np.isnan(row.nees_position)
+    assert pd.isna(row.inconsistent)
     assert np.isnan(row.nis)
     assert row.availability == pytest.approx(0.98)
 
@@ -127,25 +88,25 @@ def test_estimate_that_is_not_a_number_is_an_error_that_names_the_receiver():
         metrics.track(record, "ekf")
 
 
-def test_nees_by_hand():
-    P = np.array([[4.0, 0], [0, 9]])
-    error = np.array([[2.0, 3], [4, 0], [0, 0]])
-    np.testing.assert_allclose(metrics.nees(error, np.tile(P, (3, 1, 1))), [2, 4, 0])
+def test_estimate_whose_error_has_no_finite_square_is_an_error_that_names_the_receiver():
+    record = make_record({"ekf": np.array([[1e200, 0, 0]])})
+    with pytest.raises(FmuError, match=r"^ekf\.position: must be finite and its square, too"):
+        metrics.track(record, "ekf")
 
 
-def test_nees_counts_correlation():
-    # P = [[2, 1], [1, 2]], P⁻¹ = [[2, -1], [-1, 2]] / 3
-    P = np.array([[[2.0, 1], [1, 2]]])
-    assert metrics.nees(np.array([[1.0, 1]]), P)[0] == pytest.approx(2 / 3)
-    assert metrics.nees(np.array([[1.0, -1]]), P)[0] == pytest.approx(2)
+@pytest.mark.parametrize("name", ["target.position", "platform.reported_beacon_position"])
+def test_truth_that_is_not_a_number_is_an_error_that_names_it(name):
+    record = make_record()
+    record.values[name][20] = np.nan
+    with pytest.raises(FmuError, match=rf"^{name.replace('.', '[.]')}: must be finite"):
+        metrics.track(record, "ekf")
 
 
-@pytest.mark.parametrize("P", [np.zeros((2, 2)), np.diag([1.0, 0]), np.diag([1.0, -1]),
-                               np.diag([1.0, np.nan])])
-def test_nees_of_a_useless_covariance_is_not_a_number_and_spoils_no_other(P):
-    result = metrics.nees(np.ones((2, 2)), np.stack([P, np.eye(2)]))
-    assert np.isnan(result[0])
-    assert result[1] == pytest.approx(2)
+def test_an_epoch_that_is_no_time_is_an_error_that_says_so():
+    record = make_record()
+    record.values["ekf.epoch"][20] = np.nan
+    with pytest.raises(FmuError, match=r"^ekf\.epoch: must lie within the run, .* got no time$"):
+        metrics.track(record, "ekf")
 
 
 def test_relative_nees_is_that_of_the_error_relative_to_the_platform():
@@ -166,21 +127,6 @@ def test_state_nees_takes_positions_and_velocities_in_the_paper_s_order():
     table = metrics.track(Record(record.time_ns, values), "ekf")
     np.testing.assert_allclose(table["nees_position"], 1)
     np.testing.assert_allclose(table["nees_state"], 1 + 20**2 / 200)
-
-
-def test_band_is_that_of_the_mean_of_independent_chi_squares():
-    low, high = metrics.chi_square_band(150, 50)
-    assert low == pytest.approx(chi2.ppf(0.025, 150) / 50)
-    assert high == pytest.approx(chi2.ppf(0.975, 150) / 50)
-    assert np.isnan(metrics.chi_square_band(0, 0)).all()
-
-
-def test_band_holds_the_mean_nees_of_a_matched_gaussian_in_nineteen_runs_of_twenty():
-    rng = np.random.default_rng(3)
-    low, high = metrics.chi_square_band(3 * 40, 40)
-    means = (rng.normal(size=(4000, 40, 3)) ** 2).sum(axis=2).mean(axis=1)
-    inside = ((means >= low) & (means <= high)).mean()
-    assert inside == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 4000))
 
 
 @pytest.mark.parametrize(
@@ -241,4 +187,36 @@ def test_lost_compares_the_last_quarter_with_the_distance_to_the_platform():
     early[:70, 0] = 1000
     for errors, flag in ((late, True), (early, False), (np.array([[11.0, 0, 0]]), False)):
         record = make_record({"ekf": errors})
-        assert metrics.lost(record, metrics.track(record, "ekf")) is flag
+        assert metrics.lost(record, "ekf") is flag
+
+
+def test_lost_measures_from_the_platform_and_not_from_the_origin():
+    """11 m off, 11.2 to 12.2 m from the platform, which is 100 m from the origin."""
+    for off, flag in ((11.0, False), (20.0, True)):
+        record = make_record({"ekf": np.array([[off, 0, 0]])})
+        away = np.array([100.0, 0, 0])
+        values = {
+            name: v + away if name in ("target.position", "ekf.position", "platform.position")
+            else v
+            for name, v in record.values.items()
+        }
+        assert metrics.lost(Record(record.time_ns, values), "ekf") is flag
+
+
+def test_a_receiver_that_falls_silent_in_the_last_quarter_is_lost():
+    for estimates, flag in ((70, True), (80, False)):
+        record = make_record({"ekf": np.tile([[0.1, 0, 0]], (estimates, 1))})
+        summary = metrics.summary(record, {"ekf": metrics.track(record, "ekf")})
+        assert bool(summary.loc["ekf", "lost"]) is flag
+
+
+def test_inconsistent_of_receivers_that_say_it_and_of_one_that_does_not():
+    record = make_record({"good": np.array([[0.1, 0, 0]]), "bad": np.array([[5.0, 0, 0]])})
+    tracks = {name: metrics.track(record, name) for name in ("good", "bad")}
+    assert metrics.summary(record, tracks)["inconsistent"].dtype == bool
+    values = {k: v for k, v in record.values.items() if k != "good.covariance"}
+    record = Record(record.time_ns, values)
+    tracks = {name: metrics.track(record, name) for name in ("good", "bad")}
+    flags = metrics.summary(record, tracks)["inconsistent"]
+    assert flags.isna().tolist() == [True, False]
+    assert flags["bad"]

@@ -7,12 +7,13 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
 from sblcosim.record import Record
 from sblcosim.result import Result
 from sblcosim.scenario import shipped
-from synthetic_record import make_record
+from synthetic_record import make_record, silent
 
 FIGURES = ("path_xy", "path_xyz", "axes", "errors", "inclination")
 
@@ -49,6 +50,64 @@ def test_tables_hold_each_receiver(result):
     assert result.errors.loc[("ekf", "absolute", "total"), "rms_m"] == pytest.approx(5)
     assert result.errors.loc[("ekf", "relative", "total"), "rms_m"] == pytest.approx(4)
     assert result.summary.loc["raw", "update_share"] == 1
+
+
+def without(record, *ports, **values):
+    kept = {name: v for name, v in record.values.items() if name not in ports}
+    return Record(record.time_ns, {**kept, **values})
+
+
+def test_of_a_receiver_without_covariance_it_is_said_that_consistency_is_unknown(result):
+    assert "consistency unknown" not in str(result)
+    record = without(result.data, "ekf.covariance")
+    bare = Result("dive", {}, record, ("ekf", "raw"))
+    assert "  consistency unknown: no covariance\n" in str(bare)
+    assert "consistency unknown" in bare._repr_html_()
+    flags = {name: row["inconsistent"] for name, row in bare.to_json()["summary"].items()}
+    assert flags == {"ekf": None, "raw": True}
+    json.dumps(bare.to_json(), allow_nan=False)
+    useless = {"ekf.covariance": np.zeros((101, 6, 6))}
+    bad = Result("dive", {}, without(result.data, **useless), ("ekf", "raw"))
+    assert "  consistency unknown: its covariance is never positive definite\n" in str(bad)
+
+
+def test_the_written_summary_of_a_receiver_without_covariance_misses_the_flag(result, tmp_path):
+    record = without(result.data, "ekf.covariance")
+    Result("dive", {}, record, ("ekf", "raw")).save(tmp_path / "out", figures=False)
+    column = parquet.read_table(tmp_path / "out" / "summary.parquet")["inconsistent"]
+    assert (str(column.type), column.to_pylist()) == ("bool", [None, True])
+
+
+def test_a_receiver_without_an_estimate_is_a_problem_in_words():
+    record = silent("ekf")
+    heard = np.zeros((101, 4), np.int32)
+    heard[-1] = [3, 0, 2, 1]
+    record = without(record, **{"acoustics.reception_count": heard})
+    result = Result("dive", {}, record, ("ekf",))
+    why = (
+        "update_count stayed 0; packets received from each beacon: 3, 0, 2, 1; look at "
+        "ekf.update_count, ekf.valid, acoustics.reception_count in the record"
+    )
+    assert result.problems == [f"ekf: must give at least one estimate, got none; {why}"]
+    text = str(result)
+    assert f"ekf: no estimate; {why}" in text
+    assert "nan" not in text.lower()
+
+
+def test_a_receiver_that_is_never_valid_is_a_problem_that_says_so(result):
+    invalid = without(result.data, **{"ekf.valid": np.zeros(101, bool)})
+    (problem,) = Result("dive", {}, invalid, ("ekf", "raw")).problems
+    assert problem.startswith(
+        "ekf: must give at least one estimate, got none; update_count reached 99, but there was no "
+        "valid fix when it changed; look at ekf.update_count, ekf.valid in the record"
+    )
+
+
+def test_the_raw_fix_runs_along_and_may_have_no_estimate(result):
+    invalid = without(result.data, **{"raw.valid": np.zeros(101, bool)})
+    bare = Result("dive", {}, invalid, ("ekf", "raw"))
+    assert bare.problems == []
+    assert "raw: no estimate" in str(bare)
 
 
 def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(result):

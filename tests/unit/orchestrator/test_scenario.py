@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.errors import ConfigurationError
+from sblcosim.errors import ConfigurationError, NoEffectWarning
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
 from sblcosim.scenario import load, shipped, shipped_text
-from sblcosim.tables import in_si
+from sblcosim.starter import starter
+from sblcosim.tables import PRESETS, in_si
 
 FIXED = ("target", "platform", "acoustics")
 
@@ -154,6 +156,92 @@ def test_overrides_are_pairs_or_tables(overrides: Any) -> None:
     assert (scenario.platform.arm_length_m, scenario.receiver.type) == (0.4, "sequential")
 
 
+SEA = sorted(PRESETS["beaufort"])
+
+
+@pytest.mark.parametrize("level", [0, 3, 6])
+@pytest.mark.parametrize("name", ["paper-scenario-1", "harbour-square"])
+def test_a_preset_that_is_said_later_replaces_the_keys_that_it_sets(name: str, level: int) -> None:
+    before = load(name)
+    for later in (
+        load(name, [f"platform.beaufort={level}"]),
+        load(name, {"platform": {"beaufort": level}}),
+        before.override({"platform.beaufort": level}),
+        load(tomllib.loads(before.dump_toml()), {"platform.beaufort": level}),
+    ):
+        wanted = load({"platform": {"beaufort": level}}).platform
+        assert all(getattr(later.platform, key) == getattr(wanted, key) for key in SEA)
+        assert later.platform.surge_amplitude_m == before.platform.surge_amplitude_m
+        assert later.dump_toml() == load(tomllib.loads(later.dump_toml())).dump_toml()
+    graded = load("realistic-dive", {"platform.imu_grade": "tactical"}).platform
+    assert graded.imu_tilt_bias_deg == load({"platform": {"imu_grade": "tactical"}}
+                                            ).platform.imu_tilt_bias_deg
+
+
+def test_a_key_beside_a_preset_or_after_it_still_wins() -> None:
+    beside = load("paper-scenario-1", ["platform.roll_amplitude_deg=7", "platform.beaufort=6"])
+    after = load("paper-scenario-1", ["platform.beaufort=6"]).override(
+        {"platform.roll_amplitude_deg": 7.0}
+    )
+    assert beside == after
+    assert beside.platform.roll_amplitude_deg == 7.0
+    assert beside.platform.pitch_amplitude_deg == pytest.approx(8.34, abs=0.01)
+
+
+def test_no_preset_leaves_the_keys_as_they_are() -> None:
+    before = load("harbour-square")
+    after = before.override({"platform.beaufort": None}).platform
+    assert (after.roll_amplitude_deg, after.heave_amplitude_m) == (3.0, 0.0)
+
+
+EVERY_SEA_KEY = {f"platform.{key}": 1.0 for key in SEA}
+
+
+@pytest.mark.parametrize(
+    ("tables", "overrides", "message"),
+    [
+        (
+            {}, EVERY_SEA_KEY | {"platform.beaufort": 6},
+            "platform.beaufort: must have an effect, got none, as roll_amplitude_deg, "
+            "pitch_amplitude_deg and 6 others are given$",
+        ),
+        (
+            {"platform": {"fmu": "/other.fmu"}}, {"platform.beaufort": 6},
+            "platform.beaufort: .*, as the platform is another component$",
+        ),
+        (
+            {"receiver": {"update_interval_s": 0.2}}, {"time.ekf_ratio": 3},
+            "time.ekf_ratio: .*, as receiver.update_interval_s is given$",
+        ),
+        (
+            {t: {"seed": 2} for t in FIXED}, ["seed=3"],
+            "seed: .*, as target.seed, platform.seed and acoustics.seed are given$",
+        ),
+        (
+            {**{t: {"sampling_time_s": 0.1} for t in FIXED}, "receiver": {"update_interval_s": 1}},
+            ["time.sampling_time_s=0.2"],
+            "time.sampling_time_s: .*, as target.sampling_time_s, platform.sampling_time_s and 2 "
+            "others are given$",
+        ),
+    ],
+)  # fmt: skip
+def test_a_key_that_sets_nothing_is_refused_if_it_is_said_later(
+    tables: Any, overrides: Any, message: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=f"^override {message}"):
+        load(tables, overrides)
+
+
+def test_a_preset_is_refused_when_all_its_keys_were_said_after_it() -> None:
+    later = load("paper-scenario-1", {"platform.beaufort": 6})
+    with pytest.raises(ConfigurationError, match=r"^override platform.beaufort: must have an eff"):
+        later.override(EVERY_SEA_KEY)
+
+
+def test_a_file_may_state_a_preset_and_all_its_keys() -> None:
+    load({"platform": {"beaufort": 2, **dict.fromkeys(SEA, 1.0)}})
+
+
 def test_what_follows_from_an_overridden_key_follows() -> None:
     scenario = load("paper-scenario-1").override({"time.sampling_time_s": 1.0, "seed": 5})
     assert scenario.receiver.update_interval_s == scenario.acoustics.sampling_time_s == 1.0
@@ -279,6 +367,86 @@ def test_the_realistic_dive() -> None:
     assert acoustics.loss_probability == 0.25
     watch_circle = math.hypot(platform.surge_amplitude_m, platform.sway_amplitude_m)
     assert watch_circle == pytest.approx(3.0, abs=0.05)
+
+
+# --- Keys without effect ------------------------------------------------------------------------
+
+
+def warned(scenario: Any, receivers: Any = ()) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scenario.system(receivers)
+    assert all(issubclass(w.category, NoEffectWarning) for w in caught)
+    return [str(w.message) for w in caught]
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_shipped_scenario_says_nothing_in_vain(name: str) -> None:
+    scenario = load(name)
+    assert warned(scenario) == []
+    assert warned(load(tomllib.loads(scenario.dump_toml()))) == []
+    assert warned(load(tomllib.loads(starter(name, name)))) == []
+
+
+def test_the_starter_says_nothing_in_vain() -> None:
+    assert warned(load(tomllib.loads(starter("new")))) == []
+
+
+@pytest.mark.parametrize(
+    ("tables", "receivers", "messages"),
+    [
+        (
+            {"target": {"trajectory": "square", "radius_m": 15.0, "turns": 2.0}}, (),
+            ['[target] radius_m, turns: have no effect, as trajectory is "square"'],
+        ),
+        (
+            {"acoustics": {"outlier_mean_m": 2.0}}, (),
+            ["[acoustics] outlier_mean_m: has no effect, as outlier_probability is 0"],
+        ),
+        (
+            {"platform": {"roll_frequency_Hz": 1.0, "pitch_phase_deg": 3.0,
+                          "pitch_amplitude_deg": 1.0}}, (),
+            [
+                "[platform] roll_frequency_Hz: has no effect, as roll_amplitude_deg is 0",
+                "[platform] pitch_phase_deg: has no effect, as random_phases is true",
+            ],
+        ),
+        (
+            {"receiver": {"type": "sequential", "gate": 0.0, "gate_limit": 3}}, (),
+            ["[receiver] gate_limit: has no effect, as gate is 0"],
+        ),
+        (
+            {"receiver": {"type": "sequential", "prior_position_std_m": 3.0}}, (),
+            ["[receiver] prior_position_std_m: has no effect, as initialisation is "
+             '"first_receptions"'],
+        ),
+        ({"receiver": {"gate_limit": 3}}, ["ekf", "sequential"], []),
+        (
+            {"receiver": {"gate_limit": 3, "gate": 0.0}}, ["ekf", "sequential"],
+            ["[receiver] gate_limit: has no effect, as gate is 0"],
+        ),
+        (
+            {"platform": {"gps_correlation_time_s": 3.0, "gps_vertical_markov_std_m": 1.0}}, (), [],
+        ),
+    ],
+)  # fmt: skip
+def test_keys_without_effect_are_warned_of(
+    tables: Any, receivers: Any, messages: list[str]
+) -> None:
+    assert warned(load(tables), receivers) == [f"scenario: {message}" for message in messages]
+
+
+def test_an_override_without_effect_is_named_as_such() -> None:
+    assert warned(load("harbour-square", ["target.radius_m=3"])) == [
+        'override target.radius_m: has no effect, as trajectory is "square"'
+    ]
+
+
+def test_a_dump_leaves_out_what_was_filled_in_and_has_no_effect() -> None:
+    text = load({"target": {"trajectory": "square", "turns": 3.0}}).dump_toml()
+    assert "side_m" in text
+    assert "turns = 3.0" in text
+    assert "radius_m" not in text
 
 
 # --- What is refused -----------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import campaign, executors, lanes, points, study
-from sblcosim.errors import BuildError, ConfigurationError, FmuError
+from pyarrow import parquet
+from sblcosim import campaign, executors, lanes, plan, points, simulation, study
+from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
+from sblcosim.reduction import SUMS
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
@@ -138,6 +141,27 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"design": {"kind": "fraction", "generators": ["B=A"]}}, "got arm aliased with tick"),
     ({"design": {"kind": "sweep", "centre_points": 1}}, "must be 0 for kind 'sweep'"),
     ({"design": {"centre_points": 2}, "seeding": "common"}, "must be at most 1 with seeding"),
+    (
+        {"factors": {"arm": ARM, "r": {"keys": ["target.side_m"], "levels": [1, 2]}}},
+        r"^small: \[factors.r\] keys: target.side_m must have an effect, got none, as trajectory "
+        'is "semicircle"$',
+    ),
+    (
+        {"factors": {"r": {"keys": ["target.side_m"], "levels": [1, 2]}, "arm": ARM},
+         "design": {"kind": "sweep"}},
+        r"\[factors.r\] keys: target.side_m must have an effect, got none, as trajectory is ",
+    ),
+    (
+        {"factors": {"limit": {"keys": ["receiver.gate_limit"], "levels": [1, 2]}},
+         "receivers": ["sequential"], "fixed": {"receiver.gate": 0.0}},
+        r"\[factors.limit\] keys: receiver.gate_limit must have an effect, got none, as gate is 0$",
+    ),
+    (
+        {"factors": {"ratio": {"keys": ["time.ekf_ratio"], "levels": [1, 2]}},
+         "fixed": {"receiver.update_interval_s": 0.2}},
+        r"\[factors.ratio\] keys: time.ekf_ratio must have an effect, got none, as "
+        "receiver.update_interval_s is given$",
+    ),
 ]
 
 
@@ -148,6 +172,67 @@ def test_a_study_that_cannot_be_carried_out_is_refused_in_one_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         small(**changes)
     assert "\n" not in str(caught.value)
+
+
+def test_a_factor_may_have_no_effect_at_some_points() -> None:
+    mean = {"keys": ["acoustics.outlier_mean_m"], "levels": [1, 2]}
+    share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        points.prepare(small(factors={"size": mean, "share": share}))
+    with pytest.raises(ConfigurationError, match="must have an effect, got none, as outlier_prob"):
+        small(factors={"size": mean, "arm": ARM})
+
+
+def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
+    sea = small(factors={"sea": {"keys": ["platform.beaufort"], "levels": [0, 6]}})
+    calm, rough = (points.resolved(sea, n)[0].platform for n in (1, 2))
+    assert calm.roll_amplitude_deg == calm.heave_amplitude_m == 0.0
+    assert rough.roll_amplitude_deg > 8.0
+    assert rough.heave_amplitude_m > 1.0
+    level = small(fixed={"platform.beaufort": 6, "time.duration_s": 5.0}).base.platform
+    assert level.roll_amplitude_deg == rough.roll_amplitude_deg
+
+
+def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = points.resolved
+
+    def resolved(made: study.Study, number: int) -> Any:
+        warnings.warn("of the first kind", ConfigurationWarning, stacklevel=1)
+        if number % 2:
+            warnings.warn("of the second kind", ConfigurationWarning, stacklevel=1)
+        return original(made, number)
+
+    monkeypatch.setattr(points, "resolved", resolved)
+    fixed = {"time.duration_s": 5.0, "target.side_m": 3.0, "acoustics.outlier_mean_m": 2.0}
+    share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        points.prepare(small(fixed=fixed, factors={"arm": ARM, "share": share}))
+    assert [str(w.message) for w in caught] == [
+        "of the first kind (at 4 of 4 points)",
+        "of the second kind (at 2 of 4 points)",
+        'override target.side_m: has no effect, as trajectory is "semicircle"',
+    ]
+
+
+def test_runs_of_a_study_do_not_warn_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the master that looks up every run on its own."""
+    made = small(factors={"arm": ARM}, replicates=3)
+    original = plan._connections
+
+    def connections(system: Any, ports: Any, warn: bool) -> Any:
+        if warn and system.connections:
+            warnings.warn("no unit", ConfigurationWarning, stacklevel=1)
+        return original(system, ports, warn)
+
+    monkeypatch.setattr(plan, "_connections", connections)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        made.run(tmp_path / "out", master="native")
+    assert [str(w.message) for w in caught] == ["no unit (at 2 of 2 points)"]
 
 
 def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:
@@ -202,6 +287,56 @@ def test_the_table_is_the_same_for_all_masters_and_numbers_of_threads(tmp_path: 
     for master in ("native", "python"):
         made.run(tmp_path / master, master=master, workers=2)
         assert (tmp_path / master / "runs.parquet").read_bytes() == bytes_, master
+
+
+@pytest.mark.parametrize("short", [False, True], ids=["remembered", "forgotten"])
+def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
+) -> None:
+    if short:
+        monkeypatch.setattr(lanes, "remembered", lambda plan: 2)
+    made = small(
+        receivers=["ekf", "multilateration"], factors={"arm": ARM}, replicates=1,
+        fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
+    )  # fmt: skip
+    alone = []
+    original = simulation._one_by_one
+    monkeypatch.setattr(
+        simulation, "_one_by_one", lambda *a: alone.append(a) or original(*a)
+    )
+    reference = made.run(tmp_path / "lanes")
+    assert bool(alone) == short
+    assert (reference["ekf.estimates"] >= 8).all()
+    assert reference["error"].isna().all()
+    assert not reference["ekf.broken"].any()
+    for master in ("native", "python"):
+        again = made.run(tmp_path / master, master=master)
+        pd.testing.assert_frame_equal(again, reference, check_exact=True)
+
+
+def test_flags_that_are_unknown_stay_so_in_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a receiver without covariance; in one part of two."""
+    monkeypatch.setattr(campaign, "BATCH", 4)
+    original = simulation.responses
+
+    def unknown(sums: Any, duration: Any) -> Any:
+        sums = sums.copy()
+        if unknown.calls == 0:
+            sums[:2, [SUMS.index("nees"), SUMS.index("nees_estimates")]] = 0.0
+        unknown.calls += 1
+        return original(sums, duration)
+
+    unknown.calls = 0
+    monkeypatch.setattr(simulation, "responses", unknown)
+    table = small().run(tmp_path / "out")
+    assert unknown.calls == 2
+    assert table["ekf.inconsistent"].isna().tolist() == [True] * 2 + [False] * 6
+    assert table["ekf.lost"].dtype == bool
+    stored = parquet.read_table(tmp_path / "out" / "runs.parquet")["ekf.inconsistent"]
+    assert (str(stored.type), stored.null_count) == ("bool", 2)
+    pd.testing.assert_frame_equal(small().run(tmp_path / "out"), table)
 
 
 def test_the_true_prior_is_that_of_each_run(tmp_path: Path) -> None:
@@ -339,7 +474,11 @@ def test_a_run_that_fails_does_not_end_the_others(
     assert table["error"].dropna().to_dict() == {2: "target: has failed"}
     assert np.isnan(table["ekf.absolute_total_rms_m"][2])
     others = [i for i in range(8) if i != 2]
-    pd.testing.assert_frame_equal(table.iloc[others], reference.iloc[others], check_exact=True)
+    assert table["ekf.inconsistent"][2] is pd.NA
+    pd.testing.assert_frame_equal(
+        table.iloc[others].astype({"ekf.inconsistent": bool}), reference.iloc[others],
+        check_exact=True,
+    )
 
     def broken(*_: Any, **__: Any) -> Any:
         raise BuildError("no compiler")
@@ -361,26 +500,15 @@ def test_a_point_that_cannot_be_run_is_named_before_anything_runs(tmp_path: Path
     assert not (tmp_path / "out").exists()
     with pytest.raises(ConfigurationError, match="settling_time_s: must be less than the length"):
         small(settling_time_s=5.0).run(tmp_path / "out")
-    with pytest.raises(ConfigurationError, match=r"\[factors.sea\]: must change something"):
+    with pytest.raises(ConfigurationError, match=r"\[factors.length\]: must change something"):
         small(
-            factors={"sea": {"keys": ["platform.beaufort"], "levels": [2, 4]}},
-            scenario=plain_sea(),
+            fixed={}, factors={"length": {"keys": ["time.duration_s"], "levels": [5.0, 5.04]}}
         ).run(tmp_path / "out")
     seeds = {f"{name}.seed": 3 for name in ("target", "platform", "acoustics")}
     with pytest.raises(ConfigurationError, match="seed: must be left to the study"):
         small(fixed={"time.duration_s": 5.0, **seeds}).run(tmp_path / "out")
     with pytest.raises(ConfigurationError, match="master: must be python or native or lanes"):
         small().run(tmp_path / "out", master="fast")
-
-
-def plain_sea() -> dict[str, Any]:
-    """A scenario that gives all keys of the waves itself."""
-    given = sblcosim.load("paper-scenario-1").given()
-    calm = sblcosim.load("paper-scenario-1", {"platform.beaufort": 2}).platform
-    rough = sblcosim.load("paper-scenario-1", {"platform.beaufort": 4}).platform
-    changed = {k for k, v in calm.model_dump().items() if v != getattr(rough, k)} - {"beaufort"}
-    given["platform"] |= {key: getattr(calm, key) for key in changed}
-    return given
 
 
 def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:

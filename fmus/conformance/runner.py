@@ -1,0 +1,187 @@
+"""Runs checks in processes of their own, so that a crash is a finding and nothing worse."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fmpy.model_description import ModelDescription
+
+from ..files import scratch
+from ..read.archive import Archive
+from ..read.description import library_of
+from .bench import STANDARDS
+from .checks import Check
+from .facts import subject_of
+from .host import Place, read_trace
+from .subject import Subject
+
+State = Literal["passed", "failed", "warning", "does not apply", "not run"]
+
+PATIENCE = 30.0
+"""Seconds that a call may take."""
+_CRASHES = 5
+"""So many crashes are told of one check; then it is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a check.
+
+    Attributes
+    ----------
+    reason
+        What was seen if it passed; else why it did not pass, in one line.
+    clause
+        Edition and section of the standard that is violated; empty if none is.
+    """
+
+    state: State
+    reason: str
+    clause: str = ""
+
+
+@contextmanager
+def unpacked(archive: Archive, description: ModelDescription) -> Iterator[Path]:
+    """A folder with an FMU for Co-Simulation, ready for `run`.
+
+    Raises
+    ------
+    FmuError
+        The FMU cannot be unpacked, or has no binary for this machine.
+    """
+    library = library_of(archive, description)
+    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as place:
+        folder = Path(place)
+        archive.unpack(folder / "fmu")
+        subject = subject_of(description, folder / "fmu", library)
+        (folder / "subject").write_bytes(pickle.dumps(subject))
+        yield folder
+
+
+def run(folder: Path, check: Check, patience: float) -> Outcome:
+    """Run a check on an unpacked FMU.
+
+    Parameters
+    ----------
+    patience
+        Seconds after which a call that has not returned counts as hanging.
+    """
+    subject: Subject = pickle.loads((folder / "subject").read_bytes())
+    outcome = Outcome("passed", "")
+    for step in range(len(check.steps)):
+        outcome = _step(folder, subject, check, step, patience)
+        if outcome.state != "passed":
+            break
+    return outcome
+
+
+def _step(folder: Path, subject: Subject, check: Check, step: int, patience: float) -> Outcome:
+    standard = STANDARDS[subject.fmi]
+    crashes: list[tuple[str, Place]] = []
+    first = 0
+    while len(crashes) < _CRASHES:
+        (folder / "result").unlink(missing_ok=True)
+        ending = _process(folder, check, step, first, patience)
+        if ending is None:
+            result = json.loads((folder / "result").read_text())
+            if result["resume"] is not None and result["state"] == "passed":
+                first = result["resume"]
+                continue
+            if crashes:
+                break
+            clause = f"{standard}, {result['clause']}" if result["clause"] else ""
+            return Outcome(result["state"], _without(folder, result["reason"]), clause)
+        place = read_trace(folder / "trace")
+        crashes.append((ending, place))
+        if place.probe is None:
+            break
+        first = place.probe + 1  # the others may be answered
+    blamed: list[tuple[str, Place]] = []
+    cited: dict[str, None] = {}
+    for crash in crashes:
+        place = crash[1]
+        violated = check.clauses[subject.fmi - 2] if place.probe is None else place.clause
+        if violated:
+            blamed.append(crash)
+            cited[violated] = None
+    lawful = len(crashes) - len(blamed)
+    also = [f"and {lawful} more, lawfully"] if blamed and lawful else []
+    also += ["other calls were not tried"] if len(crashes) == _CRASHES else []
+    reason = _without(folder, "; ".join([_crashed(blamed or crashes), *also]))
+    if not blamed:
+        return Outcome("warning", reason)
+    return Outcome("failed", reason, f"{standard}, {', '.join(cited)}")
+
+
+def _without(folder: Path, text: str) -> str:
+    """A text without the name of a folder that nobody will find."""
+    return text.replace(f"{folder / 'fmu'}/", "")
+
+
+def _crashed(crashes: Sequence[tuple[str, Place]]) -> str:
+    calls: dict[str, dict[str, None]] = {}
+    for ending, place in crashes:
+        calls.setdefault(ending, {})[place.call] = None
+    return "; ".join(f"{ending} {', '.join(made)}" for ending, made in calls.items())
+
+
+def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:
+    """Run one step; None if it has left a result, else how it has ended instead."""
+    arguments = [str(folder), check.name, str(step), str(first)]
+    (folder / "trace").unlink(missing_ok=True)
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", f"{__package__}.child", *arguments],
+        # What an FMU prints, or a process that it starts, must not hold us up.
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+    with process:
+        try:
+            ended = _wait(process, folder, patience)
+        finally:
+            _end(process)
+    if not ended:
+        return f"has not returned after {patience:g} s from"
+    code = process.returncode
+    if (folder / "result").is_file() and code == 0:
+        return None
+    if (folder / "broken").is_file():
+        raise RuntimeError(f"the check {check.name} is broken:\n{(folder / 'broken').read_text()}")
+    if code < 0:
+        names = {s.value: s.name for s in signal.Signals}
+        return f"crashes ({names.get(-code, f'signal {-code}')}) in"
+    return f"ends the process (exit code {code & 0xFFFFFFFF:#x}) in"
+
+
+def _wait(process: subprocess.Popen[bytes], folder: Path, patience: float) -> bool:
+    """Whether the process has come to its end; not if it hangs."""
+    seen = ""
+    while True:
+        try:
+            process.wait(patience)
+            return True
+        except subprocess.TimeoutExpired:
+            count = read_trace(folder / "trace").count
+            if count == seen:
+                return False
+            seen = count
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process that hangs, or that somebody has interrupted, and what it has started."""
+    if sys.platform == "win32":
+        process.kill()
+        return
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)

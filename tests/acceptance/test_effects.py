@@ -1,0 +1,173 @@
+"""What a scenario says counts, or is said not to: every key is changed, and the record compared."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from sblcosim import effects, lanes
+from sblcosim.errors import ConfigurationError
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Variable
+from sblcosim.models.platform.imu import GRADES
+from sblcosim.plan import TICK_PARAMETERS, Plan, resolve
+from sblcosim.points import _ALIKE
+from sblcosim.scenario import Scenario, load, shipped
+from sblcosim.system import System
+from sblcosim.tables import in_file_units
+
+pytestmark = pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+Record = Mapping[str, np.ndarray]
+
+
+def values_of(variable: Variable, value: Any) -> list[Any]:
+    """Other values of a parameter, as they stand in a scenario file."""
+    if variable.choices is not None:
+        return [name for name in variable.choices.values() if name != value]
+    if variable.type == "Boolean":
+        return [not value]
+    if variable.shape:
+        changed = [x + 0.03 * (i + 1) for i, x in enumerate(value)] or [0.0] * 6
+        return [np.reshape(changed, (-1, *variable.shape[1:])).tolist()]
+    low, high = (
+        None if bound is None else in_file_units(variable, bound)
+        for bound in (variable.min, variable.max)
+    )
+    if (variable.unit == "s" and "interval" in variable.name) or variable.name == "sampling_time":
+        return [2 * value]
+    step = 1 if variable.type == "Int32" else 0.37
+    found = [x for x in (value + step, value - step) if _within(x, low, high)]
+    found += [x for x in (low,) if x is not None and x != value]
+    return [int(x) for x in found] if variable.type == "Int32" else found
+
+
+def _within(value: float, low: float | None, high: float | None) -> bool:
+    return (low is None or value >= low) and (high is None or value <= high)
+
+
+def changes(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every key of the scenario that holds a number or a choice, and other values of it.
+
+    Only which FMUs there are and how often they talk (`interval_s`) is left out.
+    """
+    time = scenario.time
+    yield ("seed",), scenario.seed + 1
+    yield ("time", "sampling_time_s"), 2 * time.sampling_time_s
+    yield ("time", "ekf_ratio"), time.ekf_ratio + 1
+    yield ("time", "duration_s"), time.duration_s / 2
+    for level in (1, 5):
+        yield ("platform", "beaufort"), level
+    for name in GRADES:
+        yield ("platform", "imu_grade"), name
+    for table, names in effects.components_of(scenario).items():
+        for variable in [v for name in names for v in COMPONENTS[name].of("parameter")]:
+            for value in values_of(variable, getattr(getattr(scenario, table), variable.key)):
+                yield (table, variable.key), value
+
+
+def key_of_group(system: System, plan: Plan) -> Any:
+    """Equal for systems that can run side by side."""
+    return plan.stop_ns, tuple(
+        (name, spec.interval_ns, tuple(sorted(spec.parameters)),
+         tuple(spec.parameters.get(k) for k in sorted(_ALIKE)))
+        for name, spec in system.components.items()
+    )
+
+
+def records(systems: Sequence[System]) -> list[Record]:
+    """All outputs of some systems; those that differ in parameters only run side by side."""
+    plans = [resolve(system) for system in systems]
+    groups: dict[Any, list[int]] = {}
+    for place, (system, plan) in enumerate(zip(systems, plans, strict=True)):
+        groups.setdefault(key_of_group(system, plan), []).append(place)
+    found: list[Record] = [{}] * len(systems)
+    for places in groups.values():
+        plan, first = plans[places[0]], systems[places[0]]
+        varied = {}
+        for name, spec in first.components.items():
+            for parameter in spec.parameters:
+                rows = [systems[i].components[name].parameters[parameter] for i in places]
+                if any(row != rows[0] for row in rows):
+                    varied[f"{name}.{parameter}"] = np.array(rows, np.float64)
+        columns = [column.name for column in plan.columns]
+        outcome = lanes.execute(plan, varied, record=columns)
+        for i, place in enumerate(places):
+            runs = len(next(iter(outcome.values.values())))
+            found[place] = outcome.record(min(i, runs - 1)).values
+    return found
+
+
+def same(one: Record, other: Record) -> bool:
+    return all(np.array_equal(_told(one, name), _told(other, name)) for name in one)
+
+
+def _told(record: Record, name: str) -> np.ndarray:
+    """An output; of a receiver without what it shows before its first estimate."""
+    valid = record.get(f"{name.partition('.')[0]}.valid")
+    return record[name] if valid is None or name.endswith(".valid") else record[name][valid]
+
+
+def without_effect(base: Scenario) -> tuple[set[Any], set[Any]]:
+    """Keys that change nothing in the record, whatever their value, and those that can change."""
+    made, keys = [base.system()], []
+    for key, value in changes(base):
+        try:
+            made.append(base.override({".".join(key): value}).system())
+            keys.append(key)
+        except ConfigurationError:
+            pass  # what is refused is not silent
+    first, *others = records(made)
+    effective = {key for key, other in zip(keys, others, strict=True) if not same(first, other)}
+    return set(keys) - effective, set(keys)
+
+
+def check(base: Scenario) -> None:
+    idle, tried = without_effect(base)
+    assert len(tried) > 80
+    assert idle == base.idle().keys() & tried
+
+
+SHORT = {"time.duration_s": 12.0}
+MORE = {"realistic-dive": {"time.duration_s": 60.0, "receiver.gate": 0.1}}
+"""What a short run needs so that ranges are rejected, on which `gate_limit` depends."""
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> None:
+    check(load(name, SHORT | MORE.get(name, {})))
+
+
+@pytest.mark.parametrize("receiver", RECEIVERS)
+def test_the_same_holds_for_every_receiver(receiver: str) -> None:
+    gate = {"gate": 0.5} if receiver == "sequential" else {}
+    tables = load("paper-scenario-1", SHORT).given()
+    check(load({**tables, "receiver": {"type": receiver, **gate}}))
+
+
+def anything(numbers: random.Random) -> dict[str, Any]:
+    """A scenario in which much is zero and much is not."""
+    tables: dict[str, Any] = {"time": {"duration_s": 10.0}, "receiver": {"type": "sequential"}}
+    for table, component in (*((t, t) for t in effects.FIXED), ("receiver", "sequential")):
+        for variable in COMPONENTS[component].of("parameter"):
+            likely = 0.9 if variable.choices is None else 0.5
+            if numbers.random() < likely or variable.name in ("waypoint_count", *TICK_PARAMETERS):
+                continue
+            default = getattr(getattr(load({}), table), variable.key)
+            if default is None:
+                continue
+            others = values_of(variable, default)
+            if others and (not variable.shape or variable.name == "waypoint"):
+                tables.setdefault(table, {})[variable.key] = numbers.choice(others)
+    if tables.get("target", {}).get("trajectory") == "waypoints":
+        tables["target"]["waypoint_m"] = [[0, 0, 1], [5, 0, 2], [5, 5, 3]]
+    return tables
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_key_that_is_said_to_have_no_effect_has_one(seed: int) -> None:
+    base = load(anything(random.Random(seed)))
+    idle, tried = without_effect(base)
+    assert base.idle().keys() & tried <= idle
