@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import check_choice
+from ..errors import ConfigurationError, check_choice
 from .base import ForceOption, Terminated, app, place, report_run, table, waiting
 
 
@@ -268,8 +268,23 @@ def advise(
     ] = None,
     percentile: Annotated[
         float | None,
-        typer.Option("--percentile", help="So many percent of the runs [default: their mean]."),
+        typer.Option(
+            "--percentile",
+            metavar="P",
+            help="So many percent of the runs are to be within the limit [default: 90].",
+        ),
     ] = None,
+    mean: Annotated[
+        bool, typer.Option("--mean", help="The mean of the runs is to be within it instead.")
+    ] = False,
+    contamination: Annotated[
+        float,
+        typer.Option(
+            "--contamination",
+            metavar="SHARE",
+            help="Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+        ),
+    ] = 0.05,
     confidence: Annotated[
         float, typer.Option("--confidence", help="That the advised design is good enough.")
     ] = 0.95,
@@ -289,8 +304,13 @@ def advise(
     The exit code is 1 if none is sure to be.
     """
     with waiting("weighing"):
-        from .. import analysis, artifacts
+        from .. import advice, analysis, artifacts
 
+        if mean and percentile is not None:
+            raise ConfigurationError(
+                f"percentile: must not be given with --mean, got {percentile:g}"
+            )
+        wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or results.with_name(f"{results.resolve().name}-advice")
         artifacts.check(out)
         found = analysis.advice_on_study(
@@ -299,7 +319,8 @@ def advise(
             response or analysis.RESPONSE,
             receiver=receiver,
             limit=limit,
-            percentile=percentile,
+            percentile=wanted,
+            contamination=contamination,
             confidence=confidence,
         )
         shown = analysis.readable_advice(found, results)
