@@ -17,6 +17,11 @@ LONGEST = 80
 class SblcosimError(Exception):
     """Base of every exception that `sblcosim` raises on purpose."""
 
+    component: str | None = None
+    """Name of the component whose failure ended a run."""
+    suspects: tuple[str, ...] = ()
+    """Names of all that may have caused it, where that is not certain."""
+
 
 class FmuError(SblcosimError):
     """An FMU is missing or broken, does not fit this machine, or has reported a failure."""

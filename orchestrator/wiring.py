@@ -27,7 +27,7 @@ from .errors import (
     shortened,
 )
 from .fmu import Port, ports_of, read
-from .master import initial_outputs
+from .masters import initial_outputs
 from .plan import variables_of
 from .scenario import Receivers, Scenario, Source, load
 from .system import ComponentSpec, Connection, PythonComponent, System, Value, nanoseconds
