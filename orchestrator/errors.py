@@ -18,6 +18,7 @@ __all__ = [
     "instance",
     "nearest",
     "one_line",
+    "quoted",
     "shortened",
 ]
 
@@ -28,12 +29,12 @@ LONGEST = 80
 def instance(value: object) -> str:
     """What somebody gave in place of something else, for messages."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
-        return repr(value)
+        return quoted(value)
     return f"an instance of {type(value).__qualname__}"
 
 
-def shortened(value: object) -> str:
-    """A value for a message, without its middle if it is longer than 80 characters.
+def shortened(value: object, longest: int = LONGEST) -> str:
+    """A value for a message, without its middle if it is longer than so many characters.
 
     Parameters
     ----------
@@ -44,11 +45,17 @@ def shortened(value: object) -> str:
     try:
         text = value if isinstance(value, str) else repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
-        text = instance(value) if not isinstance(value, int) else "an integer with too many digits"
-    if len(text) <= LONGEST:
+        kind = type(value).__qualname__
+        text = "an integer of thousands of digits" if isinstance(value, int) else f"a {kind}"
+    if len(text) <= longest:
         return text
-    end = LONGEST // 3
-    return f"{text[: LONGEST - end - 3]}...{text[-end:]}"
+    end = longest // 3
+    return f"{text[: longest - end - 3]}...{text[-end:]}"
+
+
+def quoted(value: object) -> str:
+    """A value for a message as Python writes it, shortened; texts in quotes."""
+    return shortened(repr(value)) if isinstance(value, str) else shortened(value)
 
 
 def one_line(error: BaseException) -> str:
