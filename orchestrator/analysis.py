@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from . import artifacts, campaign, factorial_plots, style
-from .advice import Advice, advise
+from .advice import PERCENTILE, Advice, advise
 from .errors import ConfigurationError, nearest, quoted
 from .factorial import Error, Factorial, Transform, analyse
 from .reading import parse, read_text, shown
@@ -165,10 +165,13 @@ def advice_on_study(
     *,
     receiver: str | None = None,
     limit: float | None = None,
-    percentile: float | None = None,
+    percentile: float | None = PERCENTILE,
+    contamination: float = 0.05,
     confidence: float = 0.95,
 ) -> Advice:
     """Which design is the cheapest that is good enough; see `sblcosim.advice.advise`.
+
+    Runs in which the receiver is *lost* count as such.
 
     Parameters
     ----------
@@ -206,9 +209,11 @@ def advice_on_study(
         prices[name] = dict(zip(levels, values, strict=True))
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)
+    lost = f"{column.partition('.')[0]}.lost"
     return advise(
         in_numbers(points, column), list(study.factors), column, prices, limit=limit,
-        percentile=percentile, confidence=confidence, unit=unit_of(response),
+        percentile=percentile, contamination=contamination, confidence=confidence,
+        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
     )
 
 
@@ -231,7 +236,12 @@ def save_advice(
 
     `shown` is the same for people, for the figure.
     """
-    about = {"advice": {"response": advice.response, "limit": advice.limit}}
+    about = {
+        "advice": {
+            "response": advice.response, "limit": advice.limit, "percentile": advice.percentile,
+            "contamination": advice.contamination, "confidence": advice.confidence,
+        }
+    }
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(advice.points, folder, "points")
         axes = factorial_plots.plot_front(advice if shown is None else shown, theme=theme)

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from sblcosim.fmus.errors import BuildError, DamageWarning, FmuError, SblcosimError, nearest
+from sblcosim.fmus.errors import (
+    BuildError,
+    DamageWarning,
+    FmuError,
+    SblcosimError,
+    escaped,
+    instance,
+    nearest,
+    quoted,
+    shortened,
+)
 
 __all__ = [
     "BuildError",
@@ -15,47 +25,13 @@ __all__ = [
     "NoEffectWarning",
     "SblcosimError",
     "check_choice",
+    "escaped",
     "instance",
     "nearest",
     "one_line",
     "quoted",
     "shortened",
 ]
-
-LONGEST = 80
-"""Characters of a value that a message shows."""
-
-
-def instance(value: object) -> str:
-    """What somebody gave in place of something else, for messages."""
-    if value is None or isinstance(value, bool | int | float | str | bytes):
-        return quoted(value)
-    return f"an instance of {type(value).__qualname__}"
-
-
-def shortened(value: object, longest: int = LONGEST) -> str:
-    """A value for a message, without its middle if it is longer than so many characters.
-
-    Parameters
-    ----------
-    value
-        A text is taken as it is, so that the caller decides about quotes; of anything else it is
-        the `repr`.
-    """
-    try:
-        text = value if isinstance(value, str) else repr(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
-        kind = type(value).__qualname__
-        text = "an integer of thousands of digits" if isinstance(value, int) else f"a {kind}"
-    if len(text) <= longest:
-        return text
-    end = longest // 3
-    return f"{text[: longest - end - 3]}...{text[-end:]}"
-
-
-def quoted(value: object) -> str:
-    """A value for a message as Python writes it, shortened; texts in quotes."""
-    return shortened(repr(value)) if isinstance(value, str) else shortened(value)
 
 
 def one_line(error: BaseException) -> str:
@@ -79,7 +55,8 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
     if not plain or value not in choices:
         close = nearest(value, map(str, choices)) if isinstance(value, str) else ""
         raise ConfigurationError(
-            f"{where}: must be {' or '.join(map(str, choices))}, got {instance(value)}{close}"
+            f"{where}: must be {' or '.join(map(str, choices))}, got "
+            f"{shortened(instance(value))}{close}"
         )
 
 

@@ -12,8 +12,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import check_choice
-from .base import ForceOption, Terminated, app, place, report_run, table, waiting
+from ..errors import ConfigurationError, check_choice
+from .base import ForceOption, app, numeric, place, report_run, table, waiting
+from .outcome import Terminated
 
 
 @app.command()
@@ -31,10 +32,11 @@ def study(
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+        int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
     executor: Annotated[
         str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
@@ -200,7 +202,7 @@ def analyse(
         str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
     ] = None,
     order: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+        int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
     transform: Annotated[
         str,
@@ -216,7 +218,7 @@ def analyse(
         ),
     ] = "pure",
     practical: Annotated[
-        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+        float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -264,14 +266,31 @@ def advise(
         ),
     ],
     limit: Annotated[
-        float | None, typer.Option("--limit", help="Largest error that will do.")
+        float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
     ] = None,
     percentile: Annotated[
         float | None,
-        typer.Option("--percentile", help="So many percent of the runs [default: their mean]."),
+        numeric(
+            "--percentile",
+            float,
+            "P",
+            "So many percent of the runs are to be within the limit [default: 90].",
+        ),
     ] = None,
+    mean: Annotated[
+        bool, typer.Option("--mean", help="The mean of the runs is to be within it instead.")
+    ] = False,
+    contamination: Annotated[
+        float,
+        numeric(
+            "--contamination",
+            float,
+            "SHARE",
+            "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+        ),
+    ] = 0.05,
     confidence: Annotated[
-        float, typer.Option("--confidence", help="That the advised design is good enough.")
+        float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
     response: Annotated[
         str | None,
@@ -289,8 +308,13 @@ def advise(
     The exit code is 1 if none is sure to be.
     """
     with waiting("weighing"):
-        from .. import analysis, artifacts
+        from .. import advice, analysis, artifacts
 
+        if mean and percentile is not None:
+            raise ConfigurationError(
+                f"percentile: must not be given with --mean, got {percentile:g}"
+            )
+        wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or results.with_name(f"{results.resolve().name}-advice")
         artifacts.check(out)
         found = analysis.advice_on_study(
@@ -299,7 +323,8 @@ def advise(
             response or analysis.RESPONSE,
             receiver=receiver,
             limit=limit,
-            percentile=percentile,
+            percentile=wanted,
+            contamination=contamination,
             confidence=confidence,
         )
         shown = analysis.readable_advice(found, results)
@@ -322,10 +347,11 @@ def paper(
         bool, typer.Option("--quick", help="Few replicates: a look at everything.")
     ] = False,
     practical: Annotated[
-        float, typer.Option(metavar="SIZE", help="Effects below it do not matter [m].")
+        float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
     ] = 0.5,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.

@@ -159,6 +159,30 @@ def test_the_mean_over_all_points_is_that_of_an_independent_simulation(
     assert runs[ERROR].mean() == pytest.approx(mean, rel=0.03)
 
 
+def has_order(a: Factorial, order: list[str]) -> None:
+    """The main effects come in an order, but for those that this realisation cannot tell apart."""
+    size = a.effects["effect"].abs()
+    main = list(a.effects.index[a.effects["order"] == 1])
+    for place, name in enumerate(order):
+        for other in set(main) - set(order[: place + 1]):
+            assert size[name] > size[other] or tied(a, name, other), (name, other)
+    # two lead by far, and act as the paper says; which of them is first is another question
+    first, second, third = size[main].sort_values(ascending=False).index[:3]
+    assert {first, second} == {"gps", "baseline"}
+    assert size[second] > 2.5 * size[third]
+    assert a.effects.loc["gps", "effect"] > 0 > a.effects.loc["baseline", "effect"]
+    several = a.effects.index[a.effects["order"] == 2]
+    assert size[several].idxmax() == "baseline × gps"
+
+
+def is_close_third(a: Factorial, one: str, other: str) -> None:
+    """Two main effects share places 3 and 4 and differ by less than what matters."""
+    size = a.effects["effect"].abs()[a.effects["order"] == 1].sort_values(ascending=False)
+    assert set(size.index[2:4]) == {one, other}
+    assert abs(size[one] - size[other]) < paper.PRACTICAL
+    assert size.iloc[3] > 2.5 * size.iloc[4]
+
+
 @pytest.mark.parametrize(
     ("n", "order"),
     [(1, ["gps", "baseline"]), (2, ["gps", "baseline", "sampling_time"]),
@@ -167,41 +191,28 @@ def test_the_mean_over_all_points_is_that_of_an_independent_simulation(
 def test_the_factors_have_the_paper_s_order(
     found: dict[int, Factorial], n: int, order: list[str]
 ) -> None:
-    a = found[n]
-    ranked = a.ranked()
-    main = list(ranked.index[ranked["order"] == 1])
-    assert main[: len(order)] == order
-    for first, second in itertools.pairwise(main):
-        if second in order:
-            assert not tied(a, first, second)
-    # the two lead by far, and act as the paper says
-    size = a.effects["effect"].abs()
-    assert size[main[1]] > 2.5 * size[main[2]]
-    assert a.effects.loc["gps", "effect"] > 0 > a.effects.loc["baseline", "effect"]
+    has_order(found[n], order)
 
 
-def test_sampling_time_and_range_noise_tie_for_third_in_scenario_1(
+def test_sampling_time_and_range_noise_are_a_close_third_in_scenario_1(
+    found: dict[int, Factorial]
+) -> None:
+    is_close_third(found[1], "sampling_time", "range")
+
+
+def test_the_printed_answer_ties_what_cannot_be_told_apart(
     found: dict[int, Factorial], finished: tuple[Path, str]
 ) -> None:
-    a = found[1]
-    ranked = a.ranked()
-    main = ranked.index[ranked["order"] == 1]
-    assert set(main[2:4]) == {"sampling_time", "range"}
-    assert tied(a, "sampling_time", "range")
-    line = next(s for s in finished[1].splitlines() if s.startswith("Scenario 1"))
-    third, _, fourth = line.partition(", tied with ")
-    assert "sampling time from 1 s to 0.1 s, by " in third
-    assert re.match(r"range error from 1 m to 0.1 m, by [\d.]+ m \([\d.]+ to [\d.]+\)", fourth)
-
-
-@pytest.mark.parametrize("n", paper.SCENARIOS)
-def test_gps_and_baseline_are_the_largest_interaction(
-    found: dict[int, Factorial], n: int
-) -> None:
-    ranked = found[n].ranked()
-    several = ranked.index[ranked["order"] == 2]
-    assert several[0] == "baseline × gps"
-    assert not tied(found[n], several[0], several[1])
+    for n in paper.SCENARIOS:
+        a = found[n].readable
+        ranked = a.ranked()
+        main = list(ranked.index[ranked["order"] == 1])
+        line = next(s for s in finished[1].splitlines() if s.startswith(f"Scenario {n}"))
+        for place, (one, other) in enumerate(itertools.pairwise(main[:4])):
+            joint = ", tied with " if tied(a, one, other) else "; then with "
+            between = rf"{one} from [^;,]*, by [\d.]+ m[^;,]*{joint}{other} from "
+            named = tied(a, one, other) or place < 2
+            assert bool(re.search(between, line)) == named, (n, one, other)
 
 
 # --- The report ----------------------------------------------------------------------------------
