@@ -13,6 +13,7 @@ from sblcosim.fmus.errors import (
     escaped,
     instance,
     nearest,
+    quoted,
     shortened,
 )
 
@@ -29,6 +30,7 @@ __all__ = [
     "instance",
     "nearest",
     "one_line",
+    "quoted",
     "shortened",
 ]
 
@@ -54,7 +56,8 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
     if not plain or value not in choices:
         close = nearest(value, map(str, choices)) if isinstance(value, str) else ""
         raise ConfigurationError(
-            f"{where}: must be {' or '.join(map(str, choices))}, got {instance(value)}{close}"
+            f"{where}: must be {' or '.join(map(str, choices))}, got "
+            f"{shortened(instance(value))}{close}"
         )
 
 
