@@ -30,7 +30,8 @@ NAMES = [
     "scenario.toml", "study.toml", "costs.toml", "results", "ekf2.fmu", "ekf3.fmu", "nothing.toml",
     "paper-scenario-1", "harbour-square", "ekf", "sequential", "multilateration", "native",
     "python", "lanes", "threads", "log", "results/study.json", ".", "seed=3",
-    "platform.arm_length_m=1", "time.duration_s=2", "receiver.gate=3", "absolute_total_rms_m", "0", "2", "3",
+    "platform.arm_length_m=1", "time.duration_s=2", "receiver.gate=3", "absolute_total_rms_m",
+    "0", "2", "3",
 ]  # fmt: skip
 """What makes sense somewhere."""
 LONG = "x" * 3000
