@@ -184,6 +184,10 @@ def test_a_run_that_turns_nan_ends_alone() -> None:
         ({"platfrom.arm_length": [1.0]}, ["'platfrom'", "did you mean 'platform'"]),
         ({"platform.arm": [1.0]}, ["'arm'", "parameter of platform"]),
         ({"platform.arm_length": [1.0, -2.0]}, ["platform.arm_length", "must be between"]),
+        ({"acoustics.loss_probability": [0.5, 1.0001]},
+         ["acoustics.loss_probability", "must be between 0 and 1", "got 0.5 to 1.0001"]),
+        ({"acoustics.loss_probability": [-1e-9, 0.5]}, ["must be between 0 and 1"]),
+        ({"ekf.range_std": [1e-10]}, ["ekf.range_std: must be between 1e-09 and inf"]),
         ({"platform.arm_length": [1.0, np.nan]}, ["platform.arm_length", "finite"]),
         ({"platform.mean_position": [[1.0, 2.0]]}, ["3 values per run", "got 2"]),
         ({"platform.arm_length": [1.0, 2.0], "target.speed": [1.0, 1.0, 1.0]}, ["2 runs", "3"]),
@@ -194,6 +198,11 @@ def test_what_does_not_fit_is_named(variations: dict[str, Any], words: list[str]
         lanes.execute(plan_of("harbour-square"), variations)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_bounds_themselves_are_allowed() -> None:
+    outcome = lanes.execute(plan_of("harbour-square"), {"acoustics.loss_probability": [0.0, 1.0]})
+    assert len(outcome.sums["ekf"]) == 2
 
 
 def test_what_must_be_equal_in_all_runs_is_named() -> None:

@@ -247,7 +247,7 @@ def test_check_loads_the_binary(cli: Callable[..., Result]) -> None:
             broken.writestr(name, b"" if name.startswith("binaries/") else source.read(name))
     done = cli("check", "broken.fmu")
     assert done.exit_code == 1
-    assert re.search(r"^binary +error +does not load: ", done.stdout, re.M)
+    assert re.search(r"^binary +error +the library does not load: ", done.stdout, re.M)
     refused = cli("run", "paper-scenario-1", *SHORT, "--receiver", "broken.fmu").stderr
     assert "must load and instantiate" in refused
     assert tempfile.gettempdir() not in refused
