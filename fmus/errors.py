@@ -6,6 +6,7 @@ prints it as it is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import PurePath
@@ -13,8 +14,24 @@ from pathlib import PurePath
 LONGEST = 80
 """Characters of a value that a message shows."""
 
+LONGEST_PATH = 255
+"""Of a path, because people go there."""
 
-class SblcosimError(Exception):
+_LONG = re.compile(
+    r"""(?<!\w)'(?:\\.|[^'\\\n])+'(?!\w) | (?<!\w)"(?:\\.|[^"\\\n])+"(?!\w)
+      | (?<=got\ )[\[{(][^\n]{255,} | \S+""",
+    re.VERBOSE,
+)
+
+
+class Concise:
+    """Messages in which no value is longer than people read, whoever has put it there."""
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*(concise(a) if isinstance(a, str) else a for a in arguments))
+
+
+class SblcosimError(Concise, Exception):
     """Base of every exception that `sblcosim` raises on purpose."""
 
     component: str | None = None
@@ -31,7 +48,7 @@ class BuildError(FmuError):
     """An FMU could not be built."""
 
 
-class DamageWarning(UserWarning):
+class DamageWarning(Concise, UserWarning):
     """A file of ours is not as it was written, and something is done about it."""
 
 
@@ -76,6 +93,19 @@ def shortened(value: object, longest: int = LONGEST) -> str:
 def quoted(value: object) -> str:
     """A value for a message as Python writes it, shortened; texts in quotes."""
     return shortened(repr(value)) if isinstance(value, str) else shortened(value)
+
+
+def concise(message: str) -> str:
+    """A message whose quoted values and words are shortened; of paths, only the absurdly long."""
+
+    def short(found: re.Match[str]) -> str:
+        word = found[0]
+        is_path = "/" in word or "\\" in word
+        if len(word) <= (LONGEST_PATH if is_path else LONGEST + 2):  # two quotes
+            return word
+        return shortened(word)
+
+    return _LONG.sub(short, message) if len(message) > LONGEST else message
 
 
 def escaped(text: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from sblcosim.fmus.errors import (
     BuildError,
+    Concise,
     DamageWarning,
     FmuError,
     SblcosimError,
@@ -60,7 +61,7 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
         )
 
 
-class ConfigurationWarning(UserWarning):
+class ConfigurationWarning(Concise, UserWarning):
     """Something that the user wrote can be carried out, but is perhaps not what was meant."""
 
 

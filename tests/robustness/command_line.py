@@ -85,6 +85,47 @@ class CommandLine:
         return Ended(**json.loads(self._server.stdout.readline()))
 
 
+@dataclass(frozen=True)
+class Inputs:
+    """Sound files to begin with, in a folder of their own, and the command."""
+
+    folder: Path
+    cache: Path
+    run: CommandLine
+
+    def environment(self, home: Path, cache: Path | None = None) -> dict[str, str]:
+        """Of a command whose home and temporary files are in a folder."""
+        return {
+            "HOME": str(home / "home"), "TMPDIR": str(home / "tmp"),
+            "XDG_CACHE_HOME": str(home / "home"), "SBLCOSIM_CACHE": str(cache or self.cache),
+        }  # fmt: skip
+
+
+def judge(ended: Ended, file: str | None) -> None:
+    """See that a command has ended as it must.
+
+    Parameters
+    ----------
+    file
+        Name that an error must give; None: any.
+    """
+    assert not ended.hung
+    assert ended.code in {0, 1, 2}
+    assert "Traceback" not in ended.errors
+    assert "must not happen" not in ended.errors
+    assert ended.seconds < SECONDS
+    assert ended.megabytes < MEGABYTES
+    lines = ended.errors.splitlines()
+    assert all(line.startswith(("error: ", "warning: ")) for line in lines)
+    assert all(len(line) < 1500 for line in lines)
+    if ended.code == 2:
+        wrong = [line for line in lines if line.startswith("error: ")]
+        assert wrong
+        assert file is None or any(file in line for line in wrong)
+    else:
+        assert ended.output.strip()
+
+
 def _serve() -> None:
     _load()
     for line in sys.stdin:

@@ -1,6 +1,68 @@
-"""Makes the helpers beside these tests importable."""
+"""Sound files to damage, and the command line that reads them."""
 
+from __future__ import annotations
+
+import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+from sblcosim.fmus.factory import build
+from sblcosim.models import COMPONENTS
+from sblcosim.starter import starter
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+from command_line import CommandLine, Inputs
+
+STUDY = """\
+scenario = "scenario.toml"
+replicates = 3
+receivers = ["ekf"]
+
+[factors.gps]
+label = "GPS error"
+keys = ["platform.gps_horizontal_markov_std_m"]
+levels = [0.1, 1.05]
+
+[factors.baseline]
+keys = ["platform.arm_length_m"]
+levels = [0.4, 3.0]
+
+[fixed]
+"acoustics.range_std_m" = 0.2
+"""
+COSTS = "gps = [900, 40]\nbaseline = [20, 150]\n"
+
+
+@pytest.fixture(scope="session")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inputs]:
+    """Files, a study's results among them."""
+    base = tmp_path_factory.mktemp("inputs")
+    folder, cache = base / "cwd", base / "cache"
+    for name in ("cwd", "home", "tmp"):
+        (base / name).mkdir()
+    text = starter("scenario")
+    assert 'duration_s = "path"' in text
+    (folder / "scenario.toml").write_text(text.replace('duration_s = "path"', "duration_s = 4.0"))
+    (folder / "study.toml").write_text(STUDY)
+    (folder / "costs.toml").write_text(COSTS)
+    for fmi in (2, 3):
+        shutil.copy(build("ekf", fmi), folder / f"ekf{fmi}.fmu")
+        for name in COMPONENTS:  # so that nothing is compiled again
+            place = build(name, fmi).parent
+            shutil.copytree(place, cache / "fmus" / place.name)
+    run = CommandLine()
+    try:
+        made = Inputs(folder, cache, run)
+        sound = made.environment(base)
+        done = run(("study", "study.toml", "--out", "results"), folder, sound)
+        assert done.code == 0, done.errors
+        command = ("run", "scenario.toml", "--no-figures", "--receiver", "ekf2.fmu", "--out", "out")
+        done = run(command, folder, sound)
+        assert done.code == 0, done.errors
+        shutil.rmtree(folder / "out")
+        yield made
+    finally:
+        run.close()

@@ -13,15 +13,11 @@ import random
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import mutators
 import pytest
-from command_line import MEGABYTES, SECONDS, CommandLine, Ended
-from sblcosim.fmus.factory import build
-from sblcosim.models import COMPONENTS
-from sblcosim.starter import starter
+from command_line import Inputs, judge
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
@@ -29,75 +25,9 @@ SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
 QUICK, ALL = 300, 2000
 CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 
-STUDY = """\
-scenario = "scenario.toml"
-replicates = 3
-receivers = ["ekf"]
-
-[factors.gps]
-label = "GPS error"
-keys = ["platform.gps_horizontal_markov_std_m"]
-levels = [0.1, 1.05]
-
-[factors.baseline]
-keys = ["platform.arm_length_m"]
-levels = [0.4, 3.0]
-
-[fixed]
-"acoustics.range_std_m" = 0.2
-"""
-COSTS = "gps = [900, 40]\nbaseline = [20, 150]\n"
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out", "out")
 RUN = ("run", "scenario.toml", *QUIETLY)
 EXAMINED = ("description", "functions", "life cycle")
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """Sound files to begin with, in a folder of their own, and the command."""
-
-    folder: Path
-    cache: Path
-    run: CommandLine
-
-    def environment(self, home: Path, cache: Path | None = None) -> dict[str, str]:
-        """Of a command whose home and temporary files are in a folder."""
-        return {
-            "HOME": str(home / "home"), "TMPDIR": str(home / "tmp"),
-            "XDG_CACHE_HOME": str(home / "home"), "SBLCOSIM_CACHE": str(cache or self.cache),
-        }  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inputs]:
-    """Files, a study's results among them."""
-    base = tmp_path_factory.mktemp("inputs")
-    folder, cache = base / "cwd", base / "cache"
-    for name in ("cwd", "home", "tmp"):
-        (base / name).mkdir()
-    text = starter("scenario").replace("duration_s = 'path'", "duration_s = 4.0")
-    text = text.replace('duration_s = "path"', "duration_s = 4.0")
-    assert "duration_s = 4.0" in text
-    (folder / "scenario.toml").write_text(text)
-    (folder / "study.toml").write_text(STUDY)
-    (folder / "costs.toml").write_text(COSTS)
-    for fmi in (2, 3):
-        shutil.copy(build("ekf", fmi), folder / f"ekf{fmi}.fmu")
-        for name in COMPONENTS:  # so that nothing is compiled again
-            place = build(name, fmi).parent
-            shutil.copytree(place, cache / "fmus" / place.name)
-    run = CommandLine()
-    try:
-        made = Inputs(folder, cache, run)
-        sound = made.environment(base)
-        done = run(("study", "study.toml", "--out", "results"), folder, sound)
-        assert done.code == 0, done.errors
-        done = run((*RUN, "--receiver", "ekf2.fmu"), folder, sound)
-        assert done.code == 0, done.errors
-        shutil.rmtree(folder / "out")
-        yield made
-    finally:
-        run.close()
 
 
 Case = Callable[[random.Random, Path], tuple[str, tuple[str, ...]]]
@@ -211,31 +141,6 @@ def test_a_mutated_file_gives_a_result_or_a_line(
     assert not [p for p in (*new, *gone) if not p.startswith(allowed)]
     assert set(os.listdir(tmp_path.parent)) <= {p.name for p in tmp_path.parent.iterdir()}
     shutil.rmtree(tmp_path)
-
-
-def judge(ended: Ended, file: str | None) -> None:
-    """See that a command has ended as it must.
-
-    Parameters
-    ----------
-    file
-        Name that an error must give; None: any.
-    """
-    assert not ended.hung
-    assert ended.code in {0, 1, 2}
-    assert "Traceback" not in ended.errors
-    assert "must not happen" not in ended.errors
-    assert ended.seconds < SECONDS
-    assert ended.megabytes < MEGABYTES
-    lines = ended.errors.splitlines()
-    assert all(line.startswith(("error: ", "warning: ")) for line in lines)
-    assert all(len(line) < 1500 for line in lines)
-    if ended.code == 2:
-        wrong = [line for line in lines if line.startswith("error: ")]
-        assert wrong
-        assert file is None or any(file in line for line in wrong)
-    else:
-        assert ended.output.strip()
 
 
 def _there(folder: Path) -> dict[str, object]:

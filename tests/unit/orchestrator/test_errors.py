@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.errors import shortened
+from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError, shortened
 
 
 def nested(depth: int) -> list[Any]:
@@ -40,3 +42,33 @@ def test_of_a_long_value_beginning_and_end_are_shown(value: object) -> None:
 )
 def test_a_value_that_python_cannot_print_does_no_harm(value: object) -> None:
     assert 0 < len(shortened(value)) <= 80
+
+
+def test_what_does_not_print_is_escaped_and_paths_are_texts() -> None:
+    assert shortened(Path("a\nb")) == "a\\nb"
+    assert shortened("a\x1b[2J\udcff") == "a\\x1b[2J\\udcff"
+
+
+LONG = "x" * 3000
+
+
+@pytest.mark.parametrize("kind", [ConfigurationError, FmuError, ConfigurationWarning])
+@pytest.mark.parametrize("message", [
+    f"key: must be short, got '{LONG}'; did you mean 'it'?", f"{LONG}.toml: no such file",
+    f"key: must be short, got \"{'x ' * 900}\"", f"{'a/' * 900}.toml: no such file",
+    f"key: must be a number, got {list(range(900))}", f"a: no\nkey: must be short, got {LONG}",
+])  # fmt: skip
+def test_no_message_shows_more_of_a_value(kind: type[Exception], message: str) -> None:
+    error = kind(message)
+    assert len(str(error)) < 150
+    assert str(error)[:4] == message[:4]
+    assert str(error).count("\n") == message.count("\n")
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+@pytest.mark.parametrize("message", [
+    "/" + "long/way/to/" * 15 + "it: must be a file", "the filter's words, " * 20 + "the end",
+    "must be " + ", ".join(map(repr, "abcdefghijklmnopqrstuvwxyz" * 3)) + ", got 'é'",
+])  # fmt: skip
+def test_paths_lists_and_sentences_are_shown_whole(message: str) -> None:
+    assert str(ConfigurationError(message)) == message
