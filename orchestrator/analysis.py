@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +12,10 @@ import numpy as np
 import pandas as pd
 
 from . import artifacts, campaign, factorial_plots, style
-from .advice import Advice, advise
-from .errors import ConfigurationError, nearest
+from .advice import PERCENTILE, Advice, advise
+from .errors import ConfigurationError, nearest, quoted
 from .factorial import Error, Factorial, Transform, analyse
-from .scenario import read_text, toml_problem
+from .reading import parse, read_text, shown
 from .study import Study
 
 RESPONSE = "absolute_total_rms_m"
@@ -103,12 +102,13 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     chosen = receivers[0] if receiver is None else receiver
     if chosen not in receivers:
         raise ConfigurationError(
-            f"receiver: must be {', '.join(receivers)}, got {chosen!r}{nearest(chosen, receivers)}"
+            f"receiver: must be {', '.join(receivers)}, got {quoted(chosen)}"
+            + nearest(chosen, receivers)
         )
     known = [c.partition(".")[2] for c in responses if c.startswith(f"{chosen}.")]
     if response not in known:
         raise ConfigurationError(
-            f"response: must be one of {', '.join(known)}, got {response!r}"
+            f"response: must be one of {', '.join(known)}, got {quoted(response)}"
             f"{nearest(response, known)}"
         )
     column = f"{chosen}.{response}"
@@ -165,10 +165,13 @@ def advice_on_study(
     *,
     receiver: str | None = None,
     limit: float | None = None,
-    percentile: float | None = None,
+    percentile: float | None = PERCENTILE,
+    contamination: float = 0.05,
     confidence: float = 0.95,
 ) -> Advice:
     """Which design is the cheapest that is good enough; see `sblcosim.advice.advise`.
+
+    Runs in which the receiver is *lost* count as such.
 
     Parameters
     ----------
@@ -187,12 +190,14 @@ def advice_on_study(
     for name, values in given.items():
         if name not in study.factors:
             raise ConfigurationError(
-                f"{where}: must be costs of factors of the study, got {name!r}"
+                f"{where}: must be costs of factors of the study, got {quoted(name)}"
                 f"{nearest(str(name), study.factors)}"
             )
         levels = study.factors[name].levels
         if not isinstance(values, Sequence) or isinstance(values, str):
-            raise ConfigurationError(f"{where}: {name}: must be an array of costs, got {values!r}")
+            raise ConfigurationError(
+                f"{where}: {name}: must be an array of costs, got {quoted(values)}"
+            )
         if len(values) != len(levels):
             raise ConfigurationError(
                 f"{where}: {name}: must have a cost for each of the levels "
@@ -200,13 +205,15 @@ def advice_on_study(
             )
         for value in values:
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ConfigurationError(f"{where}: {name}: must be numbers, got {value!r}")
+                raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
         prices[name] = dict(zip(levels, values, strict=True))
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)
+    lost = f"{column.partition('.')[0]}.lost"
     return advise(
         in_numbers(points, column), list(study.factors), column, prices, limit=limit,
-        percentile=percentile, confidence=confidence, unit=unit_of(response),
+        percentile=percentile, contamination=contamination, confidence=confidence,
+        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
     )
 
 
@@ -216,10 +223,7 @@ def _centre(study: Study) -> list[int]:
 
 
 def _read(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        return str(path), tomllib.loads(read_text(path, (), "costs"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(toml_problem(str(path), error)) from None
+    return shown(path), parse(shown(path), read_text(path, (), "costs"))
 
 
 def save_advice(
@@ -232,7 +236,12 @@ def save_advice(
 
     `shown` is the same for people, for the figure.
     """
-    about = {"advice": {"response": advice.response, "limit": advice.limit}}
+    about = {
+        "advice": {
+            "response": advice.response, "limit": advice.limit, "percentile": advice.percentile,
+            "contamination": advice.contamination, "confidence": advice.confidence,
+        }
+    }
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(advice.points, folder, "points")
         axes = factorial_plots.plot_front(advice if shown is None else shown, theme=theme)

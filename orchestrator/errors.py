@@ -12,6 +12,7 @@ from sblcosim.fmus.errors import (
     escaped,
     instance,
     nearest,
+    quoted,
     shortened,
 )
 
@@ -28,6 +29,7 @@ __all__ = [
     "instance",
     "nearest",
     "one_line",
+    "quoted",
     "shortened",
 ]
 
@@ -53,7 +55,8 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
     if not plain or value not in choices:
         close = nearest(value, map(str, choices)) if isinstance(value, str) else ""
         raise ConfigurationError(
-            f"{where}: must be {' or '.join(map(str, choices))}, got {instance(value)}{close}"
+            f"{where}: must be {' or '.join(map(str, choices))}, got "
+            f"{shortened(instance(value))}{close}"
         )
 
 

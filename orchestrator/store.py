@@ -260,7 +260,7 @@ def table(results: str | Path) -> pd.DataFrame:
         parts.append(part.to_pandas(types_mapper=flags))
     if not parts:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    whole: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
     known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
     whole = whole.astype(dict.fromkeys(known, bool))
     return whole.sort_values(["replicate", "point"], ignore_index=True)

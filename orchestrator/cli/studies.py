@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import check_choice
+from ..errors import ConfigurationError, check_choice
 from .base import ForceOption, app, numeric, place, report_run, table, waiting
 from .outcome import Terminated
 
@@ -270,8 +270,25 @@ def advise(
     ] = None,
     percentile: Annotated[
         float | None,
-        numeric("--percentile", float, "P", "So many percent of the runs [default: their mean]."),
+        numeric(
+            "--percentile",
+            float,
+            "P",
+            "So many percent of the runs are to be within the limit [default: 90].",
+        ),
     ] = None,
+    mean: Annotated[
+        bool, typer.Option("--mean", help="The mean of the runs is to be within it instead.")
+    ] = False,
+    contamination: Annotated[
+        float,
+        numeric(
+            "--contamination",
+            float,
+            "SHARE",
+            "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+        ),
+    ] = 0.05,
     confidence: Annotated[
         float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
@@ -291,8 +308,13 @@ def advise(
     The exit code is 1 if none is sure to be.
     """
     with waiting("weighing"):
-        from .. import analysis, artifacts
+        from .. import advice, analysis, artifacts
 
+        if mean and percentile is not None:
+            raise ConfigurationError(
+                f"percentile: must not be given with --mean, got {percentile:g}"
+            )
+        wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or results.with_name(f"{results.resolve().name}-advice")
         artifacts.check(out)
         found = analysis.advice_on_study(
@@ -301,7 +323,8 @@ def advise(
             response or analysis.RESPONSE,
             receiver=receiver,
             limit=limit,
-            percentile=percentile,
+            percentile=wanted,
+            contamination=contamination,
             confidence=confidence,
         )
         shown = analysis.readable_advice(found, results)

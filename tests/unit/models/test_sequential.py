@@ -164,7 +164,7 @@ def test_a_range_rejected_at_the_limit_is_the_one_that_starts_it_anew(limit: int
     for n in range((limit or 5) + 1):
         count = box.u["reception_count"].copy()
         hear(box, HERE, 0.1 * (22 + n), errors=np.array([9.0, 0.0, 0.0, 0.0]))
-        box.set(reception_count=count + [1, 0, 0, 0])
+        box.set(reception_count=count + np.array([1, 0, 0, 0]))
         y = box.step(box.t_ns, NS // 10)
         scores.append(box.state("score"))
     assert scores == [*range(1, (limit or 5) + 1), 0]
