@@ -17,6 +17,11 @@ LONGEST = 80
 class SblcosimError(Exception):
     """Base of every exception that `sblcosim` raises on purpose."""
 
+    component: str | None = None
+    """Name of the component whose failure ended a run."""
+    suspects: tuple[str, ...] = ()
+    """Names of all that may have caused it, where that is not certain."""
+
 
 class FmuError(SblcosimError):
     """An FMU is missing or broken, does not fit this machine, or has reported a failure."""
@@ -44,15 +49,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 def instance(value: object) -> str:
     """What somebody gave in place of something else, for messages."""
-    if isinstance(value, str):
-        return shortened(repr(value))
-    if value is None or isinstance(value, bool | int | float | bytes):
-        return shortened(value)
+    if value is None or isinstance(value, bool | int | float | str | bytes):
+        return quoted(value)
     return f"an instance of {type(value).__qualname__}"
 
 
-def shortened(value: object) -> str:
-    """A value for a message, without its middle if it is longer than 80 characters.
+def shortened(value: object, longest: int = LONGEST) -> str:
+    """A value for a message, without its middle if it is longer than so many characters.
 
     Parameters
     ----------
@@ -64,10 +67,15 @@ def shortened(value: object) -> str:
         text = escaped(str(value)) if isinstance(value, str | PurePath) else repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
         text = instance(value) if not isinstance(value, int) else "an integer with too many digits"
-    if len(text) <= LONGEST:
+    if len(text) <= longest:
         return text
-    end = LONGEST // 3
-    return f"{text[: LONGEST - end - 3]}...{text[-end:]}"
+    end = longest // 3
+    return f"{text[: longest - end - 3]}...{text[-end:]}"
+
+
+def quoted(value: object) -> str:
+    """A value for a message as Python writes it, shortened; texts in quotes."""
+    return shortened(repr(value)) if isinstance(value, str) else shortened(value)
 
 
 def escaped(text: str) -> str:

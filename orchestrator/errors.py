@@ -12,6 +12,7 @@ from sblcosim.fmus.errors import (
     escaped,
     instance,
     nearest,
+    quoted,
     shortened,
 )
 
@@ -28,6 +29,7 @@ __all__ = [
     "instance",
     "nearest",
     "one_line",
+    "quoted",
     "shortened",
 ]
 

@@ -62,7 +62,7 @@ def run(
             "--step-timeout",
             float,
             "SECONDS",
-            "Until the native master gives up an FMU that hangs [default: 60].",
+            "Until an FMU of others that hangs is given up [default: 60].",
         ),
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
