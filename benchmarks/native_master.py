@@ -83,7 +83,7 @@ def loop_alone(fmi: int) -> Benchmark:
             for call in (native._Call * n).from_address(program.run.calls):
                 call.function = address
             began = time.perf_counter()
-            native._driver().native_run(ctypes.byref(program.run))
+            native.library().native_run(ctypes.byref(program.run))
             return time.perf_counter() - began
 
     return lambda steps: seconds(steps + 1) - seconds(1)

@@ -23,7 +23,7 @@ from platformdirs import user_cache_path
 from ..models import COMPONENTS, module_of
 from . import compiler as compilers
 from .errors import BuildError, DamageWarning, nearest
-from .files import SEAL, intact, scratch, write_sealed
+from .files import SEAL, intact, scratch, sha256_of, write_sealed
 from .platforms import suffix, this_platform
 
 if TYPE_CHECKING:
@@ -148,6 +148,25 @@ def _usable(path: Path) -> bool:
 
 def _warn(message: str) -> None:
     warnings.warn(message, DamageWarning, stacklevel=4)
+
+
+def is_build(identifier: str, sha256: str) -> bool:
+    """Whether a file is among the FMUs that came along or are cached.
+
+    Parameters
+    ----------
+    identifier
+        Of its model.
+    sha256
+        Of its content.
+    """
+    return any(
+        intact(path) and sha256_of(path) == sha256
+        for name, component in COMPONENTS.items()
+        if component.name == identifier
+        for folder in (READY, cache())
+        for path in folder.glob(f"*/{name}.fmu")
+    )
 
 
 def cache() -> Path:

@@ -221,8 +221,7 @@ def _end(path: Path, handle: int | None, owner: int) -> None:
     if os.getpid() != owner:  # a forked process uses its parent's
         return
     _remove(path)
-    if not path.exists():  # Windows keeps libraries that are loaded: the next process removes them
-        _release(path, handle)
+    _release(path, handle)
 
 
 def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:
@@ -247,9 +246,14 @@ def _claim(folder: Path, instead: str) -> tuple[Path, int | None]:
 def _release(path: Path, handle: int | None) -> None:
     if handle is None:
         return
-    for close in (False, True):  # Windows removes no file that is open
-        if close:
-            os.close(handle)
+    # Libraries that are loaded stay on Windows, and a compiler may survive its parent: if there is
+    # anything left, the next process will find it.
+    done = not os.path.lexists(path)
+    if done and os.name != "nt":
+        with suppress(OSError):
+            _lock_of(path).unlink()
+    os.close(handle)
+    if done and os.name == "nt":  # where no file is removed that is open
         with suppress(OSError):
             _lock_of(path).unlink()
 

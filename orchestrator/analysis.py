@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +13,9 @@ import pandas as pd
 
 from . import artifacts, campaign, factorial_plots, style
 from .advice import PERCENTILE, Advice, advise
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, nearest, quoted
 from .factorial import Error, Factorial, Transform, analyse
-from .scenario import read_text, toml_problem
+from .reading import parse, read_text, shown
 from .study import Study
 
 RESPONSE = "absolute_total_rms_m"
@@ -103,12 +102,13 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     chosen = receivers[0] if receiver is None else receiver
     if chosen not in receivers:
         raise ConfigurationError(
-            f"receiver: must be {', '.join(receivers)}, got {chosen!r}{nearest(chosen, receivers)}"
+            f"receiver: must be {', '.join(receivers)}, got {quoted(chosen)}"
+            + nearest(chosen, receivers)
         )
     known = [c.partition(".")[2] for c in responses if c.startswith(f"{chosen}.")]
     if response not in known:
         raise ConfigurationError(
-            f"response: must be one of {', '.join(known)}, got {response!r}"
+            f"response: must be one of {', '.join(known)}, got {quoted(response)}"
             f"{nearest(response, known)}"
         )
     column = f"{chosen}.{response}"
@@ -190,12 +190,14 @@ def advice_on_study(
     for name, values in given.items():
         if name not in study.factors:
             raise ConfigurationError(
-                f"{where}: must be costs of factors of the study, got {name!r}"
+                f"{where}: must be costs of factors of the study, got {quoted(name)}"
                 f"{nearest(str(name), study.factors)}"
             )
         levels = study.factors[name].levels
         if not isinstance(values, Sequence) or isinstance(values, str):
-            raise ConfigurationError(f"{where}: {name}: must be an array of costs, got {values!r}")
+            raise ConfigurationError(
+                f"{where}: {name}: must be an array of costs, got {quoted(values)}"
+            )
         if len(values) != len(levels):
             raise ConfigurationError(
                 f"{where}: {name}: must have a cost for each of the levels "
@@ -203,7 +205,7 @@ def advice_on_study(
             )
         for value in values:
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ConfigurationError(f"{where}: {name}: must be numbers, got {value!r}")
+                raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
         prices[name] = dict(zip(levels, values, strict=True))
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)
@@ -221,10 +223,7 @@ def _centre(study: Study) -> list[int]:
 
 
 def _read(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        return str(path), tomllib.loads(read_text(path, (), "costs"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(toml_problem(str(path), error)) from None
+    return shown(path), parse(shown(path), read_text(path, (), "costs"))
 
 
 def save_advice(

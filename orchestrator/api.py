@@ -7,9 +7,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .definitions import TRUTH
+from .errors import ConfigurationError, nearest
 from .fmu import Fmu
-from .masters import execute
+from .isolation import patience, strangers
+from .masters import execute, survive
+from .native import foreign
 from .plan import Plan, check_size, resolve
+from .record import Record
 from .result import Result, manifest
 from .scenario import Overrides, Receivers, Scenario, Source, load
 from .system import SECOND, System, nanoseconds, text_of
@@ -29,6 +34,9 @@ def run(
     before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Result:
     """Simulate a scenario.
+
+    A receiver that fails beside others does not end the run: the result has its message in
+    `Result.failures`, and what the others give without it.
 
     Parameters
     ----------
@@ -60,7 +68,8 @@ def run(
     ConfigurationError
         Something in the scenario or the arguments is wrong.
     FmuError
-        An FMU cannot be built, is broken, or has failed.
+        An FMU cannot be built, is broken, or has failed, and no receiver that was asked for is
+        left.
 
     Examples
     --------
@@ -68,12 +77,15 @@ def run(
     >>> result.errors.loc["sequential", "absolute", "total"].rms_m   # doctest: +SKIP
     """
     settled = load(scenario, overrides)
-    system = connect(settled, receiver, fmi, components)
-    plan = resolve(system)
+    with patience(step_timeout):
+        system = connect(settled, receiver, fmi, components)
+        plan = resolve(system)
     check_size(plan)
+    _check_truth(plan)
     labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    asked = labels or [RAW]
     if RAW in system.components:
-        labels.append(RAW)
+        labels = [*labels, RAW]
     about: dict[str, Any] = {
         "scenario_name": settled.name,
         "scenario": applied(settled, receiver, fmi, components),
@@ -85,12 +97,37 @@ def run(
     }
     if before is not None:
         before(manifest(**about))
-    record = execute(plan, progress, master=master, step_timeout=step_timeout)
+    apart = bool(strangers(plan))
+
+    def executed(left: Plan) -> Record:
+        # Without those that have failed there may be nobody left to wait for.
+        timed = len(left.components) == len(plan.components) or strangers(left)
+        return execute(
+            left,
+            progress,
+            master=master,
+            step_timeout=step_timeout if timed else None,
+            apart=apart and foreign(left) is not None,
+        )
+
+    outcome = survive(system, asked, executed)
     return Result(
-        record=record,
+        record=outcome.record,
         update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
+        failures=outcome.failures,
         **about,
     )
+
+
+def _check_truth(plan: Plan) -> None:
+    """Refuse components without what the estimates are compared with."""
+    known = [c.name for c in plan.columns]
+    for name in TRUTH:
+        if name not in known:
+            raise ConfigurationError(
+                f"{name}: must be an output, to compare the estimates with, got none"
+                f"{nearest(name, known)}"
+            )
 
 
 def _origins(

@@ -174,8 +174,12 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
     before = _manifest_of(path)
     if before is None:
         return True
-    kept = {key: value for key, value in before.items() if key not in ("software", "files")}
-    return bool(kept == json.loads(json.dumps(manifest)))
+    outcome = ("software", "files", "failures")
+    kept, new = (
+        {key: value for key, value in content.items() if key not in outcome}
+        for content in (before, json.loads(json.dumps(manifest)))
+    )
+    return bool(kept == new)
 
 
 def _empty(path: Path) -> None:

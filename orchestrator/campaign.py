@@ -14,6 +14,7 @@ import pandas as pd
 from . import executors
 from .api import run as run_scenario
 from .errors import ConfigurationError
+from .isolation import Children, strangers
 from .points import (
     Campaign,
     Point,
@@ -201,16 +202,30 @@ def estimate(
     """
     if not what.runs:
         return 0.0, 0.0
+    with Children() as children:
+        return _estimated(campaign, what, workers, master, children)
+
+
+def _estimated(
+    campaign: Campaign,
+    what: Missing,
+    workers: int | None,
+    master: str | None,
+    children: Children,
+) -> tuple[float, float]:
     threads = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     size = -(-SIDE_BY_SIDE * threads // len(campaign.groups))  # all lanes of all workers are in use
-    simulate(campaign, _sample(campaign, what, 1), workers, master, silent)  # libraries are loaded
+    simulate(campaign, _sample(campaign, what, 1), workers, master, silent, children)  # loads all
     while True:
         sample = _sample(campaign, what, size)
-        first = _timed(campaign, sample, workers, master)
+        first = _timed(campaign, sample, workers, master, children)
         if first[0] > SAMPLE_SECONDS or len(sample) >= what.runs:
             break
         size *= 4
-    times = [first, *(_timed(campaign, sample, workers, master) for _ in range(SAMPLES - 1))]
+    times = [first]
+    times += [_timed(campaign, sample, workers, master, children) for _ in range(SAMPLES - 1)]
+    if any(strangers(group.plan) for group in campaign.groups):  # their processes' time is not ours
+        times = [(wall, wall * threads) for wall, _ in times]
     share = what.steps / sum(steps_of(campaign, sample))
     idle = min(min(wall, processor / threads) for wall, processor in times)
     busy = sorted(wall for wall, _ in times)[3 * len(times) // 4]
@@ -218,11 +233,15 @@ def estimate(
 
 
 def _timed(
-    campaign: Campaign, runs: Sequence[Run], workers: int | None, master: str | None
+    campaign: Campaign,
+    runs: Sequence[Run],
+    workers: int | None,
+    master: str | None,
+    children: Children,
 ) -> tuple[float, float]:
     """Seconds that some runs take, and seconds of all processors."""
     wall, processor = time.perf_counter(), time.process_time()
-    simulate(campaign, runs, workers, master, silent)
+    simulate(campaign, runs, workers, master, silent, children)
     return time.perf_counter() - wall, time.process_time() - processor
 
 

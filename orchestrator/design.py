@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, quoted
 
 Number = int | float
 TIMES = " × "
@@ -217,7 +217,7 @@ def fractional(
             made, word, sign = _generator(text, factors)
             if made in words:
                 raise ConfigurationError(
-                    f"generator {text!r}: must make another factor than the others, got "
+                    f"generator {quoted(text)}: must make another factor than the others, got "
                     f"{LETTERS[made]} twice"
                 )
             words[made] = (word, sign)
@@ -225,7 +225,7 @@ def fractional(
             made, word, _ = _generator(text, factors)
             for i in sorted(word & words.keys()):
                 raise ConfigurationError(
-                    f"generator {text!r}: must be made of factors without a generator, got "
+                    f"generator {quoted(text)}: must be made of factors without a generator, got "
                     f"{LETTERS[i]}"
                 )
     basic = [i for i in range(len(factors)) if i not in words]
@@ -315,16 +315,16 @@ def _generator(text: str, factors: Sequence[Factor]) -> tuple[int, frozenset[int
     match = re.fullmatch(r"\s*([A-Z])\s*=\s*([+-]?)\s*([A-Z]+)\s*", text)
     known = LETTERS[: len(factors)]
     if match is None:
-        raise ConfigurationError(f"generator: must be like 'E=ABCD', got {text!r}")
+        raise ConfigurationError(f"generator: must be like 'E=ABCD', got {quoted(text)}")
     made, sign, word = match.groups()
     for letter in made + word:
         if letter not in known:
             raise ConfigurationError(
-                f"generator {text!r}: must be made of {', '.join(known)} "
+                f"generator {quoted(text)}: must be made of {', '.join(known)} "
                 f"({', '.join(f.name for f in factors)}), got {letter}"
             )
     if len(set(word)) != len(word) or made in word:
-        raise ConfigurationError(f"generator {text!r}: must name each factor once")
+        raise ConfigurationError(f"generator {quoted(text)}: must name each factor once")
     numbers = frozenset(known.index(letter) for letter in word)
     return known.index(made), numbers, -1 if sign == "-" else 1
 

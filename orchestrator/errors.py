@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from sblcosim.fmus.errors import BuildError, DamageWarning, FmuError, SblcosimError, nearest
+from sblcosim.fmus.errors import (
+    BuildError,
+    DamageWarning,
+    FmuError,
+    SblcosimError,
+    escaped,
+    instance,
+    nearest,
+    quoted,
+    shortened,
+)
 
 __all__ = [
     "BuildError",
@@ -15,40 +25,13 @@ __all__ = [
     "NoEffectWarning",
     "SblcosimError",
     "check_choice",
+    "escaped",
     "instance",
     "nearest",
     "one_line",
+    "quoted",
     "shortened",
 ]
-
-LONGEST = 80
-"""Characters of a value that a message shows."""
-
-
-def instance(value: object) -> str:
-    """What somebody gave in place of something else, for messages."""
-    if value is None or isinstance(value, bool | int | float | str | bytes):
-        return repr(value)
-    return f"an instance of {type(value).__qualname__}"
-
-
-def shortened(value: object) -> str:
-    """A value for a message, without its middle if it is longer than 80 characters.
-
-    Parameters
-    ----------
-    value
-        A text is taken as it is, so that the caller decides about quotes; of anything else it is
-        the `repr`.
-    """
-    try:
-        text = value if isinstance(value, str) else repr(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nesting
-        text = instance(value) if not isinstance(value, int) else "an integer with too many digits"
-    if len(text) <= LONGEST:
-        return text
-    end = LONGEST // 3
-    return f"{text[: LONGEST - end - 3]}...{text[-end:]}"
 
 
 def one_line(error: BaseException) -> str:

@@ -29,7 +29,8 @@ from sblcosim.fmus.factory import cache
 from sblcosim.fmus.files import sha256_of, write_file
 
 from .errors import ConfigurationError, SblcosimError, check_choice, one_line
-from .fmu import Fmu
+from .fmu import Fmu, ours, trust
+from .isolation import Children
 from .points import Campaign, Run
 from .simulation import silent, simulate
 
@@ -82,7 +83,8 @@ def ready(
             number = sum(client.nthreads().values())
             yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
     elif executor == "threads":
-        yield partial(_here, campaign, workers, master)
+        with Children() as children:
+            yield partial(_here, campaign, workers, master, children)
     elif isinstance(executor, Executor):
         yield partial(_spread, executor, pack(campaign), number, master)
     else:
@@ -94,11 +96,12 @@ def _here(
     campaign: Campaign,
     workers: int | None,
     master: str | None,
+    children: Children,
     parts: Iterable[Sequence[Run]],
     done: Done,
 ) -> Simulated:
     for part in parts:
-        yield part, simulate(campaign, part, workers, master, partial(done, part))
+        yield part, simulate(campaign, part, workers, master, partial(done, part), children)
 
 
 # --- Other processes -----------------------------------------------------------------------------
@@ -245,12 +248,15 @@ class Parcel:
         Pickled, with SHA-256 values in place of FMU files.
     fmus
         Names and contents of the FMU files, by SHA-256.
+    ours
+        Those of them that this project has built.
     version
         Of the sblcosim that packed it.
     """
 
     content: bytes
     fmus: Mapping[str, tuple[str, bytes]]
+    ours: tuple[str, ...]
     version: str
 
 
@@ -287,16 +293,18 @@ def pack(campaign: Campaign) -> Parcel:
     """Make a parcel of a campaign and its FMUs."""
     from . import __version__
 
-    known = {
-        component.source.path: component.source.sha256
+    sources = [
+        component.source
         for group in campaign.groups
         for component in group.plan.components
         if isinstance(component.source, Fmu)
-    }
+    ]
+    known = {source.path: source.sha256 for source in sources}
+    mine = {source.sha256 for source in sources if ours(source)}
     stream = io.BytesIO()
     _Packer(stream, known).dump(campaign)
     fmus = {sha256: (path.name, path.read_bytes()) for path, sha256 in known.items()}
-    return Parcel(stream.getvalue(), fmus, __version__)
+    return Parcel(stream.getvalue(), fmus, tuple(sorted(mine)), __version__)
 
 
 _unpacked: dict[bytes, Campaign] = {}
@@ -323,6 +331,7 @@ def unpack(parcel: Parcel) -> Campaign:
                 files[sha256] = cache() / "received" / sha256 / name
                 if sha256_of(files[sha256]) != sha256:
                     write_file(files[sha256], content)
+            trust(parcel.ours)
             _unpacked.clear()
             _unpacked[key] = _Unpacker(io.BytesIO(parcel.content), files).load()
         return _unpacked[key]
@@ -335,4 +344,8 @@ def _same(parcel: Parcel) -> Parcel:
 
 def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
     """What a worker does: it has one thread for it."""
-    return simulate(unpack(parcel), runs, 1, master, silent)
+    return simulate(unpack(parcel), runs, 1, master, silent, _CHILDREN)
+
+
+_CHILDREN = Children(idle_s=30.0)
+"""Of a worker, kept from one part of the work to the next."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 import tempfile
 import threading
 from collections import deque
@@ -20,14 +21,16 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from fmpy import fmi1, fmi2, fmi3
+from fmpy import fmi1, fmi2, fmi3, freeLibrary
 from numpy.typing import NDArray
+from sblcosim.fmus.factory import is_build
 from sblcosim.fmus.files import scratch
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.ports import Fmu, Port, ports_of, read
 
 from .errors import FmuError
 from .system import SECOND, text_of
+from .watch import watch
 
 __all__ = [
     "DTYPES",
@@ -77,6 +80,21 @@ _FMI2_NAMES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 _LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
 
+_OURS: dict[str, bool] = {}
+
+
+def ours(fmu: Fmu) -> bool:
+    """Whether an FMU is one that this project has built; nothing in it is run to find out."""
+    if fmu.sha256 not in _OURS:
+        _OURS[fmu.sha256] = is_build(fmu.identifier, fmu.sha256)
+    return _OURS[fmu.sha256]
+
+
+def trust(sha256s: Iterable[str]) -> None:
+    """Take these FMUs to be ours: whoever has sent them knows it."""
+    _OURS.update(dict.fromkeys(sha256s, True))
+
+
 class Instance:
     """An instance of an FMU, FMI 2 or FMI 3.
 
@@ -89,7 +107,7 @@ class Instance:
         self.name = name
         self._key = next(_KEYS)
         self._log: deque[str] = deque(maxlen=5)
-        _LOGS[self._key] = self._log
+        _LOGS[self._key] = self._note
         folder = _unpacked(fmu)
         common = {
             "guid": fmu.token,
@@ -99,22 +117,41 @@ class Instance:
         }
         here = os.getcwd()
         try:
-            if fmu.fmi == 2:
-                self._fmu = fmi2.FMU2Slave(libraryPath=str(folder / fmu.library), **common)
-                self._fmu.instantiate(callbacks=_callbacks(self._key), loggingOn=True)
-            else:
-                self._fmu = fmi3.FMU3Slave(**common)
-                self._fmu.instantiate(loggingOn=True, logMessage=partial(_log3, self._log))
+            library = self._library = str(folder / fmu.library)
+            with watch().calling(name, LOADING):
+                _load(library)
+                if fmu.fmi == 2:
+                    self._fmu = fmi2.FMU2Slave(libraryPath=library, **common)
+                else:
+                    self._fmu = fmi3.FMU3Slave(**common)
+            with watch().calling(name, _INSTANTIATE[fmu.fmi]):
+                if fmu.fmi == 2:
+                    self._fmu.instantiate(callbacks=_callbacks(self._key), loggingOn=True)
+                else:
+                    self._fmu.instantiate(loggingOn=True, logMessage=partial(_log3, self._note))
         except Exception as error:  # FMPy raises Exception itself
             os.chdir(here)  # FMPy stays in the library's folder if that cannot be loaded
             reason = self.said() or str(error).replace(f"{folder}{os.sep}", "")
-            raise FmuError(
+            raise self._blamed(
                 f"{name}: {fmu.path} must load and instantiate, got: {reason}"
             ) from error
         self._component = self._fmu.component
         self._function = _functions(self._fmu.dll, fmu.fmi)
         self._quieten()
         self.usable = True
+
+    def _note(self, status: int, message: bytes) -> None:
+        """Take a message of the FMU."""
+        if status >= WARNING:
+            text = " ".join((message or b"")[:_LONGEST].decode(errors="replace").split())
+            if text not in self._log:
+                self._log.append(text)
+                watch().said(self.name, "; ".join(self._log))
+
+    def _blamed(self, message: str) -> FmuError:
+        error = FmuError(message)
+        error.component = self.name
+        return error
 
     def said(self) -> str:
         """What the FMU has logged since it was asked last, the newest messages only."""
@@ -129,7 +166,7 @@ class Instance:
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"status {status}"
         when = "" if time_ns is None else f" at {text_of(time_ns)}"
         said = self.said().removeprefix(f"{self.name}: ").removeprefix(f"{function}: ")
-        return FmuError(
+        return self._blamed(
             f"{self.name}: {function}{when} must succeed, got {label}"
             + (f": {said}" if said else f" (FMU {self.fmu.path}, no message)")
         )
@@ -138,22 +175,6 @@ class Instance:
         """The status to report if a step went well but was not, or not to be, the whole step."""
         self._log.append("the FMU ended the simulation or the step early")
         return _DISCARD
-
-    def crash(self, function: str, signal: str, time_ns: int) -> FmuError:
-        """The exception for an FMU that has crashed; none of its instances is used again."""
-        self.usable = False
-        _drop(self.fmu)
-        return self._lost(f"crashed (signal {signal}) in {function} at {text_of(time_ns)}")
-
-    def hang(self, function: str, seconds: float, time_ns: int) -> FmuError:
-        """The exception for an FMU that does not return from a call."""
-        self.usable = False
-        when = text_of(time_ns)
-        return self._lost(f"has not returned from {function} at {when} for {seconds:g} s")
-
-    def _lost(self, what: str) -> FmuError:
-        said = self.said().removeprefix(f"{self.name}: ")
-        return FmuError(f"{self.name}: FMU {self.fmu.path} {what}" + (f": {said}" if said else ""))
 
     @property
     def handle(self) -> int:
@@ -166,7 +187,11 @@ class Instance:
         assert address is not None
         return address
 
-    def _check(self, function: str, status: int) -> None:
+    def _call(self, name: str, *arguments: Any) -> None:
+        """Call a function, without its prefix, outside of the loop; it must succeed."""
+        function = f"fmi{self.fmu.fmi}{name}"
+        with watch().calling(self.name, function):
+            status = self._function[name](self._component, *arguments)
         if status > WARNING:
             raise self.failure(function, status)
 
@@ -175,34 +200,43 @@ class Instance:
         wanted = [c.encode() for c in self.fmu.log_categories if c in _LOG_CATEGORIES]
         if wanted:
             categories = (ctypes.c_char_p * len(wanted))(*wanted)
-            self._function["SetDebugLogging"](
-                self._component, True, len(wanted), ctypes.addressof(categories)
-            )
+            with watch().calling(self.name, f"fmi{self.fmu.fmi}SetDebugLogging"):
+                self._function["SetDebugLogging"](
+                    self._component, True, len(wanted), ctypes.addressof(categories)
+                )
 
     def reset(self) -> None:
         """Back to the state after instantiation."""
         self._log.clear()
-        self._check(f"fmi{self.fmu.fmi}Reset", self._function["Reset"](self._component))
+        self._call("Reset")
 
     def initialise(self, start_ns: int, settings: Iterable[tuple[Port, Vector]]) -> None:
         """From instantiated to ready for steps, with the given parameters set."""
-        c, f, start = self._component, self._function, start_ns / SECOND
+        start = start_ns / SECOND
         if self.fmu.fmi == 2:
-            self._check("fmi2SetupExperiment", f["SetupExperiment"](c, 0, 0.0, start, 0, 0.0))
+            self._call("SetupExperiment", 0, 0.0, start, 0, 0.0)
         for port, values in settings:
-            status = self.setter(port.type, port.references, values)()
+            function = self.function("Set", port.type)
+            with watch().calling(self.name, function):
+                status = self.setter(port.type, port.references, values)()
             if status > WARNING:
-                error = str(self.failure(self.function("Set", port.type), status))
-                raise FmuError(f"{self.name}.{port.name}: {error.removeprefix(self.name + ': ')}")
-        enter = "EnterInitializationMode"
+                error = str(self.failure(function, status))
+                raise self._blamed(
+                    f"{self.name}.{port.name}: {error.removeprefix(self.name + ': ')}"
+                )
         arguments = (False, 0.0, start, False, 0.0) if self.fmu.fmi == 3 else ()
-        self._check(f"fmi{self.fmu.fmi}{enter}", f[enter](c, *arguments))
-        leave = "ExitInitializationMode"
-        self._check(f"fmi{self.fmu.fmi}{leave}", f[leave](c))
+        self._call("EnterInitializationMode", *arguments)
+        self._call("ExitInitializationMode")
 
     def terminate(self) -> None:
         """End of a run."""
-        self._check(f"fmi{self.fmu.fmi}Terminate", self._function["Terminate"](self._component))
+        self._call("Terminate")
+
+    def free(self) -> None:
+        """Give the instance up; it must not be used again."""
+        self.usable = False
+        with watch().calling(self.name, f"fmi{self.fmu.fmi}FreeInstance"):
+            self._function["FreeInstance"](self._component)
 
     def function(self, verb: str, kind: str) -> str:
         """Name of the function that gets or sets a type, e.g. ``fmi2GetReal``."""
@@ -268,6 +302,12 @@ class Instance:
         return step3
 
 
+LOADING, UNLOADING = "loading", "unloading"
+"""What is called no function, in messages."""
+_INSTANTIATE = {2: "fmi2Instantiate", 3: "fmi3InstantiateCoSimulation"}
+_LONGEST = 500
+"""So many bytes of an FMU's message are kept."""
+
 _IDLE: dict[tuple[str, str], list[Instance]] = {}
 _LOCK = threading.Lock()  # FMPy changes the folder of the process while it loads a library
 
@@ -280,10 +320,11 @@ def acquire(fmu: Fmu, name: str) -> Instance:
     FmuError
         The FMU cannot be loaded or instantiated.
     """
-    idle = _IDLE.setdefault(_place(fmu, name), [])
+    waiting = _IDLE.setdefault(_place(fmu, name), [])
     with _LOCK:
-        while idle:
-            instance = idle.pop()
+        while waiting:
+            instance = waiting.pop()
+            instance.name = name
             try:
                 instance.reset()
             except FmuError:  # some FMUs cannot be reset: the next instance is new
@@ -298,11 +339,12 @@ def release(instance: Instance) -> None:
         _IDLE.setdefault(_place(instance.fmu, instance.name), []).append(instance)
 
 
-def _drop(fmu: Fmu) -> None:
-    """Lend no instance again that waits for its next use."""
-    for (sha256, _), idle in list(_IDLE.items()):
-        if sha256 == fmu.sha256:
-            idle.clear()
+def idle() -> list[Instance]:
+    """Take all instances that nobody uses."""
+    with _LOCK:
+        instances = [instance for place in _IDLE.values() for instance in place]
+        _IDLE.clear()
+    return instances
 
 
 def _place(fmu: Fmu, name: str) -> tuple[str, str]:
@@ -332,16 +374,8 @@ def binary_of(fmu: Fmu) -> Path:
 
 
 
-
 _KEYS = count(1)
-_LOGS: dict[int, deque[str]] = {}
-
-
-def _note(log: deque[str], status: int, message: bytes) -> None:
-    if status >= WARNING:
-        text = " ".join((message or b"").decode(errors="replace").split())
-        if text not in log:
-            log.append(text)
+_LOGS: dict[int, Callable[[int, bytes], None]] = {}
 
 
 @fmi2.fmi2CallbackLoggerTYPE  # type: ignore[untyped-decorator]
@@ -350,11 +384,14 @@ def _log2(environment: int, name: bytes, status: int, category: bytes, message: 
     if log is None:  # an instance that FMPy has made for somebody else
         fmi1.printLogMessage(environment, name, status, category, message)
     else:
-        _note(log, status, (message or b"").replace(b"##", b"#"))
+        log(status, (message or b"").replace(b"##", b"#"))
 
 
-def _log3(log: deque[str], environment: int, status: int, category: bytes, message: bytes) -> None:
-    _note(log, status, message)
+def _log3(
+    log: Callable[[int, bytes], None], environment: int, status: int, category: bytes,
+    message: bytes,
+) -> None:
+    log(status, message)
 
 
 @cache
@@ -411,12 +448,50 @@ def _functions(library: Any, fmi: int) -> dict[str, Any]:
     signatures = {
         "Reset": (_C,),
         "Terminate": (_C,),
+        "FreeInstance": (_C,),
         "ExitInitializationMode": (_C,),
         **_SIGNATURES[fmi],
     }
     functions = {}
     for name, arguments in signatures.items():
         function = library[f"fmi{fmi}{name}"]  # a new object; FMPy's own keeps its types
-        function.argtypes, function.restype = arguments, _I
+        function.argtypes = arguments
+        function.restype = None if name == "FreeInstance" else _I
         functions[name] = function
     return functions
+
+
+_OPENED: dict[str, list[int]] = {}
+"""Handles by the library's path, of those that are to be unloaded."""
+
+
+def _load(library: str) -> None:
+    """Load a library without Python's global lock, which ctypes would hold meanwhile."""
+    if not watch().direct or sys.platform == "win32":  # on Windows it does not hold it
+        return
+    here = os.getcwd()
+    os.chdir(os.path.dirname(library))
+    try:
+        handle = _system("dlopen", _P, ctypes.c_char_p, _I)(os.fsencode(library), os.RTLD_NOW)
+    finally:
+        os.chdir(here)
+    if handle:
+        _OPENED.setdefault(library, []).append(handle)
+
+
+def _system(name: str, result: Any, *arguments: Any) -> Any:
+    function = ctypes.CDLL(None)[name]
+    function.restype, function.argtypes = result, arguments
+    return function
+
+
+def unload(instances: Sequence[Instance]) -> None:
+    """Unload the library of instances that are all it had, and that were freed."""
+    name = instances[0].name
+    handles = [*_OPENED.pop(instances[0]._library, ()), *(i._fmu.dll._handle for i in instances)]
+    with watch().calling(name, UNLOADING):
+        for handle in handles:
+            if sys.platform == "win32":
+                freeLibrary(handle)
+            else:
+                _system("dlclose", _I, _P)(handle)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from . import drivers
 from .errors import ConfigurationError, FmuError, nearest
-from .fmu import Fmu, binary_of
+from .fmu import Fmu, binary_of, ours
 from .plan import Plan, PlannedComponent
 from .record import Record
 from .reduction import SUMS
@@ -118,7 +118,8 @@ class Outcome:
 def foreign(plan: Plan) -> str | None:
     """The first component without an engine for lanes, or None."""
     for component in plan.components:
-        if not isinstance(component.source, Fmu) or _entry(component.source) is None:
+        source = component.source  # of others, nothing is loaded to find out
+        if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
             return component.name
     return None
 

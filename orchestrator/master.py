@@ -8,8 +8,8 @@ depends on the order of the components, and an output reaches an input without d
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,11 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import fmu
-from .errors import ConfigurationError, nearest
+from .errors import (
+    ConfigurationError,
+    FmuError,
+    SblcosimError,
+    instance,
+    nearest,
+    one_line,
+)
 from .fmu import DTYPES, WARNING, Fmu, Vector
 from .plan import Column, Plan, PlannedComponent, Read, resolve
 from .record import Record
 from .system import SECOND, ComponentSpec, System, text_of
+from .watch import watch
 
 PROGRESS_INTERVAL = 0.1
 """Least time between two reports of progress [s]."""
@@ -50,21 +58,33 @@ def execute(
     FmuError
         An FMU has returned a status that is worse than a warning.
     ConfigurationError
-        A Python component has returned something that does not fit its declaration, or there is
-        no such output to record.
+        A Python component has raised an exception or returned something that does not fit its
+        declaration, or there is no such output to record.
     """
     columns = chosen(plan, record)
     instants = plan.instants
     vectors = _vectors(plan)
-    history = {kind: np.empty((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()}
+    history = {
+        kind: watch().array((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()
+    }
+    made = Record(
+        time_ns=instants,
+        values={
+            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
+        },
+        intervals_ns=plan.intervals_ns,
+    )
+    noted = watch().progress()
     recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
     reported = time.monotonic()
     with ExitStack() as stack:
         runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
+        watch().begin(made, ())
         due = [runner for _, runner in runners]
         same = len({interval for interval, _ in runners}) == 1
         last = len(instants) - 1
         for row, now in enumerate(instants.tolist()):
+            noted.row = row
             if not same:
                 elapsed = now - plan.start_ns
                 due = [runner for interval, runner in runners if elapsed % interval == 0]
@@ -81,17 +101,14 @@ def execute(
             if progress is not None and time.monotonic() - reported >= PROGRESS_INTERVAL:
                 progress((row + 1) / last)
                 reported = time.monotonic()
-        for _, runner in runners:
-            runner.finish()
+        for (_, runner), component in zip(runners, plan.components, strict=True):
+            try:
+                runner.finish()
+            except FmuError as error:
+                watch().late(component.name, error)
     if progress is not None:
         progress(1.0)
-    return Record(
-        time_ns=instants,
-        values={
-            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
-        },
-        intervals_ns=plan.intervals_ns,
-    )
+    return made
 
 
 def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
@@ -133,12 +150,14 @@ def initial_outputs(
     ConfigurationError, FmuError
         As `sblcosim.plan.resolve` and `execute`; and if there is no such output.
     """
-    name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
-    plan = resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
+    plan = alone(spec, start_ns)
+    name = plan.components[0].name
     vectors = _vectors(plan)
     with ExitStack() as stack:
         (component,) = plan.components
-        _start(component, plan, vectors, stack).read(start_ns)
+        runner = _start(component, plan, vectors, stack)
+        with watch().calling(name, "getting its outputs"):
+            runner.read(start_ns)
     outputs = {
         c.name.partition(".")[2]: vectors[c.type][c.start : c.stop].reshape(c.shape)
         for c in plan.columns
@@ -149,6 +168,12 @@ def initial_outputs(
                 f"{name}: must have an output {wanted!r}, got none{nearest(wanted, outputs)}"
             )
     return {wanted: outputs[wanted] for wanted in names}
+
+
+def alone(spec: ComponentSpec, start_ns: int) -> Plan:
+    """A plan of one component and one step."""
+    name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
+    return resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
 
 
 def _vectors(plan: Plan) -> Vectors:
@@ -196,17 +221,24 @@ class _FmuRunner:
         self, component: PlannedComponent, instance: fmu.Instance, vectors: Vectors
     ) -> None:
         self._instance = instance
-        self._gets = [
-            (instance.getter(r.type, r.references, vectors[r.type][r.start : r.stop]), r.type)
-            for r in component.reads
-        ]
+        bound = watch().bound
+
+        def named(verb: str, kind: str, call: fmu.Call) -> fmu.Call:
+            return bound(component.name, instance.function(verb, kind), call)
+
+        self._gets = []
+        for r in component.reads:
+            place = vectors[r.type][r.start : r.stop]
+            get = instance.getter(r.type, r.references, place)
+            self._gets.append((named("Get", r.type, get), r.type))
         self._sets = []
         for w in component.writes:
             inputs = np.zeros(len(w.sources), DTYPES[w.type])
             index = np.array(w.sources, np.intp)
-            set_ = instance.setter(w.type, w.references, inputs)
+            set_ = named("Set", w.type, instance.setter(w.type, w.references, inputs))
             self._sets.append((vectors[w.type].take, index, inputs, set_, w.type))
-        self._step = instance.stepper(component.interval_ns)
+        do_step = f"fmi{instance.fmu.fmi}DoStep"
+        self._step = bound(component.name, do_step, instance.stepper(component.interval_ns))
 
     def read(self, now: int) -> None:
         for get, kind in self._gets:
@@ -264,26 +296,50 @@ class _PythonRunner:
             for port in write.ports:
                 here, index = index[: port.size], index[port.size :]
                 self._sources.append((vectors[write.type], here, values[port.name]))
-        self._component = component.source()
-        self._outputs = self._fitting(self._component.initialise(start_ns, parameters), start_ns)
+        with self._named("before the start"), watch().calling(self._name, "initialise"):
+            self._component = component.source()
+            outputs = self._component.initialise(start_ns, parameters)
+        self._do_step = watch().bound(self._name, "do_step", self._component.do_step)
+        self._outputs = self._fitting(outputs, start_ns)
+
+    @contextmanager
+    def _named(self, when: str) -> Iterator[None]:
+        """Say whose exception it was."""
+        try:
+            yield
+        except (Exception, SystemExit) as error:
+            raise self._failure(
+                f"{self._name} {when}: must not raise an exception, got {type(error).__name__}: "
+                f"{one_line(error)}"
+            ) from error
+
+    def _failure(self, message: str) -> SblcosimError:
+        error = ConfigurationError(message)
+        error.component = self._name
+        return error
 
     def _fitting(self, outputs: Mapping[str, Any], now: int) -> dict[str, NDArray[Any]]:
         """Outputs as arrays, checked against the declaration."""
         where = f"{self._name} at {text_of(now)}"
+        if not isinstance(outputs, Mapping):
+            raise self._failure(
+                f"{where}: must return its outputs in a mapping, got {instance(outputs)}"
+            )
         if outputs.keys() != self._places.keys():
-            odd = ", ".join(sorted(outputs.keys() ^ self._places.keys()))
-            raise ConfigurationError(
+            odd = ", ".join(sorted(map(str, outputs.keys() ^ self._places.keys())))
+            raise self._failure(
                 f"{where}: must return each of its outputs, got too few or too many: {odd}"
             )
         arrays = {}
         for name, place in self._places.items():
-            value = np.asarray(outputs[name])
+            with self._named(f"at {text_of(now)}"):
+                value = np.asarray(outputs[name])
             if not np.can_cast(value.dtype, place.dtype, "same_kind"):
-                raise ConfigurationError(
+                raise self._failure(
                     f"{where}: {name} must be {place.dtype}, got {value.dtype}"
                 )
             if value.shape != place.shape:
-                raise ConfigurationError(
+                raise self._failure(
                     f"{where}: {name} must have the shape {place.shape}, got {value.shape}"
                 )
             arrays[name] = value
@@ -298,7 +354,11 @@ class _PythonRunner:
             values[:] = vector[index]
 
     def step(self, now: int) -> None:
-        outputs = self._component.do_step(now, self._step_ns, self._inputs)
+        try:
+            outputs = self._do_step(now, self._step_ns, self._inputs)
+        except (Exception, SystemExit):
+            with self._named(f"at {text_of(now)}"):
+                raise
         self._outputs = self._fitting(outputs, now + self._step_ns)
 
     def finish(self) -> None:

@@ -1,40 +1,33 @@
 """The native master: runs a plan whose components are all FMUs, in one call of C.
 
 The loop is `c/native.c`; here is what prepares its structures, starts it in a thread of its own and
-watches it. It does what `sblcosim.master` does, in the same order, and gives the same record to the
-last bit. The loop runs without Python's global lock, so that several runs in several threads of the
-caller go on side by side.
+waits for it. It does what `sblcosim.master` does, in the same order, and gives the same record to
+the last bit. The loop runs without Python's global lock, so that several runs in several threads of
+the caller go on side by side. It runs in this process, where it is for FMUs that return from all
+their calls; `sblcosim.masters` sees to the others.
 """
 
 from __future__ import annotations
 
 import ctypes
-import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from . import drivers
-from .errors import ConfigurationError
+from .errors import ConfigurationError, FmuError
 from .fmu import DTYPES, Fmu, Instance, Vector
 from .master import PROGRESS_INTERVAL, chosen, initialised
 from .plan import Column, Plan, PlannedComponent
 from .record import Record
 from .system import SECOND
+from .watch import watch
 
-STEP_TIMEOUT = 60.0
-"""Seconds after which a call that does not return is given up, unless told otherwise."""
-
-_GRACE = 1.0
-"""Seconds that a run has to end after it was cancelled; then it is left to itself."""
-
-_SIGNAL_STACK = 65536
-
-_FAILED, _CRASHED = 1, 3
+_FAILED = 1
 _ACCESS2, _GET_BOOLEAN2, _SET_BOOLEAN2, _ACCESS3, _STEP2, _STEP3 = range(6)
 
 _I, _N, _P = ctypes.c_int64, ctypes.c_size_t, ctypes.c_void_p
@@ -55,15 +48,15 @@ class _Component(ctypes.Structure):
     _fields_ = (
         ("due", _I), ("interval", _I), ("step", ctypes.c_double), ("first_get", _N),
         ("first_set", _N), ("do_step", _N), ("first_copy", _N), ("end_copy", _N),
+        ("watched", _I), ("habits", _I), ("habits_at", _I),
     )  # fmt: skip
 
 
 class _Run(ctypes.Structure):
     _fields_ = (
         ("components", _P), ("n_components", _N), ("calls", _P), ("copies", _P), ("records", _P),
-        ("n_records", _N), ("instants", _P), ("n_instants", _I), ("stack", _P), ("stack_size", _N),
-        ("outcome", _I), ("status", _I), ("ended_early", _I), ("row", _I), ("at", _I),
-        ("cancel", _I),
+        ("n_records", _N), ("instants", _P), ("n_instants", _I), ("progress", _P),
+        ("outcome", _I), ("status", _I), ("ended_early", _I),
     )  # fmt: skip
 
 
@@ -84,7 +77,6 @@ def execute(
     plan: Plan,
     progress: Callable[[float], None] | None = None,
     record: Sequence[str] | None = None,
-    step_timeout: float | None = None,
 ) -> Record:
     """Run a plan from its start to its stop.
 
@@ -93,21 +85,41 @@ def execute(
     progress, record
         As in `sblcosim.master.execute`. Outputs that are neither recorded nor connected are not
         read.
-    step_timeout
-        A call that has not returned after so many seconds is given up; None: after a minute. Its
-        thread and the run's
-        instances are left as they are, until the process ends.
 
     Raises
     ------
     FmuError
-        An FMU has returned a status that is worse than a warning, has crashed, or does not return.
-        Crashes are not seen on Windows. A crash is recognised by its signal: the FMU must not use
-        these signals itself, as some virtual machines do.
+        An FMU has returned a status that is worse than a warning.
     ConfigurationError
         A component is not an FMU, or there is no such output to record.
     BuildError
         The loop cannot be compiled.
+    """
+    check(plan)
+    columns = chosen(plan, record)
+    run_ = library()
+    with ExitStack() as stack:
+        instances = [initialised(c, plan.start_ns, stack) for c in plan.components]
+        program = _Program(plan, instances, columns)
+        watch().begin(program.record, [(x.instance.name, x.function) for x in program.labels])
+        _drive(program, run_, progress)
+        for instance in instances:
+            try:
+                instance.terminate()
+            except FmuError as error:
+                watch().late(instance.name, error)
+    if progress is not None:
+        progress(1.0)
+    return program.record
+
+
+def check(plan: Plan) -> None:
+    """Refuse a plan that has a component in Python.
+
+    Raises
+    ------
+    ConfigurationError
+        It has one.
     """
     other = foreign(plan)
     if other is not None:
@@ -115,26 +127,20 @@ def execute(
             f"{other.name}: must be an FMU for the native master, got the Python component "
             f"{other.origin}"
         )
-    step_timeout = STEP_TIMEOUT if step_timeout is None else step_timeout
-    if not step_timeout > 0:
-        raise ConfigurationError(f"step timeout: must be positive, got {step_timeout!r}")
-    columns = chosen(plan, record)
-    run_ = _driver()
-    with ExitStack() as stack:
-        instances = [initialised(c, plan.start_ns, stack) for c in plan.components]
-        program = _Program(plan, instances, columns)
-        _drive(program, run_, progress, step_timeout)
-        for instance in instances:
-            instance.terminate()
-    if progress is not None:
-        progress(1.0)
-    return program.record
 
 
-def _driver() -> ctypes.CDLL:
+def library() -> ctypes.CDLL:
+    """The loop, and the functions about habits.
+
+    Raises
+    ------
+    BuildError
+        It cannot be compiled.
+    """
     driver = drivers.load(DRIVER)
     driver.native_run.argtypes, driver.native_run.restype = (ctypes.POINTER(_Run),), None
-    driver.native_guard.argtypes, driver.native_guard.restype = (ctypes.c_int,), None
+    driver.native_remember.argtypes, driver.native_remember.restype = (), None
+    driver.native_settle.argtypes, driver.native_settle.restype = (), ctypes.c_int
     return driver
 
 
@@ -166,9 +172,11 @@ class _Program:
         }
         self._newest = {
             name: rows[0]
-            for name, rows in _places([c for c in plan.columns if c.name in used], 1).items()
+            for name, rows in _places(
+                [c for c in plan.columns if c.name in used], 1, np.zeros
+            ).items()
         }
-        history = _places(columns, len(self.instants))
+        history = _places(columns, len(self.instants), watch().array)
         components = [
             self._component(component, instance, plan.start_ns)
             for component, instance in zip(plan.components, instances, strict=True)
@@ -177,8 +185,10 @@ class _Program:
             _Copy(_address(newest), _address(rows), newest.nbytes, rows.strides[0])
             for newest, rows in ((self._newest[name], rows) for name, rows in history.items())
         )
+        self.components = (_Component * len(components))(*components)
+        self.progress = watch().progress()
         self.run = _Run(
-            components=self._array(_Component, components),
+            components=ctypes.addressof(self.components),
             n_components=len(components),
             calls=self._array(_Call, self._calls),
             copies=self._array(_Copy, self._copies),
@@ -186,8 +196,7 @@ class _Program:
             n_records=len(records),
             instants=_address(self.instants),
             n_instants=len(self.instants),
-            stack=self._kept(np.empty(_SIGNAL_STACK, np.uint8)),
-            stack_size=_SIGNAL_STACK,
+            progress=ctypes.addressof(self.progress),
         )
         self.record = Record(
             self.instants,
@@ -223,6 +232,7 @@ class _Program:
             do_step=do_step,
             first_copy=first_copy,
             end_copy=len(self._copies),
+            watched=watch().watches(component.name),
         )
 
     def _gathered(self, sources: Sequence[Vector]) -> int:
@@ -280,38 +290,28 @@ class _Program:
         self._keep.append(array)
         return ctypes.addressof(array)
 
-    @property
-    def now_ns(self) -> int:
-        """The instant under way."""
-        return int(self.instants[self.run.row])
-
-    @property
-    def label(self) -> _Label:
-        """The call under way."""
-        return self.labels[int(self.run.at)]
-
-    def abandon(self) -> None:
-        """Use the instances for nothing else."""
-        for instance in self.instances:
-            instance.usable = False
-
     def check(self) -> None:
         """Raise what has ended the run before its time."""
-        instance, function = self.label.instance, self.label.function
-        if self.run.outcome == _CRASHED:
-            raise instance.crash(function, signal.Signals(self.run.status).name, self.now_ns)
+        for component in self.components:
+            if component.habits:
+                label = self.labels[component.habits_at]
+                watch().habit(label.instance.name, label.function, component.habits)
         if self.run.outcome == _FAILED:
+            label = self.labels[self.progress.at]
             if self.run.ended_early:
-                instance.ended_early()
-            raise instance.failure(function, self.run.status, self.now_ns)
+                label.instance.ended_early()
+            now_ns = int(self.instants[self.progress.row])
+            raise label.instance.failure(label.function, self.run.status, now_ns)
 
 
-def _places(columns: Sequence[Column], rows: int) -> dict[str, Vector]:
+def _places(
+    columns: Sequence[Column], rows: int, memory: Callable[..., Vector]
+) -> dict[str, Vector]:
     """Memory for so many rows; those of one type are one after another in each row."""
     places: dict[str, Vector] = {}
     for kind, dtype in DTYPES.items():
         group = [c for c in columns if c.type == kind]
-        block = np.zeros((rows, sum(c.stop - c.start for c in group)), dtype)
+        block = memory((rows, sum(c.stop - c.start for c in group)), dtype)
         start = 0
         for c in group:
             size = c.stop - c.start
@@ -341,71 +341,27 @@ def _joined(copies: Iterable[_Copy]) -> list[_Copy]:
 
 
 def _drive(
-    program: _Program,
-    driver: ctypes.CDLL,
-    progress: Callable[[float], None] | None,
-    step_timeout: float,
+    program: _Program, driver: ctypes.CDLL, progress: Callable[[float], None] | None
 ) -> None:
     """Start the loop in a thread and wait for it, open to Ctrl-C."""
+    if watch().direct:
+        driver.native_run(ctypes.byref(program.run))
+        return program.check()
     done = threading.Event()
 
     def work() -> None:
-        with _guarded(driver):
-            driver.native_run(ctypes.byref(program.run))
+        driver.native_run(ctypes.byref(program.run))
         done.set()
 
     try:
-        # A thread that hangs must not keep the process from ending.
         threading.Thread(target=work, name="native master", daemon=True).start()
-        _watch(program, done, progress, step_timeout)
-    except BaseException:
-        program.run.cancel = 1
-        try:
-            done.wait(_GRACE)
-        finally:
-            if not done.is_set():
-                program.abandon()
-        raise
-    program.check()
-
-
-def _watch(
-    program: _Program,
-    done: threading.Event,
-    progress: Callable[[float], None] | None,
-    step_timeout: float,
-) -> None:
-    """Wait for the end; report progress, and a call that does not return."""
-    period = min(PROGRESS_INTERVAL, step_timeout)
-    row, still = 0, 0.0
-    while not done.wait(period):
-        if program.run.row != row:
-            row, still = program.run.row, 0.0
-            if progress is not None:
+        row = 0
+        while not done.wait(PROGRESS_INTERVAL):
+            if progress is not None and program.progress.row != row:
+                row = program.progress.row
                 progress(row / (len(program.instants) - 1))
-            continue
-        still += period  # no clock: while the process is suspended the FMU has no time either
-        if still >= step_timeout:
-            label = program.label
-            raise label.instance.hang(label.function, step_timeout, program.now_ns)
-
-
-_guards = 0
-_guards_lock = threading.Lock()
-
-
-@contextmanager
-def _guarded(driver: ctypes.CDLL) -> Iterator[None]:
-    """Signal handlers in place as long as any thread is in a run."""
-    global _guards
-    with _guards_lock:
-        _guards += 1
-        if _guards == 1:
-            driver.native_guard(1)
-    try:
-        yield
-    finally:
-        with _guards_lock:
-            _guards -= 1
-            if _guards == 0:
-                driver.native_guard(0)
+    except BaseException:
+        program.progress.cancel = 1
+        done.wait()  # it uses the instances
+        raise
+    return program.check()

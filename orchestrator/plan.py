@@ -27,7 +27,7 @@ from sblcosim.models.declaration import Number, Variable
 from sblcosim.models.ports import RECEPTION
 
 from . import fmu as fmi
-from .errors import ConfigurationError, ConfigurationWarning, instance, nearest
+from .errors import ConfigurationError, ConfigurationWarning, instance, nearest, one_line
 from .fmu import DTYPES, Fmu, Port
 from .system import (
     MAX_SECONDS,
@@ -365,7 +365,13 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
         ) from None
     except ValueError:  # C code tells nothing about its arguments
         pass
-    component = maker()
+    try:
+        component = maker()
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(
+            f"{where}: must make the component, got {type(error).__name__} from {name}: "
+            f"{one_line(error)}"
+        ) from error
     missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
     if missing:
         raise ConfigurationError(

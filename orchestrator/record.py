@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
@@ -15,6 +15,10 @@ from .errors import ConfigurationError, nearest
 from .system import SECOND
 
 Flags = NDArray[np.bool_]
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -66,11 +70,14 @@ class Record:
         that is none of a component's own, its outputs are those of its own instant before.
     intervals_ns
         Communication intervals by component; of one that is not here, all instants are its own.
+    failures
+        What went wrong after the last instant, by component.
     """
 
     time_ns: Integers
     values: Mapping[str, NDArray[np.generic]]
     intervals_ns: Mapping[str, int] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -89,6 +96,8 @@ class Record:
 
     def to_frame(self) -> pd.DataFrame:
         """One row per instant: ``time_s`` [s], then ``component.variable[i,j]``, 1-based."""
+        import pandas as pd
+
         columns: dict[str, NDArray[np.generic]] = {"time_s": self.time_ns / SECOND}
         for name, values in self.values.items():
             for index in np.ndindex(values.shape[1:]):

@@ -97,6 +97,9 @@ class Result:
         What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
     remarks
         What else there is to know about the run, in sentences.
+    failures
+        Messages of receivers that have failed. Those of which there is no record have not reached
+        the end, and are left out of `receivers`; the others have failed after it.
 
     Attributes
     ----------
@@ -121,11 +124,18 @@ class Result:
         update_interval_ns: int | None = None,
         origins: Mapping[str, Mapping[str, Any]] | None = None,
         remarks: Sequence[str] = (),
+        failures: Mapping[str, str] | None = None,
     ) -> None:
         self.scenario_name = scenario_name
         self.scenario = scenario
         self.data = record
-        self.receivers = tuple(receivers)
+        self.asked = tuple(receivers)
+        self.failures = dict(failures or {})
+        self.receivers = tuple(
+            name
+            for name in receivers
+            if name not in self.failures or f"{name}.update_count" in record.values
+        )
         self.fmus = dict(fmus or {})
         self.seeds = dict(seeds or {})
         self.update_interval_ns = update_interval_ns
@@ -149,13 +159,26 @@ class Result:
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`)."""
+        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
+
+        If receivers have failed there is a column ``failure`` with their messages, and a row for
+        each.
+        """
+        if not self.failures:
+            return self._judged
+        missing = [name for name in self.failures if name not in self.receivers]
+        table = self._judged.astype(object).reindex([*self.receivers, *missing]).infer_objects()
+        return table.assign(failure=table.index.map(self.failures)).rename_axis("receiver")
+
+    @cached_property
+    def _judged(self) -> pd.DataFrame:
+        """`summary` of the receivers that have reached the end."""
         return metrics.summary(self.data, self.estimates, self.update_interval_ns)
 
     @property
     def problems(self) -> list[str]:
-        """A line for each receiver without any estimate, but for the raw fix that runs along."""
-        return [
+        """A line for each receiver that has failed or has no estimate, but for the raw fix."""
+        return [*self.failures.values()] + [
             f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
             for receiver in self.receivers
             if receiver != RAW and self.estimates[receiver].empty
@@ -241,7 +264,7 @@ class Result:
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))
-        python = self.origins.get(self.receivers[0], {}).get("python")
+        python = next(iter(self.origins.values()), {}).get("python")
         if python is None:
             return text
         return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
@@ -254,10 +277,11 @@ class Result:
         style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
 
     def _manifest(self) -> dict[str, Any]:
-        return manifest(
-            self.scenario_name, self.scenario, self.receivers, self.fmus, self.seeds,
+        about = manifest(
+            self.scenario_name, self.scenario, self.asked, self.fmus, self.seeds,
             self.origins, self.remarks,
         )
+        return {**about, "failures": self.failures} if self.failures else about
 
     def to_json(self) -> dict[str, Any]:
         """Errors and summary as plain data; a number that does not exist is None."""
@@ -270,6 +294,7 @@ class Result:
                 "scenario_name": self.scenario_name,
                 "seeds": self.seeds,
                 "remarks": self.remarks,
+                **({"failures": self.failures} if self.failures else {}),
                 "errors": errors,
                 "summary": self.summary.to_dict(orient="index"),
             }
@@ -281,6 +306,7 @@ class Result:
         lines = [
             self.title,
             *self.remarks,
+            *(f"failed: {message}" for message in self.failures.values()),
             "",
             f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
             f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
@@ -301,7 +327,7 @@ class Result:
 
     def _about(self, receiver: str) -> list[str]:
         """Availability and consistency of a receiver in words."""
-        row: Any = self.summary.loc[receiver]
+        row: Any = self._judged.loc[receiver]
         if not row.estimates:
             return [f"{receiver}: no estimate; {self._silence(receiver)}"]
         first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
@@ -348,7 +374,7 @@ class Result:
     def _notes(self) -> list[str]:
         """What the printed numbers mean."""
         raw = [_RAW_NOTE] if RAW in self.receivers else []
-        claims = self.summary[list(_CONSISTENCY)].notna().any(axis=None)
+        claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
         return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
@@ -356,7 +382,8 @@ class Result:
             {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
         )
         lines = [line for name in self.receivers for line in self._about(name)]
-        notes = "\n".join([*self.remarks, *lines, "", *self._notes()])
+        failed = [f"failed: {message}" for message in self.failures.values()]
+        notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"

@@ -21,7 +21,8 @@ from pydantic_core import ErrorDetails
 from sblcosim.models import COMPONENTS, RECEIVERS
 
 from . import effects
-from .errors import ConfigurationError, instance, nearest
+from .errors import ConfigurationError, instance, nearest, quoted, shortened
+from .reading import check_values, parse, read_text, shown
 from .system import SECOND, PythonComponent, System, is_whole_ns, nanoseconds
 from .tables import (
     ANYWHERE,
@@ -30,6 +31,7 @@ from .tables import (
     SEED,
     TRUE,
     Acoustics,
+    Name,
     Platform,
     Receiver,
     Table,
@@ -67,7 +69,7 @@ class Scenario(Table):
         The tables. Keys are those of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[^/\\]*$")] = "scenario"
+    name: Name = "scenario"
     title: str = ""
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
     fmi: Literal[2, 3] = 2
@@ -146,7 +148,8 @@ class Scenario(Table):
                 f"({self.acoustics.sampling_time_s!r}), got {receiver.update_interval_s!r}"
             )
         if receiver.type is not None and receiver.fmu is not None:
-            yield f"[receiver]: must have type or fmu, got both ({receiver.type}, {receiver.fmu})"
+            both = f"{receiver.type}, {shown(Path(receiver.fmu))}"
+            yield f"[receiver]: must have type or fmu, got both ({both})"
         if self.true_prior:
             for key in PRIOR_KEYS:
                 if key in receiver.model_fields_set:
@@ -293,7 +296,11 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
     changed: set[tuple[str, ...]] = set()
     if isinstance(source, Scenario):
         changed |= source.__dict__.get("_changed", frozenset())
+    if isinstance(overrides, Mapping):
+        check_values("overrides", overrides)
     batch = list(_pairs(overrides))
+    for path, value in batch:
+        check_values(f"override {shortened('.'.join(path))}", value, len(path))
     changed |= {path for path, _ in batch}
     _clear_for_presets(raw, batch)
     for path, value in batch:
@@ -301,7 +308,9 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         for part in path[:-1]:
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                raise ConfigurationError(f"override {'.'.join(path)}: {part} must be a table")
+                raise ConfigurationError(
+                    f"override {shortened('.'.join(path))}: {shortened(part)} must be a table"
+                )
         is_file = path[-1] == "fmu" and isinstance(value, str)
         table[path[-1]] = str(Path(value).resolve()) if is_file else value
     if isinstance(source, str | Path) and "name" not in raw:
@@ -358,6 +367,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
     if isinstance(source, Scenario):
         return source.name, source.given(), Path.cwd()
     if isinstance(source, Mapping):
+        check_values("scenario", source)
         return "scenario", source, Path.cwd()
     if not isinstance(source, str | Path):
         raise ConfigurationError(
@@ -370,51 +380,11 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
         path, text = Path(f"{name}.toml"), shipped_text(name)
     else:
         text = read_text(path, shipped())
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(toml_problem(str(path), error)) from None
+    tables = parse(shown(path), text)
     if tables.keys() <= {key for key in Scenario.model_fields if not _is_table(key)}:
         names = ", ".join(f"[{key}]" for key in Scenario.model_fields if _is_table(key))
-        raise ConfigurationError(f"{path}: must have at least one table ({names}), got none")
-    return str(path), tables, path.resolve().parent
-
-
-def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
-    """Text of a file that somebody names, in place of one of the names that come with the project.
-
-    Raises
-    ------
-    ConfigurationError
-        It cannot be read.
-    """
-    close = nearest(path.name.removesuffix(".toml"), names)
-    if os.path.isdir(path):
-        raise ConfigurationError(f"{path}: is a folder, not a {what} file")
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        byte = error.object[error.start]
-        raise ConfigurationError(
-            f"{path}: must be a text file in UTF-8, got the byte 0x{byte:02x} at {error.start}"
-        ) from None
-    except FileNotFoundError:
-        if path.suffix == ".toml" or len(path.parts) > 1:
-            raise ConfigurationError(f"{path}: no such file{close}") from None
-        raise ConfigurationError(
-            f"{what}: must be a TOML file or one of {', '.join(names)}, got {str(path)!r}" + close
-        ) from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"{path}: must be a file that can be read, got {reason}") from None
-
-
-def toml_problem(where: str, error: tomllib.TOMLDecodeError) -> str:
-    message = str(error)
-    place = re.search(r" \(at line (\d+), column (\d+)\)$", message)
-    if place is None:
-        return f"{where}: must be TOML: {message}"
-    return f"{where}, line {place[1]}, column {place[2]}: {message[: place.start()]}"
+        raise ConfigurationError(f"{shown(path)}: must have at least one table ({names}), got none")
+    return shown(path), tables, path.resolve().parent
 
 
 def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -442,18 +412,21 @@ def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
             )
         key, equals, text = item.partition("=")
         if not equals or not key.strip():
-            raise ConfigurationError(f"override: must be table.key=value, got {item!r}")
+            raise ConfigurationError(
+                f"override: must be table.key=value, got {quoted(item)}"
+            )
         yield tuple(part.strip() for part in key.split(".")), _toml_or_word(key, text.strip())
 
 
 def _toml_or_word(key: str, text: str) -> Any:
     try:
         (value,) = tomllib.loads(f"value = {text}").values()
-    except (tomllib.TOMLDecodeError, ValueError):
+    except (ValueError, RecursionError):
         if re.fullmatch(r"[A-Za-z_./~\\][\w./~\\:-]*", text):
             return text
         raise ConfigurationError(
-            f"override {key.strip()}: must be a value in TOML, got {text!r}"
+            f"override {shortened(key.strip())}: must be a value in TOML, got "
+            f"{quoted(text)}"
         ) from None
     return value
 
@@ -470,7 +443,7 @@ def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> It
         return
     table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
     if any(path[: len(location[:2])] == location[:2] for path in changed):
-        where = place = f"override {'.'.join((table, key)) if key else table}"
+        where = place = f"override {shortened('.'.join((table, key)) if key else table)}"
     elif key:
         place = f"{where}: [{table}] {key}"
     else:
@@ -481,7 +454,7 @@ def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> It
     must, choices = requirement(error)
     got = error["input"]
     close = nearest(got, choices) if isinstance(got, str) else ""
-    yield f"{place}{_element(location)}: {must}, got {toml(got)}{close}"
+    yield f"{place}{_element(location)}: {must}, got {shortened(toml(got))}{close}"
 
 
 def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
@@ -509,7 +482,6 @@ def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
         "int_from_float": "must be a whole number",
         "bool_type": "must be true or false",
         "string_type": "must be a string",
-        "string_pattern_mismatch": "must begin with a letter or digit and have no slash",
         "tuple_type": "must be an array",
         "dict_type": "must be a table",
         "model_type": "must be a table",
@@ -552,7 +524,9 @@ def _unknown(location: Sequence[str | int]) -> str:
         homes = [table for table, keys in tables.items() if name in keys]
         if homes:
             return f"key {name!r} must stand in the table [{homes[0]}]"
-        return f"there is no key or table {name!r}" + nearest(name, Scenario.model_fields)
+        return f"there is no key or table {quoted(name)}" + nearest(
+            name, Scenario.model_fields
+        )
     table = str(location[0])
     close = nearest(name, tables[table])
     homes = [other for other, keys in tables.items() if name in keys]
@@ -562,4 +536,4 @@ def _unknown(location: Sequence[str | int]) -> str:
         # A longer or a shorter name of the same thing: "arm" for "arm_length_m".
         parts = [key for key in tables[table] if name.lower() in key.lower()]
         close = f"; did you mean {parts[0]!r}?" if parts else ""
-    return f"[{table}] has no key {name!r}{close}"
+    return f"[{table}] has no key {quoted(name)}{close}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -15,9 +16,10 @@ from numpy.typing import NDArray
 from . import lanes, masters, native
 from .definitions import TRUTH
 from .errors import BuildError, ConfigurationError, FmuError, one_line
-from .master import initial_outputs
-from .plan import resolve
+from .isolation import Children, strangers
+from .plan import Plan
 from .points import Campaign, Group, Point, Run
+from .record import Record
 from .reduction import PORTS, SUMS, responses, sums_of
 from .system import System
 
@@ -31,8 +33,15 @@ def simulate(
     workers: int | None,
     master: str | None,
     progress: Callable[[float], None],
+    children: Children | None = None,
 ) -> pd.DataFrame:
-    """The table of some runs, see `sblcosim.campaign.run`; on so many threads."""
+    """The table of some runs, see `sblcosim.campaign.run`; on so many threads.
+
+    FMUs of strangers run in ``children``; None: in some that are made for it.
+    """
+    if children is None:
+        with Children() as children:
+            return simulate(campaign, runs, workers, master, progress, children)
     sums = np.zeros((len(runs), len(campaign.receivers), len(SUMS)))
     errors: list[str | None] = [None] * len(runs)
     durations = np.zeros(len(runs), np.int64)
@@ -49,9 +58,9 @@ def simulate(
             progress((passed + part * share) / work)
 
         made = (
-            _side_by_side(campaign, group, mine, workers, report)
+            _side_by_side(campaign, group, mine, workers, report, children)
             if group.in_lanes
-            else _one_by_one(campaign, group, mine, workers, master, report)
+            else _one_by_one(campaign, group, mine, workers, master, report, children)
         )
         sums[rows] = made[0]
         durations[rows] = group.plan.stop_ns - group.plan.start_ns
@@ -73,6 +82,7 @@ def _side_by_side(
     runs: Sequence[Run],
     workers: int | None,
     progress: Callable[[float], None] | None,
+    children: Children,
 ) -> tuple[Floats, list[str | None]]:
     """Sums, (runs, receivers, sums), and errors."""
     at = [group.places[r.place] for r in runs]
@@ -94,7 +104,7 @@ def _side_by_side(
         if len(runs) == 1:
             return np.zeros((1, len(campaign.receivers), len(SUMS))), [one_line(error)]
         # One run must not end the others.
-        alone = [_side_by_side(campaign, group, [r], 1, None) for r in runs]
+        alone = [_side_by_side(campaign, group, [r], 1, None, children) for r in runs]
         return np.concatenate([a for a, _ in alone]), [e for _, es in alone for e in es]
     sums = np.stack([outcome.sums[label] for label in campaign.receivers], axis=1)
     errors: list[str | None] = [None] * len(runs)
@@ -103,7 +113,8 @@ def _side_by_side(
     bad = doubtful.any(axis=(1, 2)) | ~np.isfinite(sums).all(axis=(1, 2))
     if bad.any():
         rows: list[int] = np.flatnonzero(bad).tolist()
-        again = _one_by_one(campaign, group, [runs[i] for i in rows], workers, None, silent)
+        mine = [runs[i] for i in rows]
+        again = _one_by_one(campaign, group, mine, workers, None, silent, children)
         sums[rows] = again[0]
         for i, problem in zip(rows, again[1], strict=True):
             errors[i] = problem
@@ -121,6 +132,7 @@ def _one_by_one(
     workers: int | None,
     master: str | None,
     progress: Callable[[float], None],
+    children: Children,
 ) -> tuple[Floats, list[str | None]]:
     """As `_side_by_side`, through records."""
     known = {c.name for c in group.plan.columns}
@@ -130,39 +142,62 @@ def _one_by_one(
         if name not in known:
             raise ConfigurationError(f"{name}: must be an output, to judge the runs by, got none")
 
+    stopped = threading.Event()
+
+    def executed(plan: Plan) -> Record:
+        if stopped.is_set():
+            raise FmuError("the study was stopped")
+        names = {c.name for c in plan.columns}
+        wanted = [name for name in record if name in names]
+        return masters.execute(plan, record=wanted, master=master, children=children)
+
     def one(run: Run) -> tuple[Floats, str | None]:
+        rows = np.zeros((len(campaign.receivers), len(SUMS)))
         try:
-            plan = resolve(_system(campaign, campaign.points[run.place], run.seed), again=True)
-            made = masters.execute(plan, record=record, master=master)
-            rows = [sums_of(made, r, campaign.study.settling_ns) for r in campaign.receivers]
+            outcome = masters.survive(
+                _system(campaign, campaign.points[run.place], run.seed, children),
+                campaign.receivers,
+                executed,
+            )
         except BuildError:
             raise
         except FmuError as error:
-            return np.zeros((len(campaign.receivers), len(SUMS))), one_line(error)
-        return np.array(rows), None
+            return rows, one_line(error)
+        left = {c.name for c in outcome.plan.components}
+        for i, receiver in enumerate(campaign.receivers):
+            if receiver in left:
+                rows[i] = sums_of(outcome.record, receiver, campaign.study.settling_ns)
+        return rows, "; ".join(map(_line, outcome.failures.values())) or None
 
     made = []
     # Python components hold the interpreter's lock, and need not be made for threads.
-    alone = master == "python" or native.foreign(group.plan) is not None
+    here = not strangers(group.plan)
+    alone = here and (master == "python" or native.foreign(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
             for i, result in enumerate(pool.map(one, runs), 1):
                 made.append(result)
                 progress(i / len(runs))
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            stopped.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            children.kill()
             raise
     return np.array([sums for sums, _ in made]), [error for _, error in made]
 
 
-def _system(campaign: Campaign, point: Point, seed: int) -> System:
+def _line(message: str) -> str:
+    return " ".join(message.split())
+
+
+def _system(campaign: Campaign, point: Point, seed: int, children: Children) -> System:
     """The system of a run, with its seed and its true start."""
     specs = dict(point.system.components)
     for name in campaign.seeded:
         specs[name] = replace(specs[name], parameters={**specs[name].parameters, "seed": seed})
     if campaign.handovers:
-        start = initial_outputs(specs["target"], ("position",))["position"]
-        prior = tuple(float(x) for x in start)
+        found = masters.initial_outputs(specs["target"], ("position",), children=children)
+        prior = tuple(float(x) for x in found["position"])
         for connection in campaign.handovers:
             label, _, name = connection.target.partition(".")
             specs[label] = replace(

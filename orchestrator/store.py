@@ -92,7 +92,7 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
     """
     content = {
         "format": FORMAT,
-        "replicates": campaign.study.replicates + 0 * check_folder(folder, campaign),
+        "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
         "title": campaign.study.title,
         "names": {
             name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()

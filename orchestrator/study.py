@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-import tomllib
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from importlib import resources
@@ -22,11 +22,12 @@ from sblcosim.models import RECEIVERS
 from . import design as designs
 from . import effects
 from .design import TIMES, Design, Number
-from .errors import ConfigurationError, instance, nearest
-from .scenario import SETTERS, Scenario, no_effect, read_text, requirement, toml_problem
+from .errors import ConfigurationError, instance, nearest, quoted, shortened
+from .reading import check_values, parse, read_text, shown
+from .scenario import SETTERS, Scenario, no_effect, requirement
 from .scenario import load as load_scenario
 from .system import nanoseconds, settled
-from .tables import SEED, Table, toml
+from .tables import SEED, Name, Table, toml
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -38,6 +39,7 @@ RESERVED = (
     "runs", "mean", "std", "fit", "value",
 )
 """Columns of a table of runs, or of what comes of it, that are no factors."""
+_LONGEST = 60  # characters in a factor's name
 
 
 def _array(value: Any) -> Any:
@@ -119,7 +121,7 @@ class Study(Table):
         Keys of the scenario that are changed for all runs.
     """
 
-    name: Annotated[str, Field(pattern=r"^\w[^/\\]*$")] = "study"
+    name: Name = "study"
     title: str = ""
     scenario: str | dict[str, Any]
     replicates: Annotated[int, Field(ge=1)] = 1
@@ -275,7 +277,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
     if isinstance(source, str | Path) and "name" not in raw:
         raw["name"] = Path(source).stem
     scenario = raw.get("scenario")
-    if isinstance(scenario, str) and (folder / scenario).is_file():
+    if isinstance(scenario, str) and os.path.isfile(folder / scenario):
         raw["scenario"] = str(folder / scenario)
     if isinstance(raw.get("receivers"), list | tuple):
         raw["receivers"] = [
@@ -313,21 +315,20 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
 def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
     """Where it comes from, the tables, and the folder of relative paths."""
     if isinstance(source, Mapping):
-        return str(source.get("name", "study")), dict(source), Path.cwd()
+        where = shortened(str(source.get("name", "study")))
+        check_values(where, source)
+        return where, dict(source), Path.cwd()
     if not isinstance(source, str | Path):
         raise ConfigurationError(
             f"study: must be a name, a TOML file or tables, got {instance(source)}"
         )
     path = Path(source)
     name = str(source).removesuffix(".toml")
-    if name in shipped() and not path.is_file():
+    if name in shipped() and not os.path.isfile(path):
         text = (resources.files("sblcosim.studies") / f"{name}.toml").read_text(encoding="utf-8")
     else:
         text = read_text(path, shipped(), "study")
-    try:
-        return str(path), tomllib.loads(text), path.resolve().parent
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(toml_problem(str(path), error)) from None
+    return shown(path), parse(shown(path), text), path.resolve().parent
 
 
 # --- Checks and messages -------------------------------------------------------------------------
@@ -347,26 +348,27 @@ def _problems(study: Study) -> Iterator[str]:
         yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
     called: dict[str, str] = {}
     for name, label in study.labels.items():
+        place = f"[factors.{shortened(name)}]"
         if label in called:
-            yield f"[factors.{name}] label: must differ from that of {called[label]}, got {label!r}"
+            yield f"{place} label: must differ from that of {called[label]}, got {quoted(label)}"
         if study.factors[name].label and (TIMES.strip() in label or label in RESERVED):
-            yield f"[factors.{name}] label: must be a word or a few, got {label!r}"
+            yield f"{place} label: must be a word or a few, got {quoted(label)}"
         called[label] = name
     fixed = set(_flat(study.fixed))
     if "seed" in fixed:
         yield "fixed: must not have seed, the study's own seed rules"
     for name, factor in study.factors.items():
-        place = f"[factors.{name}]"
-        if not name.isidentifier() or name in RESERVED:
+        place = f"[factors.{shortened(name)}]"
+        if not name.isidentifier() or name in RESERVED or len(name) > _LONGEST:
             yield (
-                f"{place}: must have a name of letters, digits and _, none of "
-                f"{', '.join(RESERVED)}, got {name!r}"
+                f"{place}: must have a name of at most {_LONGEST} letters, digits and _, none of "
+                f"{', '.join(RESERVED)}, got {quoted(name)}"
             )
         if not factor.keys:
             yield f"{place} keys: must have at least one key, got none"
         for key in factor.keys:
             if key not in known and ".parameters." not in key:
-                yield f"{place} keys: there is no key {key!r}{_near(key, known)}"
+                yield f"{place} keys: there is no key {quoted(key)}{_near(key, known)}"
                 continue
             if key in owner:
                 yield f"{place} keys: {key} must belong to one factor, got {owner[key]}, too"
@@ -502,13 +504,13 @@ def _line(error: ErrorDetails, where: str) -> str:
         table, place, location = DesignTable, f"[design] {location[1]}", location[1:]
     elif place == "factors" and len(location) > 2:
         table = FactorTable
-        place, location = f"[factors.{location[1]}] {location[2]}", location[2:]
+        place, location = f"[factors.{shortened(location[1])}] {location[2]}", location[2:]
     elif place == "factors" and len(location) == 2:
-        place = f"[factors.{location[1]}]"
+        place = f"[factors.{shortened(location[1])}]"
     if error["type"] == "extra_forbidden":
         inside = "" if table is Study else place.partition("] ")[0] + "] "
         return (
-            f"{where}: {inside}there is no key {location[0]!r}"
+            f"{where}: {inside}there is no key {quoted(location[0])}"
             f"{nearest(location[0], table.model_fields if table is not Study else models)}"
         )
     if error["type"] == "missing":
@@ -524,7 +526,7 @@ def _line(error: ErrorDetails, where: str) -> str:
 def _text(value: Any) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return repr(value)
-    return toml(value)
+    return shortened(toml(value))
 
 
 __all__ = ["DesignTable", "FactorTable", "Study", "known_keys", "load", "shipped"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
@@ -36,6 +37,23 @@ def preset(name: str, value: Any) -> dict[str, Any]:
     platform = COMPONENTS["platform"]
     values = sea_state(value) if name == "beaufort" else grade(value)
     return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
+
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"\w[^/\\\x00-\x1f\x7f]*", value):
+        raise PydanticCustomError(
+            "name", "must begin with a letter or digit and have no slash or control character"
+        )
+    if len(value.encode("utf-8", "replace")) > LONGEST_NAME:
+        raise PydanticCustomError(
+            "name", "must have at most {most} bytes in UTF-8", {"most": LONGEST_NAME}
+        )
+    return value
+
+
+LONGEST_NAME = 200
+"""Bytes in the name of a scenario or study: it becomes the name of a folder, with a suffix."""
+Name = Annotated[str, AfterValidator(_name)]
 
 
 class Table(BaseModel):

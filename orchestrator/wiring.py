@@ -24,11 +24,13 @@ from .errors import (
     check_choice,
     instance,
     nearest,
+    quoted,
     shortened,
 )
 from .fmu import Port, ports_of, read
-from .master import initial_outputs
+from .masters import initial_outputs
 from .plan import variables_of
+from .reading import shown
 from .scenario import Receivers, Scenario, Source, load
 from .system import ComponentSpec, Connection, PythonComponent, System, Value, nanoseconds
 from .tables import ANYWHERE, PATH, TRUE, in_si
@@ -164,7 +166,8 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
     for name in replaced:
         if name not in FIXED:
             raise ConfigurationError(
-                f"components: must be {', '.join(FIXED)}, got {name!r}{nearest(str(name), FIXED)}"
+                f"components: must be {', '.join(FIXED)}, got {quoted(name)}"
+                f"{nearest(str(name), FIXED)}"
             )
     return replaced
 
@@ -310,7 +313,7 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
         if not isinstance(label, str) or label in FIXED or not label or "." in label:
             raise ConfigurationError(
                 f"receiver: label must be a name without a dot and not {', '.join(FIXED)}, "
-                f"got {label!r}"
+                f"got {quoted(label)}"
             )
     if "multilateration" not in chosen.values() and RAW not in chosen:
         chosen[RAW] = "multilateration"
@@ -332,10 +335,11 @@ def _source(source: Source) -> Source:
     if os.path.isfile(path):
         return path
     if path.suffix == ".fmu":
-        got = "a folder" if path.is_dir() else "no such file"
-        raise ConfigurationError(f"receiver: {source}: must be an FMU file, got {got}")
+        got = "a folder" if os.path.isdir(path) else "no such file"
+        raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
     raise ConfigurationError(
-        f"receiver: must be {', '.join(RECEIVERS)} or an .fmu file, got {str(source)!r}"
+        f"receiver: must be {', '.join(RECEIVERS)} or an .fmu file, got "
+        f"{quoted(str(source))}"
         + nearest(str(source), RECEIVERS)
     )
 

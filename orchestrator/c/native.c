@@ -6,24 +6,34 @@
  * At each instant: the outputs of all components that are due are read, recorded, and set as inputs;
  * only then does each of them step. */
 #define _XOPEN_SOURCE 700
+#include <fenv.h>
+#include <locale.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
+#if defined __x86_64__
+#include <xmmintrin.h>
+#endif
+#ifdef __APPLE__
+#include <xlocale.h>
+#endif
 
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
 #else
 #define EXPORT __attribute__((visibility("default")))
-#include <setjmp.h>
-#include <signal.h>
 #endif
 
 /* Status of FMI 2 and FMI 3 alike. */
 enum { WARNING = 1, DISCARD = 2 };
 
-enum outcome { FINISHED, FAILED, CANCELLED, CRASHED };
+enum outcome { FINISHED, FAILED, CANCELLED };
+
+/* What an FMU may have left changed for all others, as bits. */
+enum habit { FLOATING = 1, LOCALE = 2 };
 
 /* What a call looks like. FMI 2 has Booleans of type int; here and in FMI 3 they are bool. */
 enum form { ACCESS2, GET_BOOLEAN2, SET_BOOLEAN2, ACCESS3, STEP2, STEP3 };
@@ -66,6 +76,16 @@ struct component {
     double step; /* s */
     size_t first_get, first_set, do_step;
     size_t first_copy, end_copy;
+    int64_t watched;   /* whether its habits are */
+    int64_t habits;    /* it has shown so far */
+    int64_t habits_at; /* the call that showed the first of them */
+};
+
+/* Written by the loop, read by those who watch it, perhaps from another process; and the other way
+ * round. */
+struct progress {
+    _Atomic int64_t row, at; /* instant and call under way */
+    _Atomic int64_t cancel;
 };
 
 struct run {
@@ -77,14 +97,104 @@ struct run {
     size_t n_records;
     const int64_t *instants;
     int64_t n_instants;
-    void *stack; /* for the signal handler: the FMU may have used up the thread's own */
-    size_t stack_size;
+    struct progress *progress;
     int64_t outcome;
-    int64_t status;              /* of the FMU, or number of the signal */
-    int64_t ended_early;         /* the FMU has ended the simulation or the step */
-    _Atomic int64_t row, at;     /* instant and call under way, for those who watch */
-    _Atomic int64_t cancel;      /* set by those who watch */
+    int64_t status;      /* of the FMU */
+    int64_t ended_early; /* the FMU has ended the simulation or the step */
 };
+
+/* ---- habits ---- */
+
+/* How the processor calculates: rounding, subnormal numbers, trapped exceptions. The flags of what
+ * has happened are left out. */
+static uint64_t floating(void)
+{
+#if defined __x86_64__
+    uint16_t x87;
+    __asm__ volatile("fnstcw %0" : "=m"(x87));
+    return (_mm_getcsr() & ~0x3Fu) | (uint64_t)x87 << 32;
+#elif defined __aarch64__
+    uint64_t state;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(state));
+    return state;
+#else
+    return (uint64_t)fegetround();
+#endif
+}
+
+static void set_floating(uint64_t state)
+{
+#if defined __x86_64__
+    const uint16_t x87 = (uint16_t)(state >> 32);
+    __asm__ volatile("fnclex\n\tfldcw %0" : : "m"(x87)); /* what is pending must not trap now */
+    _mm_setcsr((uint32_t)state);
+#elif defined __aarch64__
+    __asm__ volatile("msr fpcr, %0" : : "r"(state));
+#else
+    fesetround((int)state);
+#endif
+}
+
+static uint64_t usual_floating;
+static char usual_locale[1024];
+
+static bool numbers_are_usual(void)
+{
+    const char *const name = setlocale(LC_NUMERIC, NULL);
+#ifndef _WIN32
+    if (uselocale((locale_t)0) != LC_GLOBAL_LOCALE)
+        return false;
+#endif
+    return name && name[0] == 'C' && !name[1];
+}
+
+/* Take the state of this thread and process to be the usual one; numbers are as in C. */
+EXPORT void native_remember(void)
+{
+    setlocale(LC_NUMERIC, "C");
+    const char *const name = setlocale(LC_ALL, NULL);
+    snprintf(usual_locale, sizeof usual_locale, "%s", name ? name : "C");
+    usual_floating = floating();
+}
+
+static void settle_locale(void)
+{
+#ifndef _WIN32
+    uselocale(LC_GLOBAL_LOCALE);
+#endif
+    setlocale(LC_ALL, usual_locale);
+}
+
+/* Bring back what is usual; which habits had changed it. */
+static int settle(bool whole_locale)
+{
+    int habits = 0;
+    if (floating() != usual_floating) {
+        set_floating(usual_floating);
+        habits |= FLOATING;
+    }
+    if (!numbers_are_usual() || (whole_locale && strcmp(setlocale(LC_ALL, NULL), usual_locale))) {
+        settle_locale();
+        habits |= LOCALE;
+    }
+    return habits;
+}
+
+/* For calls outside of the loop. */
+EXPORT int native_settle(void) { return settle(true); }
+
+/* After each call of a component. */
+static void watch(struct component *c, size_t call)
+{
+    if (!c->watched)
+        return;
+    const int habits = settle(false);
+    if (habits && !c->habits)
+        c->habits_at = (int64_t)call;
+    c->habits |= habits;
+}
+
+/* ---- the loop ---- */
 
 static void copy(const struct copy *c, const struct copy *end, int64_t row)
 {
@@ -128,12 +238,13 @@ static int do_step(struct run *run, const struct call *c, double time, double st
     return DISCARD;
 }
 
-static int access_all(struct run *run, size_t first, size_t end)
+static int access_all(struct run *run, struct component *c, size_t first, size_t end)
 {
     int status = 0;
     for (size_t i = first; i < end && status <= WARNING; i++) {
-        atomic_store_explicit(&run->at, (int64_t)i, memory_order_relaxed);
+        atomic_store_explicit(&run->progress->at, (int64_t)i, memory_order_relaxed);
         status = access(run->calls + i);
+        watch(c, i);
     }
     return status;
 }
@@ -146,7 +257,7 @@ static int at_instant(struct run *run, int64_t row, bool last)
     const double time = (double)now / 1e9;
     int status = 0;
     for (struct component *c = run->components; c < end; c++)
-        if (c->due == now && (status = access_all(run, c->first_get, c->first_set)) > WARNING)
+        if (c->due == now && (status = access_all(run, c, c->first_get, c->first_set)) > WARNING)
             return status;
     copy(run->records, run->records + run->n_records, row);
     if (last)
@@ -155,26 +266,28 @@ static int at_instant(struct run *run, int64_t row, bool last)
         if (c->due != now)
             continue;
         copy(run->copies + c->first_copy, run->copies + c->end_copy, 0);
-        if ((status = access_all(run, c->first_set, c->do_step)) > WARNING)
+        if ((status = access_all(run, c, c->first_set, c->do_step)) > WARNING)
             return status;
     }
     for (struct component *c = run->components; c < end; c++) {
         if (c->due != now)
             continue;
         c->due += c->interval;
-        atomic_store_explicit(&run->at, (int64_t)c->do_step, memory_order_relaxed);
-        if ((status = do_step(run, run->calls + c->do_step, time, c->step)) > WARNING)
+        atomic_store_explicit(&run->progress->at, (int64_t)c->do_step, memory_order_relaxed);
+        status = do_step(run, run->calls + c->do_step, time, c->step);
+        watch(c, c->do_step);
+        if (status > WARNING)
             return status;
     }
     return status;
 }
 
-static void loop(struct run *run)
+EXPORT void native_run(struct run *run)
 {
     run->outcome = FINISHED;
     for (int64_t row = 0; row < run->n_instants; row++) {
-        atomic_store_explicit(&run->row, row, memory_order_relaxed);
-        if (atomic_load_explicit(&run->cancel, memory_order_relaxed)) {
+        atomic_store_explicit(&run->progress->row, row, memory_order_relaxed);
+        if (atomic_load_explicit(&run->progress->cancel, memory_order_relaxed)) {
             run->outcome = CANCELLED;
             return;
         }
@@ -185,72 +298,3 @@ static void loop(struct run *run)
         }
     }
 }
-
-#ifdef _WIN32
-
-EXPORT void native_guard(int on) { (void)on; }
-EXPORT void native_run(struct run *run) { loop(run); }
-
-#else
-
-static const int SIGNALS[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
-enum { N_SIGNALS = sizeof SIGNALS / sizeof *SIGNALS };
-
-/* Handlers belong to the process. They are set while any thread is in a run (native.py counts), and
- * know by `landing` whether the thread that has crashed is. */
-static struct sigaction before[N_SIGNALS];
-#ifdef __GLIBC__
-__attribute__((tls_model("initial-exec"))) /* the first use of any other may call malloc */
-#endif
-static _Thread_local sigjmp_buf *landing;
-
-/* Somebody else's crash: what would have happened without us. */
-static void pass_on(const struct sigaction *old, int number, siginfo_t *info, void *context)
-{
-    if (old->sa_flags & SA_SIGINFO) {
-        old->sa_sigaction(number, info, context);
-    } else if (old->sa_handler == SIG_DFL) {
-        sigaction(number, old, NULL);
-        raise(number); /* comes when the handler returns */
-    } else if (old->sa_handler != SIG_IGN) {
-        old->sa_handler(number);
-    }
-}
-
-static void on_signal(int number, siginfo_t *info, void *context)
-{
-    if (landing)
-        siglongjmp(*landing, number);
-    for (int i = 0; i < N_SIGNALS; i++)
-        if (SIGNALS[i] == number)
-            pass_on(before + i, number, info, context);
-}
-
-/* Watch out for crashes, or no longer. */
-EXPORT void native_guard(int on)
-{
-    struct sigaction action = {.sa_flags = SA_SIGINFO | SA_ONSTACK};
-    action.sa_sigaction = on_signal;
-    sigemptyset(&action.sa_mask);
-    for (int i = 0; i < N_SIGNALS; i++)
-        sigaction(SIGNALS[i], on ? &action : before + i, on ? before + i : NULL);
-}
-
-EXPORT void native_run(struct run *run)
-{
-    sigjmp_buf here;
-    stack_t old, stack = {.ss_sp = run->stack, .ss_size = run->stack_size};
-    sigaltstack(&stack, &old);
-    int number = sigsetjmp(here, 1);
-    if (number == 0) {
-        landing = &here;
-        loop(run);
-    } else {
-        run->outcome = CRASHED;
-        run->status = number;
-    }
-    landing = NULL;
-    sigaltstack(&old, NULL);
-}
-
-#endif

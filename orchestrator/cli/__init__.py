@@ -1,10 +1,16 @@
 """The command ``sblcosim``; a module for each group of its commands, in the order of the help."""
 
 # ruff: noqa: F401, I001
+import sys
+from io import TextIOWrapper
+
 from . import simulate, studies, components, export
 from .base import app
 
 
 def main() -> None:
     """Entry point of the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # whatever the terminal's encoding
     app()

@@ -1,22 +1,20 @@
-"""What all commands share: the application, options, errors as lines, progress."""
+"""What all commands share: the application, options, progress."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
+import math
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
-from ..errors import SblcosimError
+from ..errors import ConfigurationError, shortened
+from .outcome import Application, say_warnings
 
 if TYPE_CHECKING:
     from ..artifacts import Other
@@ -25,93 +23,42 @@ PATIENCE = 2.0
 """Seconds after which a command shows what it is doing."""
 
 
-class Group(TyperGroup):
-    """Turns our exceptions into a line per problem and an exit code, our warnings into a line."""
+def numeric(
+    name: str,
+    kind: type[int] | type[float],
+    metavar: str,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+) -> Any:
+    """An option that takes a number; a wrong one is refused in our words.
 
-    def main(self, *args: Any, **kwargs: Any) -> Any:
+    Parameters
+    ----------
+    low, high
+        Smallest and largest value that are taken.
+    """
+    what = "a whole number" if kind is int else "a finite number"
+    if low is not None:
+        what += f" from {low} to {high}" if high is not None else f" of at least {low}"
+
+    def parse(text: Any) -> int | float:
         try:
-            os.getcwd()
-        except OSError:
-            _refuse("the working directory must exist, got one that was deleted")
-        try:
-            return super().main(*args, **kwargs)
-        except OSError as error:
-            if error.filename is not None:
-                _refuse(f"{error.filename}: must be accessible, got {error.strerror}")
-            _forget(sys.stdout)
-            _refuse(f"output: must be writable, got {error.strerror or error}")
+            value = kind(text)
+        except (ValueError, OverflowError):
+            pass
+        else:
+            least, most = -math.inf if low is None else low, math.inf if high is None else high
+            if least <= value <= most and abs(value) != math.inf:
+                return value
+        raise ConfigurationError(f"{name}: must be {what}, got {shortened(repr(text))}")
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        for argument in args:
-            if not argument.isprintable() and any("\ud800" <= c <= "\udfff" for c in argument):
-                _refuse(f"arguments: must be UTF-8, got {os.fsencode(argument)!r:.80}")
-        return super().parse_args(ctx, args)
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            with warnings.catch_warnings(), _terminable():
-                warnings.showwarning = _show_warning
-                return super().invoke(ctx)
-        except SblcosimError as error:
-            for line in str(error).splitlines():
-                typer.echo(f"error: {line}", err=True)
-            raise typer.Exit(2) from None
-        except MemoryError:
-            typer.echo(
-                "error: the memory of this machine must be enough, got too large a run; make it "
-                "shorter or the sampling time longer",
-                err=True,
-            )
-            raise typer.Exit(2) from None
-        except Terminated:
-            typer.echo("terminated; nothing was written", err=True)
-            raise typer.Exit(128 + signal.SIGTERM) from None
-        except KeyboardInterrupt:
-            typer.echo("interrupted; nothing was written", err=True)
-            raise typer.Exit(130) from None
-
-
-def _refuse(message: str) -> NoReturn:
-    typer.echo(f"error: {message}", err=True)
-    sys.exit(2)
-
-
-def _forget(stream: Any) -> None:
-    """Let what waits to be written go nowhere: at the end it would fail again."""
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-
-
-class Terminated(KeyboardInterrupt):
-    """Somebody has asked the process to end."""
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end a command as Ctrl-C does: what is half written is removed."""
-
-    def end(number: int, frame: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough
-        raise Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    typer.echo(f"warning: {message}", err=True)
+    return typer.Option(name, metavar=metavar, help=description, parser=parse)
 
 
 app = typer.Typer(
-    cls=Group,
+    cls=Application,
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -137,12 +84,12 @@ SetOption = Annotated[
     ),
 ]
 FmiOption = Annotated[
-    int | None, typer.Option("--fmi", min=2, max=3, help="FMI version of our components.")
+    int | None, numeric("--fmi", int, "2|3", "FMI version of our components.", low=2, high=3)
 ]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the result of another run in the folder.")
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
+SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -214,7 +161,7 @@ def waiting(
         Takes the share that is done, and perhaps a word for what is being done.
     """
     if not sys.stderr.isatty():
-        yield lambda share, doing="": None
+        yield lambda share, doing="": say_warnings()
         return
     from rich.console import Console
     from rich.progress import (
@@ -237,13 +184,18 @@ def waiting(
     timer = threading.Timer(PATIENCE, display.start)
     timer.daemon = True
     timer.start()
-    try:
-        yield lambda share, doing="": display.update(
+
+    def show(share: float, doing: str = "") -> None:
+        say_warnings()
+        display.update(
             task,
             total=1.0,
             completed=share,
             description=doing or ("simulating" if share < 1.0 else "writing"),
         )
+
+    try:
+        yield show
     finally:
         timer.cancel()
         timer.join()  # it may be starting the display just now

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
-from .base import app, waiting
+from .base import app, numeric, waiting
 
 
 @app.command()
@@ -19,7 +19,7 @@ def build(
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
     ] = None,
     fmi: Annotated[
-        int | None, typer.Option("--fmi", min=2, max=3, help="FMI version; none: both.")
+        int | None, numeric("--fmi", int, "2|3", "FMI version; none: both.", low=2, high=3)
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
         Path("fmus")
@@ -81,7 +81,7 @@ def conformance(
     ] = None,
     timeout: Annotated[
         float,
-        typer.Option("--timeout", metavar="SECONDS", min=0.1, help="Time that a call may take."),
+        numeric("--timeout", float, "SECONDS", "Time that a call may take.", low=0.1),
     ] = 30.0,
     strict: Annotated[
         bool, typer.Option("--strict", help="The exit code is 1 for warnings, too.")

@@ -7,9 +7,19 @@ from typing import Annotated
 
 import typer
 
-from .base import ReceiverOption, ScenarioArgument, SeedOption, SetOption, app, overrides, waiting
+from .base import (
+    ReceiverOption,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    app,
+    numeric,
+    overrides,
+    waiting,
+)
+from .outcome import Commands
 
-group = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+group = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(group, name="export", help="Write a scenario as one file for other tools.")
 
 
@@ -18,8 +28,13 @@ def ssp(
     scenario: ScenarioArgument,
     version: Annotated[
         int,
-        typer.Option(
-            "--ssp", min=1, max=2, help="1: SSP 1.0, FMI 2, scalars; 2: SSP 2.0, FMI 3, arrays."
+        numeric(
+            "--ssp",
+            int,
+            "1|2",
+            "1: SSP 1.0, FMI 2, scalars; 2: SSP 2.0, FMI 3, arrays.",
+            low=1,
+            high=2,
         ),
     ] = 1,
     out: Annotated[

@@ -18,6 +18,7 @@ from .base import (
     SeedOption,
     SetOption,
     app,
+    numeric,
     overrides,
     place,
     report,
@@ -57,9 +58,11 @@ def run(
     ] = None,
     step_timeout: Annotated[
         float | None,
-        typer.Option(
+        numeric(
             "--step-timeout",
-            help="Seconds until the native master gives up an FMU that hangs [default: 60].",
+            float,
+            "SECONDS",
+            "Until an FMU of others that hangs is given up [default: 60].",
         ),
     ] = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
@@ -111,17 +114,24 @@ def plan(
 
 @app.command()
 def calibrate(
-    sound_speed: Annotated[float, typer.Option(help="True speed of sound in m/s.")] = 1530.0,
+    sound_speed: Annotated[
+        float, numeric("--sound-speed", float, "M_S", "True speed of sound in m/s.")
+    ] = 1530.0,
     assumed_sound_speed: Annotated[
-        float, typer.Option(help="Speed with which ranges are formed, in m/s.")
+        float,
+        numeric("--assumed-sound-speed", float, "M_S", "With which ranges are formed, in m/s."),
     ] = 1500.0,
-    range_std: Annotated[float, typer.Option(help="Noise of a range in m.")] = 0.1,
-    distance: Annotated[float, typer.Option(help="Known distance in m.")] = 10.0,
-    distance_std: Annotated[float, typer.Option(help="Its standard uncertainty in m.")] = 0.0,
-    clock_offset: Annotated[float, typer.Option(help="Receiver's clock error in s.")] = 0.0,
-    pings: Annotated[int, typer.Option(help="Pings per distance.")] = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
-    fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version.")] = 2,
+    range_std: Annotated[float, numeric("--range-std", float, "M", "Noise of a range in m.")] = 0.1,
+    distance: Annotated[float, numeric("--distance", float, "M", "Known distance in m.")] = 10.0,
+    distance_std: Annotated[
+        float, numeric("--distance-std", float, "M", "Its standard uncertainty in m.")
+    ] = 0.0,
+    clock_offset: Annotated[
+        float, numeric("--clock-offset", float, "S", "Receiver's clock error in s.")
+    ] = 0.0,
+    pings: Annotated[int, numeric("--pings", int, "N", "Pings per distance.")] = 100,
+    seed: Annotated[int, numeric("--seed", int, "N", "Seed of the noise.")] = 1,
+    fmi: Annotated[int, numeric("--fmi", int, "2|3", "FMI version.", low=2, high=3)] = 2,
     out: Annotated[
         Path | None,
         typer.Option(

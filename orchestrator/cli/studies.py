@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, check_choice
-from .base import ForceOption, Terminated, app, place, report_run, table, waiting
+from .base import ForceOption, app, numeric, place, report_run, table, waiting
+from .outcome import Terminated
 
 
 @app.command()
@@ -31,10 +32,11 @@ def study(
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option("--replicates", min=1, help="In place of the study's.")
+        int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
     executor: Annotated[
         str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
@@ -200,7 +202,7 @@ def analyse(
         str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
     ] = None,
     order: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Interactions up to it [default: 2].")
+        int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
     transform: Annotated[
         str,
@@ -216,7 +218,7 @@ def analyse(
         ),
     ] = "pure",
     practical: Annotated[
-        float | None, typer.Option(metavar="SIZE", help="Effects below it do not matter.")
+        float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -264,14 +266,15 @@ def advise(
         ),
     ],
     limit: Annotated[
-        float | None, typer.Option("--limit", help="Largest error that will do.")
+        float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
     ] = None,
     percentile: Annotated[
         float | None,
-        typer.Option(
+        numeric(
             "--percentile",
-            metavar="P",
-            help="So many percent of the runs are to be within the limit [default: 90].",
+            float,
+            "P",
+            "So many percent of the runs are to be within the limit [default: 90].",
         ),
     ] = None,
     mean: Annotated[
@@ -279,14 +282,15 @@ def advise(
     ] = False,
     contamination: Annotated[
         float,
-        typer.Option(
+        numeric(
             "--contamination",
-            metavar="SHARE",
-            help="Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+            float,
+            "SHARE",
+            "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
         ),
     ] = 0.05,
     confidence: Annotated[
-        float, typer.Option("--confidence", help="That the advised design is good enough.")
+        float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
     response: Annotated[
         str | None,
@@ -343,10 +347,11 @@ def paper(
         bool, typer.Option("--quick", help="Few replicates: a look at everything.")
     ] = False,
     practical: Annotated[
-        float, typer.Option(metavar="SIZE", help="Effects below it do not matter [m].")
+        float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
     ] = 0.5,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="At the same time [default: all cores].")
+        int | None,
+        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
     ] = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.

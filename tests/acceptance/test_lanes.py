@@ -184,6 +184,10 @@ def test_a_run_that_turns_nan_ends_alone() -> None:
         ({"platfrom.arm_length": [1.0]}, ["'platfrom'", "did you mean 'platform'"]),
         ({"platform.arm": [1.0]}, ["'arm'", "parameter of platform"]),
         ({"platform.arm_length": [1.0, -2.0]}, ["platform.arm_length", "must be between"]),
+        ({"acoustics.loss_probability": [0.5, 1.0001]},
+         ["acoustics.loss_probability", "must be between 0 and 1", "got 0.5 to 1.0001"]),
+        ({"acoustics.loss_probability": [-1e-9, 0.5]}, ["must be between 0 and 1"]),
+        ({"ekf.range_std": [1e-10]}, ["ekf.range_std: must be between 1e-09 and inf"]),
         ({"platform.arm_length": [1.0, np.nan]}, ["platform.arm_length", "finite"]),
         ({"platform.mean_position": [[1.0, 2.0]]}, ["3 values per run", "got 2"]),
         ({"platform.arm_length": [1.0, 2.0], "target.speed": [1.0, 1.0, 1.0]}, ["2 runs", "3"]),
@@ -194,6 +198,11 @@ def test_what_does_not_fit_is_named(variations: dict[str, Any], words: list[str]
         lanes.execute(plan_of("harbour-square"), variations)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_bounds_themselves_are_allowed() -> None:
+    outcome = lanes.execute(plan_of("harbour-square"), {"acoustics.loss_probability": [0.0, 1.0]})
+    assert len(outcome.sums["ekf"]) == 2
 
 
 def test_what_must_be_equal_in_all_runs_is_named() -> None:
@@ -262,6 +271,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
 
 
 SANITIZED = """
+from dataclasses import replace
 import numpy as np
 from sblcosim.fmus import compiler
 checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -270,6 +280,7 @@ compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
 import sblcosim
 from sblcosim import lanes
 from sblcosim.plan import resolve
+from sblcosim.reduction import SUMS
 from sblcosim.system import Connection
 scenario = sblcosim.load("harbour-random", {"time.duration_s": 6.0})
 plan = resolve(scenario.system(("ekf", "sequential")))
@@ -280,6 +291,16 @@ for number in (1, 2, 0):
         handovers=[Connection("target.position", "ekf.prior_position")],
     )
     assert np.isfinite(outcome.values["ekf.position"]).all()
+# Depth at 0.2, 0.4 … s, the target at 0.3, 0.6 … s: epochs between its instants.
+scenario = scenario.override({"time.sampling_time_s": 0.3, "time.duration_s": 15.0})
+system = scenario.system(("ekf", "sequential"))
+target = system.components["target"]
+target = replace(target, parameters={**target.parameters, "sampling_time": 0.2})
+plan = resolve(replace(system, components={**system.components, "target": target}))
+for number in (1, 2, 0):
+    sums = lanes.execute(plan, seeds, lanes=number, threads=2).sums["ekf"]
+    assert (sums[:, SUMS.index("estimates")] > 5).all()
+    assert not sums[:, SUMS.index("unjudged")].any()
 print("clean")
 """
 

@@ -283,6 +283,66 @@ static void test_values(void)
     close_instance(c);
 }
 
+#if !ARRAYS
+/* Why an element cannot be set in this mode as one of this type, or NULL. */
+static const char *obstacle(int32_t mode, enum type type, unsigned element)
+{
+    const struct variable *v = variable_of(element);
+    if (v->type != type)
+        return "of type";
+    if (v->causality == OUTPUT)
+        return "is an output and cannot be set";
+    return v->causality == PARAMETER && mode == STEP ? "after initialization" : NULL;
+}
+
+/* Scalars that follow each other are set at once, but not beyond the end of their kind. */
+static void test_neighbours(int32_t mode)
+{
+    static union cell cell, read;
+    static unsigned vr[N_VALUES];
+    void *c = in_mode(mode);
+    char name[128];
+    for (unsigned first = 0; first < N_VALUES; first++) {
+        const enum type type = variable_of(first)->type;
+        /* A few more, up to the end of its kind and over it, or everything. */
+        const unsigned rest = N_VALUES - first, over = alike[first] + 1u;
+        const unsigned sizes[] = {2, over - 1, over, over + 1, rest};
+        for (size_t i = 0; i < COUNT(sizes); i++) {
+            const unsigned n = sizes[i];
+            unsigned bad = N_VALUES, other = N_VALUES;
+            if (n > rest)
+                continue;
+            for (unsigned j = n; j-- > 0;) {
+                const unsigned e = first + j;
+                vr[j] = e + FIRST_REFERENCE;
+                put(&cell, type, j, e < N_P + N_U ? start_values[e] : 7.0);
+                if (variable_of(e)->type != type)
+                    other = e;
+                if (obstacle(mode, type, e))
+                    bad = e;
+            }
+            if (other < N_VALUES) /* types are checked before values */
+                bad = other;
+            if (bad == N_VALUES) {
+                CHECK(set(c, type, vr, n, &cell, n) == OK);
+            } else {
+                element_name(bad, name, sizeof name);
+                REFUSED_UNCHANGED(c, ERROR, set(c, type, vr, n, &cell, n), NAME,
+                                  other < N_VALUES ? variable_of(bad)->name : name,
+                                  obstacle(mode, type, bad));
+            }
+            if (other == N_VALUES) {
+                CHECK(get(c, type, vr, n, &read, n) == OK);
+                for (unsigned j = 0; j < n; j++)
+                    CHECK(value_at(&read, type, j) == memory(c)->block.v[first + j]);
+            } else
+                REFUSED(ERROR, get(c, type, vr, n, &read, n), NAME, variable_of(other)->name);
+        }
+    }
+    close_instance(c);
+}
+#endif
+
 static void test_references(void)
 {
     const unsigned unknown[] = {N_VALUES + FIRST_REFERENCE, 0x7fffffffu, 0xffffffffu};
@@ -965,6 +1025,10 @@ static int run_all(const struct call calls[], size_t n, int argc, char **argv)
     test_every_function_in_every_mode(calls, n);
     test_values();
     test_references();
+#if !ARRAYS
+    test_neighbours(INITIALIZATION);
+    test_neighbours(STEP);
+#endif
     test_steps();
     test_short_steps(count / 1000);
     test_remainders();

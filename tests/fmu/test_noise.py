@@ -6,6 +6,7 @@ right implementation misses with a probability of 1e-4 or less for a seed drawn 
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import exp, log, pi, sqrt
 from typing import Any
 
@@ -94,12 +95,38 @@ def test_same_seed_gives_common_random_numbers() -> None:
     np.testing.assert_allclose(errors[1], 2 * errors[0], atol=1e-13)
 
 
+LAGS = range(-8, 9)
+
+
 def test_components_of_one_seed_do_not_share_their_noise() -> None:
-    depth, _ = depth_errors(seed=3, depth_std=1.0)
-    gps, _ = platform_errors({"seed": 3, "gps_horizontal_std": 1.0, "gps_vertical_std": 1.0})
-    steps = min(len(depth), len(gps))
-    for axis in range(3):
-        assert_uncorrelated(depth[:steps], gps[:steps, axis])
+    """All errors that are drawn at every tick, at the same tick and some ticks apart."""
+    steps = 5000
+    depth, _ = depth_errors(steps=steps, seed=3, depth_std=1.0)
+    gps, imu = platform_errors(
+        {"seed": 3, "gps_horizontal_std": 1.0, "gps_vertical_std": 1.0, "imu_tilt_std": 0.01,
+         "imu_heading_std": 0.01},
+        steps,
+    )
+    _, ranges = ranging(steps, seed=3, range_std=1.0)
+    # Row i of each is tick i + 1; the platform's first row is the draw of the start.
+    noises = [
+        {"depth": depth},
+        {f"{name}[{i}]": errors[1:, i] for name, errors in (("gps", gps), ("imu", imu))
+         for i in range(3)},
+        {"range": ranges},
+    ]
+    assert {len(e) for errors in noises for e in errors.values()} == {steps - 1}
+    pairs = [
+        (f"{a}, {b}", one[a], other[b])
+        for one, other in combinations(noises, 2) for a in one for b in other
+    ]
+    sigmas = stats.norm.isf(RISK / 2 / len(pairs) / len(LAGS))
+    for names, a, b in pairs:
+        for lag in LAGS:
+            early, late = (a, b) if lag >= 0 else (b, a)
+            n = len(a) - abs(lag)
+            correlation = np.corrcoef(early[:n], late[abs(lag):])[0, 1]
+            assert abs(correlation) < sigmas / sqrt(n), (names, lag)
 
 
 # Acoustics ---------------------------------------------------------------------------------------

@@ -210,6 +210,14 @@ static instance *create(const char *name, const char *token, void *environment, 
     in->environment = environment;
     memcpy(&in->logger, &logger, sizeof logger);
     snprintf(in->name, sizeof in->name, "%s", name);
+#ifdef ONLY_ONCE
+    static int instances;
+    if (++instances > 1) {
+        complain(in, 3, "this is instance number %g", instances);
+        free(in);
+        return NULL;
+    }
+#endif
     if (strcmp(token, "stranger-1")) {
         complain(in, 3, "token must be stranger-%g", 1);
         free(in);
@@ -256,14 +264,15 @@ int fmi3EnterInitializationMode(instance *in, bool a, double b, double t, bool d
 {
     return (void)a, (void)b, (void)d, (void)e, in->now = t, enter(in);
 }
-/* Status 0 as fail_as: end the simulation politely. */
+/* Status 0 as fail_as: end the simulation politely; 14: end the step early. */
 int fmi3DoStep(instance *in, double t, double h, bool no_set, bool *event, bool *terminate,
                bool *early, double *last)
 {
     (void)no_set;
-    *terminate = in->fail_as == 0 && in->fail_at >= t && in->fail_at < t + h;
-    *event = *early = false, *last = t + h;
-    return step(in, t, h);
+    const bool now = in->fail_at >= t && in->fail_at < t + h;
+    *terminate = now && in->fail_as == 0, *early = now && in->fail_as == 14;
+    *event = false, *last = *early ? in->fail_at : t + h;
+    return step(in, t, *last - t);
 }
 NO(ActivateModelPartition) NO(CompletedIntegratorStep) NO(DeserializeFMUState)
 NO(EnterConfigurationMode) NO(EnterContinuousTimeMode) NO(EnterEventMode) NO(EnterStepMode)

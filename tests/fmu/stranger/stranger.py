@@ -13,7 +13,10 @@ HERE = Path(__file__).parent
 
 
 def build_stranger(
-    fmi: int, folder: Path, edit: Callable[[str], str] = lambda description: description
+    fmi: int,
+    folder: Path,
+    edit: Callable[[str], str] = lambda description: description,
+    options: tuple[str, ...] = (),
 ) -> Path:
     """Compile and pack the FMU.
 
@@ -21,12 +24,14 @@ def build_stranger(
     ----------
     edit
         Changes the text of modelDescription.xml, to break it in some way.
+    options
+        Of the compiler: ``-DONLY_ONCE`` refuses a second instance in a process.
     """
     folder.mkdir(parents=True, exist_ok=True)
     library = folder / f"stranger{fmpy.sharedLibraryExtension}"
     headers = Path(fmpy.__file__).parent / "c-code"
     command = ["cc", "-shared", "-fPIC", "-O1", f"-DFMI={fmi}", f"-I{headers}", "-o", library]
-    subprocess.run([*command, HERE / "stranger.c"], check=True)
+    subprocess.run([*command, *options, HERE / "stranger.c"], check=True)
     place = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     fmu = folder / f"stranger{fmi}.fmu"
     with zipfile.ZipFile(fmu, "w") as archive:

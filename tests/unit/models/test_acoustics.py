@@ -143,10 +143,16 @@ def test_a_lost_packet_changes_nothing_but_uses_up_its_turn() -> None:
     c.set(target_position=POSITION, beacon_position=CROSS, reported_beacon_position=CROSS)
     c.step(0, NS // 10)
     before = tick(c)
+    c.set(  # a packet that got through would show all of it
+        target_position=POSITION + 1.0, beacon_position=CROSS + 2.0,
+        reported_beacon_position=CROSS + 3.0,
+    )
     after = tick(c)
     for name, value in before.items():
         np.testing.assert_array_equal(after[name], value, err_msg=name)
-    assert tick(c)["reception_count"].tolist() == [1, 0, 1, 0]
+    received = tick(c)
+    assert received["reception_count"].tolist() == [1, 0, 1, 0]
+    np.testing.assert_array_equal(received["packet_beacon_position"], CROSS + 3.0)
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.01, 0.25, 0.5, 1.0])

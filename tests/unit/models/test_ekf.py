@@ -10,6 +10,8 @@ import pytest
 from coupled import CROSS, Dive, at_rest, dive, simultaneous, straight
 from sblcosim.models.equations import load
 from sblcosim.models.receiver.fix import PASSES
+from scipy.optimize import least_squares
+from stepper import Stepper
 
 LINE = straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05))
 NOISY = {"range_std": 0.3, "loss_probability": 0.25}
@@ -154,6 +156,38 @@ def test_samples_that_disagree_widen_the_first_covariance() -> None:
     np.testing.assert_allclose(
         disagree[:4:2, :4:2], factor * agree[:4:2, :4:2], rtol=0.1, atol=0.02 * factor
     )
+
+
+@pytest.mark.parametrize("name", ["ekf", "sequential"])
+@pytest.mark.parametrize("speed", [0.0, 0.3, 2.0])
+def test_in_the_first_fix_a_stale_sample_counts_less(name: str, speed: float) -> None:
+    """Its variance grows by that of the way the diver may have made since."""
+    epochs = np.array([0.2, 0.9, 0.4, 1.1, 0.7])
+    path = np.array([12.0, -7.0, 5.0]) + epochs[:, None] * [0.8, -0.3, 0.2]
+    ranges = np.linalg.norm(path[:4] - CROSS, axis=1)
+    box = Stepper(
+        load(name),
+        {"prior_velocity_std": speed, "range_std": 0.2, "depth_std": 0.05},
+    )
+    box.step(0, 12 * box.interval_ns)
+    box.set(
+        range=ranges, range_epoch=epochs[:4], reception_count=np.ones(4),
+        ping_beacon_position=CROSS, packet_beacon_position=CROSS, depth=path[4, 2],
+        depth_epoch=epochs[4],
+    )
+    y = box.step(box.t_ns, box.interval_ns)
+    std = np.sqrt(np.array([0.2] * 4 + [0.05]) ** 2 + (speed * (1.1 - epochs)) ** 2)
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        predicted = np.append(np.linalg.norm(x - CROSS, axis=1), x[2])
+        return (np.append(ranges, path[4, 2]) - predicted) / std
+
+    best = least_squares(residuals, path[0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    factor = max(2 * best.cost / 2, 1.0)
+    P = factor * np.linalg.inv(best.jac.T @ best.jac)
+    np.testing.assert_allclose(y["position"], best.x, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(y["covariance"][::2, ::2], P, rtol=1e-3, atol=1e-6)
+    assert y["epoch"] == 1.1
 
 
 def test_nothing_new_means_no_new_estimate() -> None:

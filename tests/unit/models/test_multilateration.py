@@ -103,6 +103,24 @@ def test_a_far_jump_is_followed_at_once() -> None:
     assert y["update_count"] == 2
 
 
+def test_it_starts_from_the_last_fix_or_the_closed_form_whichever_fits_better() -> None:
+    """Where it starts shows in the passes it needs: one if it is there already."""
+    here, there = np.array([12.0, -7.0, 5.0]), np.array([-30.0, 25.0, 2.0])
+    box = simultaneous("multilateration", here, beacons=cross(0.4), errors=ERRORS)
+    passes = [box.counts["improve"]]
+    for n, (position, errors) in enumerate([(here, ERRORS), (there, 0.0), (there, ERRORS)]):
+        before = box.y["position"]
+        hear(box, position, 0.2 + 0.1 * n, beacons=cross(0.4), errors=errors)
+        box.step(box.t_ns, NS // 10)
+        passes.append(box.counts["improve"] - sum(passes))
+        if n == 0:
+            np.testing.assert_allclose(box.y["position"], before, rtol=0, atol=1e-6)
+    assert passes[0] > 2
+    assert passes[1] == 1
+    assert passes[2] <= 2  # without errors the closed form is exact
+    assert passes[3] > 2
+
+
 def test_the_error_on_a_moving_diver_is_that_of_stale_ranges() -> None:
     result = dive("multilateration", straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05)),
                   acoustics={"range_std": 0.0})

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coupled import CROSS, NS, Dive, at_rest, dive, hear, model, simultaneous, straight
+from sblcosim.models import RECEIVERS
 from stepper import Stepper
 
 LINE = straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05))
@@ -153,6 +154,42 @@ def test_depth_readings_do_not_lower_the_score_of_rejections() -> None:
     for n in range(1, 4):
         step_until(box, 1, 9.0, start=21 + n)
         assert box.state("score") == 4 * n
+
+
+@pytest.mark.parametrize("limit", [None, 1, 2, 7])
+def test_a_range_rejected_at_the_limit_is_the_one_that_starts_it_anew(limit: int | None) -> None:
+    box = simultaneous("sequential", HERE, {} if limit is None else {"gate_limit": limit})
+    step_until(box, 20, 0.0)
+    scores = []
+    for n in range((limit or 5) + 1):
+        count = box.u["reception_count"].copy()
+        hear(box, HERE, 0.1 * (22 + n), errors=np.array([9.0, 0.0, 0.0, 0.0]))
+        box.set(reception_count=count + np.array([1, 0, 0, 0]))
+        y = box.step(box.t_ns, NS // 10)
+        scores.append(box.state("score"))
+    assert scores == [*range(1, (limit or 5) + 1), 0]
+    assert y["nis_degrees"] == 0
+
+
+def test_defaults_of_the_receivers() -> None:
+    """Studies rely on them: another one is another filter."""
+    sensors = {
+        "update_interval": 0.1, "range_std": 0.1, "depth_std": 0.1, "beacon_position_source": 1,
+        "measurement_noise": 1,
+    }
+    motion = {
+        "initialisation": 1, "prior_position": (0.0,) * 3, "prior_velocity": (0.0,) * 3,
+        "prior_position_std": 1.0, "prior_velocity_std": 1.0, "process_noise": 1,
+        "acceleration_psd": 0.01,
+    }
+    expected = {
+        "ekf": sensors | motion,
+        "sequential": sensors | motion | {"gate": 4.0, "gate_limit": 5},
+        "multilateration": sensors,
+    }
+    for name, component in RECEIVERS.items():
+        found = {v.name: v.starts if v.shape else v.start for v in component.of("parameter")}
+        assert found == expected[name]
 
 
 def test_it_starts_anew_when_the_limit_is_reached() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -92,7 +93,7 @@ def test_a_run_without_an_estimate_says_so_and_the_exit_code_is_1(
     cli: Callable[..., Result],
 ) -> None:
     nothing = ("--set", "time.duration_s=2", "--set", "acoustics.loss_probability=1",
-               "--no-figures", "--out", "here")  # fmt: skip
+               "--no-figures", "--out", "here", "--force")  # fmt: skip
     got = (
         "must give at least one estimate, got none; update_count stayed 0; packets received from "
         "each beacon: 0, 0, 0, 0; look at"
@@ -246,7 +247,7 @@ def test_check_loads_the_binary(cli: Callable[..., Result]) -> None:
             broken.writestr(name, b"" if name.startswith("binaries/") else source.read(name))
     done = cli("check", "broken.fmu")
     assert done.exit_code == 1
-    assert re.search(r"^binary +error +does not load: ", done.stdout, re.M)
+    assert re.search(r"^binary +error +the library does not load: ", done.stdout, re.M)
     refused = cli("run", "paper-scenario-1", *SHORT, "--receiver", "broken.fmu").stderr
     assert "must load and instantiate" in refused
     assert tempfile.gettempdir() not in refused
@@ -299,6 +300,114 @@ def test_an_error_is_one_line_and_the_exit_code_is_2(
     assert line.startswith("error: ")
     assert message in line
     assert not Path("runs").exists()
+
+
+NUMBERS = {
+    "run": "--fmi --seed --step-timeout",
+    "plan": "--fmi --seed",
+    "calibrate": "--sound-speed --assumed-sound-speed --range-std --distance --distance-std "
+    "--clock-offset --pings --seed --fmi",
+    "study": "--replicates --workers",
+    "analyse": "--order --practical",
+    "advise": "--limit --percentile --confidence",
+    "paper": "--practical --workers",
+    "build": "--fmi",
+    "conformance": "--timeout",
+    "export ssp": "--ssp --seed",
+    "export fmu": "--seed",
+}
+"""Options that take a number, by command."""
+
+
+@pytest.mark.parametrize("value", ["abc", "", "nan", "-inf", "1e999", "9" * 5000])
+@pytest.mark.parametrize(
+    ("command", "option"), [(c, o) for c, options in NUMBERS.items() for o in options.split()]
+)
+def test_a_wrong_number_is_one_line_that_names_the_option(
+    cli: Callable[..., Result], tmp_path: Path, command: str, option: str, value: str
+) -> None:
+    done = cli(*command.split(), option, value)
+    (line,) = done.stderr.splitlines()
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert re.match(rf"error: {option}: must be a (whole|finite) number.*, got '{value[:9]}", line)
+    assert len(line) < 200
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ("run x --fmi 4", "--fmi: must be a whole number from 2 to 3, got '4'"),
+        ("run x --fmi 2.5", "--fmi: must be a whole number from 2 to 3, got '2.5'"),
+        ("study x --replicates 0", "--replicates: must be a whole number of at least 1, got '0'"),
+        ("conformance x --timeout 0",
+         "--timeout: must be a finite number of at least 0.1, got '0'"),
+        ("run x --seed", "--seed: must have a value, got none"),
+        ("run x --json=1", "--json: must stand alone, got a value"),
+        ("advise x", "sblcosim advise: --costs must be given, got nothing; sblcosim advise --help "
+         "says what it is"),
+        ("run", "sblcosim run: SCENARIO must be given, got nothing; sblcosim run --help says what "
+         "it is"),
+        ("run x y z", "sblcosim run: must have no arguments beside SCENARIO, got y z"),
+        ("scenarios x", "sblcosim scenarios: must have no arguments, got x"),
+        ("plan x --sed 3", "sblcosim plan: an option must be one of --receiver, --set, --fmi, "
+         "--seed, --help, got '--sed'; did you mean '--seed'?"),
+        ("--versoin", "sblcosim: an option must be one of --version, --help, got '--versoin'; did "
+         "you mean '--version'?"),
+        ("export spp x", "sblcosim export: the command must be one of ssp, fmu, got 'spp'; did you "
+         "mean 'ssp'?"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_one_line(
+    cli: Callable[..., Result], arguments: str, line: str
+) -> None:
+    done = cli(*arguments.split())
+    assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"error: {line}\n")
+
+
+def test_an_unknown_command_is_one_line(cli: Callable[..., Result]) -> None:
+    done = cli("anaylse", "x")
+    (line,) = done.stderr.splitlines()
+    assert done.exit_code == 2
+    assert line.startswith("error: sblcosim: the command must be one of run, plan, ")
+    assert line.endswith(", got 'anaylse'; did you mean 'analyse'?")
+
+
+@pytest.mark.parametrize(
+    ("raised", "line"),
+    [
+        (RecursionError("too deep"), "this must not happen, please report it: got "
+         "RecursionError: too deep"),
+        (KeyError("a\nb"), "this must not happen, please report it: got KeyError: 'a\\nb'"),
+        (OSError(28, "No space left on device"), "reading and writing must succeed, got No space "
+         "left on device"),
+        (PermissionError(13, "Permission denied", "in\nhere"), "in\\nhere: must be readable and "
+         "writable, got Permission denied"),
+    ],
+)  # fmt: skip
+def test_what_nobody_has_foreseen_is_one_line(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, raised: Exception, line: str
+) -> None:
+    def fail(*arguments: Any, **options: Any) -> None:
+        raise raised
+
+    monkeypatch.setattr("sblcosim.api.run", fail)
+    done = cli("run", "paper-scenario-1")
+    assert done.exit_code == 2
+    assert done.stderr == f"error: {line}; SBLCOSIM_TRACEBACK=1 shows where\n"
+    monkeypatch.setenv("SBLCOSIM_TRACEBACK", "1")
+    with pytest.raises(type(raised)):
+        cli("run", "paper-scenario-1")
+
+
+def test_text_that_the_terminal_cannot_show_does_no_harm(tmp_path: Path) -> None:
+    for name in ("Tauchgang 21 °", b"\xff\xfe"):
+        done = subprocess.run(
+            [sys.executable, "-m", "sblcosim", "run", name], cwd=tmp_path, check=False,
+            capture_output=True, text=True, env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        )  # fmt: skip
+        assert done.returncode == 2
+        assert re.fullmatch(r"error: scenario: must be .*\n", done.stderr)
 
 
 @pytest.mark.parametrize("out", ["full", "broken.toml", "broken.toml/below"])
@@ -366,6 +475,26 @@ def test_a_warning_is_one_line_on_stderr(
     done = cli("run", "paper-scenario-1", *SHORT, "--json")
     assert done.stderr == "warning: ekf: beware\n"
     json.loads(done.stdout)
+
+
+def test_a_warning_that_comes_again_is_one_line_with_the_number(
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = sblcosim.api.run
+
+    def warning(*arguments: Any, **options: Any) -> Any:
+        for _ in range(3):
+            with warnings.catch_warnings():  # forgets what was said already, as libraries do
+                pass
+            warnings.warn("ekf: beware", ConfigurationWarning, stacklevel=2)
+        warnings.warn("ekf: of this,\ntoo", ConfigurationWarning, stacklevel=2)
+        result = run(*arguments, **options)
+        warnings.warn("ekf: beware", ConfigurationWarning, stacklevel=2)
+        return result
+
+    monkeypatch.setattr(sblcosim.api, "run", warning)
+    done = cli("run", "paper-scenario-1", *SHORT)
+    assert done.stderr == "warning: ekf: beware (3 times)\nwarning: ekf: of this,\\ntoo\n"
 
 
 def test_an_interrupted_run_says_so_and_leaves_nothing(
@@ -519,9 +648,7 @@ def test_an_out_that_is_no_utf_8_is_one_line(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
-@pytest.mark.parametrize(
-    "command", [COMMANDS_WITH_OUT[1], COMMANDS_WITH_OUT[4]], ids=lambda c: c[0]
-)
+@pytest.mark.parametrize("command", COMMANDS_WITH_OUT[1::3], ids=lambda c: c[0])
 def test_an_out_that_is_too_deep_is_one_line(
     cli: Callable[..., Result], command: tuple[str, ...]
 ) -> None:

@@ -267,8 +267,52 @@ class Greedy(Relay):
 
 
 def test_a_python_component_cannot_change_its_inputs():
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(ConfigurationError, match=r"^g at 0 s: .* ValueError: .* read-only$"):
         run({"g": Greedy})
+
+
+@pytest.mark.parametrize(
+    ("raised", "message"),
+    [
+        (KeyError("x"), "c at 0.3 s: must not raise an exception, got KeyError: 'x'"),
+        (SystemExit(0), "c at 0.3 s: must not raise an exception, got SystemExit: 0"),
+        (ValueError("two\nlines"), "c at 0.3 s: must not raise an exception, got ValueError: "
+                                   "two lines"),
+    ],
+)  # fmt: skip
+def test_an_exception_in_a_python_component_names_it_and_the_time(raised, message):
+    class Raising(Clock):
+        def do_step(self, time_ns, step_ns, inputs):
+            if time_ns == 3 * T:
+                raise raised
+            return super().do_step(time_ns, step_ns, inputs)
+
+    with pytest.raises(ConfigurationError) as caught:
+        run({"other": Clock, "c": Raising})
+    assert str(caught.value) == message
+    assert caught.value.component == "c"
+    assert caught.value.__cause__ is raised
+
+
+def test_an_exception_before_the_start_of_a_python_component_names_it():
+    class Unready(Clock):
+        def initialise(self, start_ns, parameters):
+            raise ZeroDivisionError
+
+    with pytest.raises(ConfigurationError) as caught:
+        run({"c": Unready})
+    assert str(caught.value) == (
+        "c before the start: must not raise an exception, got ZeroDivisionError: ZeroDivisionError"
+    )
+
+
+def test_a_python_component_must_return_a_mapping():
+    class Nothing(Clock):
+        def do_step(self, time_ns, step_ns, inputs):
+            return None
+
+    with pytest.raises(ConfigurationError, match=r"^c at 0\.1 s: must return .*, got None$"):
+        run({"c": Nothing})
 
 
 def test_initial_outputs_are_those_at_the_start(fmu: Path):

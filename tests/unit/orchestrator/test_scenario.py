@@ -556,8 +556,8 @@ def test_a_dump_leaves_out_what_was_filled_in_and_has_no_effect() -> None:
         ),
         (
             {"name": "../elsewhere"},
-            "scenario: name: must begin with a letter or digit and have no slash, "
-            'got "../elsewhere"',
+            "scenario: name: must begin with a letter or digit and have no slash or control "
+            'character, got "../elsewhere"',
         ),
     ],
 )

@@ -88,6 +88,7 @@ def test_the_run_ends_with_the_path_or_after_the_given_time() -> None:
     assert load(PAPER, {"time.duration_s": 12.5}).system().stop_ns == 12_500_000_000
 
 
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 def test_a_path_without_an_end_needs_a_duration() -> None:
     endless = load(PAPER, {"target.trajectory": "white_noise_acceleration"})
     with pytest.raises(ConfigurationError, match="duration_s: must be a number for a target"):

@@ -1,0 +1,229 @@
+"""How a command ends: whatever is raised or warned about becomes a line, and an exit code."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import signal
+import sys
+import threading
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from ..errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    DamageWarning,
+    SblcosimError,
+    escaped,
+    nearest,
+    one_line,
+    shortened,
+)
+
+TRACEBACK = "SBLCOSIM_TRACEBACK"
+"""Set to anything, it lets what is no exception of ours through, with its traceback."""
+
+_NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
+"""What writing to standard output fails with; all files of ours come with their names."""
+
+_UsageError: Any = typer.BadParameter.__base__
+"""Click's, which Typer keeps in different places."""
+
+
+class Commands(TyperGroup):
+    """Commands; an unknown one is refused in our words."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if name not in self.commands and not name.startswith("-"):
+            known = list(self.commands)
+            raise ConfigurationError(
+                f"{ctx.command_path}: the command must be one of {', '.join(known)}, got "
+                f"{shortened(repr(name))}{nearest(name, known)}"
+            )
+        return super().resolve_command(ctx, args)
+
+
+class Application(Commands):
+    """Prints a line per problem, and each warning once."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], *arguments: Any, **options: Any
+    ) -> Any:
+        with _in_lines():  # messages say what people type, however the program was started
+            _check_surroundings(args)
+            return super().make_context("sblcosim", args, *arguments, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        with _in_lines(), _warnings_in_lines(), _terminable():
+            return super().invoke(ctx)
+
+
+def _check_surroundings(args: list[str]) -> None:
+    try:
+        os.getcwd()
+    except OSError:
+        raise ConfigurationError(
+            "the working directory must exist, got one that was deleted"
+        ) from None
+    for argument in args:
+        if any("\ud800" <= c <= "\udfff" for c in argument):
+            shown = shortened(repr(os.fsencode(argument)))
+            raise ConfigurationError(f"arguments: must be UTF-8, got {shown}")
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody has asked the process to end."""
+
+
+@contextmanager
+def _in_lines() -> Iterator[None]:
+    try:
+        yield
+    except (typer.Exit, typer.Abort, BrokenPipeError):
+        raise
+    except SblcosimError as error:
+        _fail(*str(error).splitlines())
+    except MemoryError:
+        _fail(
+            "the memory of this machine must be enough, got too large a run; make it shorter or "
+            "the sampling time longer"
+        )
+    except Terminated:
+        _end("terminated; nothing was written", 128 + signal.SIGTERM)
+    except KeyboardInterrupt:
+        _end("interrupted; nothing was written", 130)
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _NO_OUTPUT:
+            _forget(sys.stdout)
+            _fail(f"output: must be writable, got {error.strerror}")
+        if isinstance(error, _UsageError):
+            if type(error).__name__ == "NoArgsIsHelpError":
+                raise
+            _fail(_usage(error))
+        if os.environ.get(TRACEBACK):
+            raise
+        _fail(f"{_unforeseen(error)}; {TRACEBACK}=1 shows where")
+
+
+def _fail(*lines: str) -> NoReturn:
+    for line in lines:
+        typer.echo(f"error: {escaped(line)}", err=True)
+    raise typer.Exit(2) from None
+
+
+def _end(line: str, code: int) -> NoReturn:
+    typer.echo(line, err=True)
+    raise typer.Exit(code) from None
+
+
+def _unforeseen(error: Exception) -> str:
+    """What is said of an exception that nobody has turned into one of ours."""
+    if isinstance(error, OSError) and error.strerror:
+        if error.filename is None:
+            return f"reading and writing must succeed, got {error.strerror}"
+        where = shortened(os.fsdecode(error.filename))
+        return f"{where}: must be readable and writable, got {error.strerror}"
+    got = f"{type(error).__name__}: {shortened(one_line(error))}"
+    return f"this must not happen, please report it: got {got}"
+
+
+def _forget(stream: Any) -> None:
+    """Let what waits to be written go nowhere: at the end it would fail again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with the arguments."""
+    where = "sblcosim" if error.ctx is None else error.ctx.command_path
+    param = getattr(error, "param", None)
+    if hasattr(error, "possibilities"):
+        known = [*(o for p in error.ctx.command.params for o in _names(p)), "--help"]
+        name = error.option_name
+        return (
+            f"{where}: an option must be one of {', '.join(known)}, got {shortened(repr(name))}"
+            f"{nearest(name, known)}"
+        )
+    if hasattr(error, "option_name"):
+        alone = "not take" in error.message
+        return f"{error.option_name}: must " + (
+            "stand alone, got a value" if alone else "have a value, got none"
+        )
+    if param is not None and type(error).__name__ == "MissingParameter":
+        name = (_names(param) or [param.metavar])[0]
+        return f"{where}: {name} must be given, got nothing; {where} --help says what it is"
+    if param is not None:
+        return f"{(_names(param) or [param.metavar])[0]}: {one_line(error)}"
+    extra = re.match(r"Got unexpected extra arguments? ?(?:\(s\) )?\((.*)\)$", error.message, re.S)
+    if extra:
+        takes = [p.metavar for p in error.ctx.command.params if not _names(p)]
+        what = f"no arguments beside {' '.join(takes)}" if takes else "no arguments"
+        return f"{where}: must have {what}, got {shortened(extra[1])}"
+    return f"{where}: {shortened(error.message)}"
+
+
+def _names(param: Any) -> list[str]:
+    """Of an option; an argument has none."""
+    return [name for name in param.opts if name.startswith("-")]
+
+
+_pending: Counter[str] = Counter()
+_said: set[str] = set()
+
+
+@contextmanager
+def _warnings_in_lines() -> Iterator[None]:
+    """Print each warning once, with the number of times it was given."""
+    _pending.clear()
+    _said.clear()
+    try:
+        with warnings.catch_warnings():
+            for ours in (ConfigurationWarning, DamageWarning):
+                warnings.simplefilter("always", ours)
+            warnings.showwarning = _note
+            yield
+    finally:
+        say_warnings()
+
+
+def _note(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    if str(message) not in _said:
+        _pending[str(message)] += 1
+
+
+def say_warnings() -> None:
+    """Print the warnings that were given until now."""
+    for text, times in list(_pending.items()):
+        again = f" ({times} times)" if times > 1 else ""
+        typer.echo(f"warning: {escaped(text)}{again}", err=True)
+    _said.update(_pending)
+    _pending.clear()
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command as Ctrl-C does: what is half written is removed."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

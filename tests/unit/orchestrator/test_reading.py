@@ -1,0 +1,129 @@
+"""Texts in TOML that are too long, too deep or too large: one short line each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sblcosim import analysis, study
+from sblcosim.cli import app
+from sblcosim.errors import ConfigurationError
+from sblcosim.reading import DEEPEST, check_values, parse
+from sblcosim.scenario import load
+from typer.testing import CliRunner
+
+LONG = "a" * 5000
+KEY = ".".join(["a"] * 3000)
+DIGITS = "9" * 5000
+TEXTS = {
+    "deep arrays": ("x = " + "[" * 5000 + "]" * 5000, "at most 16 levels, got far more"),
+    "deep tables": ("x = " + "{a=" * 5000 + "1" + "}" * 5000, "at most 16 levels, got far more"),
+    "long key": (f"[platform]\n{KEY} = 1", "at most 16 levels, got more"),
+    "long table": (f"[{KEY}]\nx = 1", "at most 16 levels, got more"),
+    "digits": (f"seed = {DIGITS}", "integers of 64 bits, got one of thousands of digits"),
+    "hexadecimal": (f"seed = 0x{'f' * 5000}", "must have integers of 64 bits, got an integer"),
+    "65 bits": (f"seed = {2**63}", f"seed: must have integers of 64 bits, got {2**63}"),
+    "inside": (f"[a]\nb = [1, {-(2**63) - 1}]", "a.b.2: must have integers of 64 bits"),
+    "no value": (f"{LONG} =", "Invalid value"),
+    "twice": (f"{LONG} = 1\n{LONG} = 2", "Cannot overwrite"),
+}
+
+
+def line_of(call: Callable[[], object]) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        call()
+    line = str(caught.value)
+    assert len(line) < 600, line
+    assert "\n" not in line
+    return line
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_text_that_is_too_much_is_refused_in_one_short_line(name: str, tmp_path: Path) -> None:
+    text, message = TEXTS[name]
+    for kind, read in (
+        ("scenario", load), ("study", study.load), ("costs", analysis._read),
+    ):
+        file = tmp_path / f"{kind}.toml"
+        file.write_text(text)
+        line = line_of(lambda: read(file))  # noqa: B023
+        assert line.startswith(str(file))
+        assert message in line
+
+
+def test_the_largest_integers_and_the_deepest_tables_are_read() -> None:
+    assert parse("x", f"a = [{2**63 - 1}, {-(2**63)}]") == {"a": [2**63 - 1, -(2**63)]}
+    parse("x", ".".join(["a"] * DEEPEST) + " = 1")
+    line_of(lambda: parse("x", ".".join(["a"] * (DEEPEST + 1)) + " = 1"))
+    line_of(lambda: check_values("x", 1, DEEPEST + 1))
+
+
+OVERRIDES: list[Any] = [
+    [f"{KEY}=1"],
+    [f"receiver.parameters.{KEY}=1"],
+    {KEY: 1},
+    [f"seed={DIGITS}"],
+    [f"seed=0x{'f' * 5000}"],
+    {"time.duration_s": 10**5000},
+    [f"platform.arm_length_m={'[' * 5000}{']' * 5000}"],
+    [f"platform.arm_length_m={'@' * 5000}"],
+    [f"platform.{LONG}=1"],
+    [f"{LONG}.x=1"],
+    [LONG],
+    [f"target.trajectory={LONG}"],
+    [f"platform.mean_position_m=[{'9, ' * 5000}1]"],
+    [f"name={LONG}"],
+    ['name="a\\u0000b"'],
+    [f"time.duration_s={LONG}"],
+    {f"seed.{LONG}": 1},
+    {"receiver": {"type": "ekf", "fmu": LONG}},
+]
+
+
+@pytest.mark.parametrize("overrides", OVERRIDES, ids=range(len(OVERRIDES)))
+def test_an_override_that_is_too_much_is_refused_in_one_short_line(overrides: Any) -> None:
+    line = line_of(lambda: load("paper-scenario-1", overrides))
+    assert line.startswith("override")
+
+
+ARM = {"keys": ["platform.arm_length_m"], "levels": [1, 2]}
+STUDIES: list[dict[str, Any]] = [
+    {"name": LONG, "factors": {"a": ARM}},
+    {"scenario": LONG, "factors": {"a": ARM}},
+    {"fixed": {KEY: 1}, "factors": {"a": ARM}},
+    {"factors": {LONG: ARM}},
+    {"factors": {"a": {**ARM, LONG: 1}}},
+    {"factors": {"a": {**ARM, "keys": [LONG]}}},
+    {"factors": {"a": {**ARM, "label": f"{LONG} × b"}}},
+    {"factors": {"a": {**ARM, "levels": [1, 10**400]}}},
+    {"factors": {"a": {**ARM, "levels": [1, LONG]}}},
+    {"factors": {"a": ARM}, "design": {"kind": LONG}},
+    {"factors": {"a": ARM}, "design": {"kind": "fraction", "generators": [LONG]}},
+    {"factors": {"a": ARM}, "settling_time_s": 10**400},
+    {"factors": {"a": ARM}, LONG: 1},
+]
+
+
+@pytest.mark.parametrize("tables", STUDIES, ids=range(len(STUDIES)))
+def test_a_study_that_is_too_much_is_refused_in_one_short_line(tables: dict[str, Any]) -> None:
+    line_of(lambda: study.load({"scenario": "paper-scenario-1", **tables}))
+
+
+@pytest.mark.parametrize("receiver", [LONG, f"{LONG}.fmu"])
+def test_a_receiver_that_is_no_file_is_refused_in_one_short_line(receiver: str) -> None:
+    line_of(lambda: load("paper-scenario-1").system(receiver))
+
+
+def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
+    (tmp_path / "deep.toml").write_text(TEXTS["deep arrays"][0])
+    for arguments in (
+        ["run", str(tmp_path / "deep.toml")], ["run", LONG], ["study", LONG],
+        ["run", "paper-scenario-1", "--set", f"{KEY}=1"],
+    ):
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2
+        assert isinstance(result.exception, SystemExit)
+        assert result.stderr.startswith("error: ")
+        assert result.stderr.count("\n") == 1

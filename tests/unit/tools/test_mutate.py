@@ -1,0 +1,180 @@
+"""The tool that looks for changes that no test notices, on a tiny project."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+TOOLS = Path(__file__).parents[3] / "tools"
+
+PYTHON = '''\
+"""A module."""
+
+from __future__ import annotations
+
+SECOND = 1_000_000_000
+
+
+def path(speed: float, ticks: int, table: list[float]) -> float:
+    """Metres on the way."""
+    if ticks < 0:
+        raise ValueError(f"must not be {-ticks - 1}")
+    length: float = speed * ticks / 1e9 + table[0]
+    length -= 0.5
+    return length
+'''
+
+C = """\
+#include <math.h>
+#define HALF 0.5
+/* a - b */
+static double area(const double *side, int n)
+{
+    double table[2] = {1.0, 2.0};
+    if (n < 0)
+        return -1.0;
+    return side[0] * side[n] + table[1] - HALF * 2.0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def mutate() -> ModuleType:
+    sys.path.insert(0, str(TOOLS))
+    try:
+        spec = importlib.util.spec_from_file_location("mutate", TOOLS / "mutate.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules["mutate"] = module
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(TOOLS))
+
+
+def lines(mutate: ModuleType, source: str, suffix: str) -> set[tuple[str, str]]:
+    """Kind and changed line of each mutation."""
+    found = set()
+    for mutation in mutate.mutations(source, suffix):
+        before, after = source.splitlines(), mutation.of(source).splitlines()
+        assert len(before) == len(after)
+        ((_, new),) = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
+        found.add((mutation.kind, new.strip()))
+    return found
+
+
+def test_python_is_mutated_by_its_syntax(mutate: ModuleType) -> None:
+    found = lines(mutate, PYTHON, ".py")
+    assert {
+        ("unit", "SECOND = (1_000_000_000 * 1000)"),
+        ("comparison", "if ticks <= 0:"),
+        ("check", "if False:"),
+        ("sign", "length: float = speed * ticks / 1e9 - table[0]"),
+        ("term", "length: float = speed * ticks / 1e9"),
+        ("term", "length: float = table[0]"),
+        ("term", "length: float = speed * ticks + table[0]"),
+        ("term", "length: float = ticks / 1e9 + table[0]"),
+        ("factor", "length: float = (2 * (speed * ticks)) / 1e9 + table[0]"),
+        ("index", "length: float = speed * ticks / 1e9 + table[1]"),
+        ("unit", "length: float = speed * ticks / (1e9 * 1000) + table[0]"),
+        ("sign", "length += 0.5"),
+        ("factor", "length -= (2 * 0.5)"),
+    } <= found
+    for _, line in found:  # no messages, annotations or docstrings
+        assert "must" not in line
+        assert "def " not in line
+        assert "Metres" not in line
+
+
+def test_every_mutation_of_python_compiles_and_differs(mutate: ModuleType) -> None:
+    source = (TOOLS / "versions.py").read_text()
+    known = {ast.dump(ast.parse(source))}
+    for mutation in mutate.mutations(source, ".py"):
+        tree = ast.parse(mutation.of(source))
+        compile(tree, "mutated", "exec")
+        assert ast.dump(tree) not in known
+        known.add(ast.dump(tree))
+
+
+def test_c_is_mutated_by_its_tokens(mutate: ModuleType) -> None:
+    found = lines(mutate, C, ".c")
+    assert {
+        ("comparison", "if (n <= 0)"),
+        ("check", "if (0)"),
+        ("sign", "return +1.0;"),
+        ("sign", "return side[0] * side[n] - table[1] - HALF * 2.0;"),
+        ("term", "return side[0]  + table[1] - HALF * 2.0;"),
+        ("term", "return side[0] * side[n] + table[1] ;"),
+        ("factor", "#define HALF (2 * 0.5)"),
+        ("index", "return side[0] * side[(n) + 1] + table[1] - HALF * 2.0;"),
+        ("index", "return side[(0) + 1] * side[n] + table[1] - HALF * 2.0;"),
+        ("factor", "return 2 * (side[0] * side[n] + table[1] - HALF * 2.0);"),
+        ("factor", "return side[0] * side[n] + table[1] - HALF * (2 * 2.0);"),
+    } <= found
+    for _, line in found:
+        assert not line.startswith(("#include", "/*", "static"))
+        assert "table[(2" not in line
+
+
+def test_a_seed_chooses_of_all_kinds(mutate: ModuleType) -> None:
+    known = mutate.mutations(PYTHON, ".py")
+    numbers = mutate.chosen(7, known, 3)
+    assert numbers == mutate.chosen(7, known, 3) != mutate.chosen(7, known, 4)
+    assert {known[n].kind for n in numbers} == set(mutate.KINDS)
+    assert sorted(mutate.chosen(999, known, 3)) == list(range(len(known)))
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    root = tmp_path / "project"
+    (root / "tests").mkdir(parents=True)
+    (root / "way.py").write_text(PYTHON)
+    (root / "tests" / "test_way.py").write_text(
+        "from way import path\n"
+        "def test_path(): assert abs(path(3.0, 2_000_000_000, [1.0, 7.0]) - 6.5) < 1e-9\n"
+    )
+    return root
+
+
+def run(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(TOOLS / "mutate.py"), "way.py", "--root", str(project),
+         "--tests", "tests/test_way.py -p no:xdist", *arguments],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_survivors_are_printed_as_differences_and_the_tree_is_not_touched(
+    mutate: ModuleType, project: Path
+) -> None:
+    known = mutate.mutations(PYTHON, ".py")
+    numbers = {
+        m.kind: n for n, m in enumerate(known) if m.text in {"False", "<=", "-", "(2 * 0.5)"}
+    }
+    chosen = [f"--number={n}" for n in numbers.values()]
+    done = run(project, *chosen)
+    assert (project / "way.py").read_text() == PYTHON
+    assert not list(project.rglob("__pycache__"))
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "-    if ticks < 0:\n+    if ticks <= 0:\n" in done.stdout
+    assert "-    if ticks < 0:\n+    if False:\n" in done.stdout
+    assert f"number {numbers['sign']} of {len(known)}: sign, line 12: killed\n" in done.stdout
+    assert done.stdout.endswith("seed 1: 2 of 4 mutations of way.py survive\n")
+
+
+def test_tests_that_fail_already_and_builds_that_fail_are_told(project: Path) -> None:
+    done = run(project, "--count", "2", "--build", "false")
+    assert done.returncode == 2
+    assert "must pass before anything is changed, got: does not build" in done.stderr
+    slow = project / "tests" / "test_way.py"
+    slow.write_text("import time\ndef test_slow(): time.sleep(60)\n")
+    done = run(project, "--count", "2", "--limit", "2")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "got: slow" in done.stderr

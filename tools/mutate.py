@@ -1,0 +1,503 @@
+"""Change a source file a little, many times, and say which changes no test notices.
+
+    python tools/mutate.py orchestrator/store.py --seed 7 --count 20 \\
+        --tests 'tests/unit/orchestrator/test_store.py'
+
+Each mutation is made alone, in a copy of this tree, and the tests run until one fails. What
+survives is printed as a diff with its number; ``--number 12`` makes that mutation again. Kinds: a
+sign, a comparison, a term or factor dropped, a factor of two, an index one further, a check
+removed, a unit (a factor of time, length or angle). C files need ``--build``, a command that fails
+if the file does not compile, e.g.
+``--build 'python -c "from sblcosim.fmus import factory; factory.build(\\"ekf\\")"'``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import contextlib
+import difflib
+import os
+import random
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+from tree import ROOT, copy
+
+KINDS = ("sign", "comparison", "term", "factor", "index", "check", "unit")
+OPPOSITES = {
+    "<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "in": "not in",
+    "not in": "in", "is": "is not", "is not": "is", "and": "or", "or": "and", "&&": "||",
+    "||": "&&",
+}  # fmt: skip
+POWER_OF_TEN = re.compile(r"1e[+-]?0*([3-9]|1\d)|1_?000(_?000)*(\.0)?|0\.001", re.I)
+MORE_UNITS = {"60": "1", "60.0": "1.0", "3600": "60", "3600.0": "60.0", "180": "1", "180.0": "1.0"}
+ANGLES = {
+    "radians": "degrees", "degrees": "radians", "deg2rad": "rad2deg", "rad2deg": "deg2rad",
+}  # fmt: skip
+SPEAKS = re.compile(r"(^|\.)(warn|echo|print|debug|info|warning|error|log|add_argument|fail)$")
+CHECKS = re.compile(r"(^|[._])(check|refuse|require|validate|verify|ensure|raise|must)\w*$")
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """A part of a text, by its characters, and what stands there instead."""
+
+    kind: str
+    start: int
+    end: int
+    text: str
+
+    def of(self, source: str) -> str:
+        """The changed text."""
+        return source[: self.start] + self.text + source[self.end :]
+
+
+def mutations(source: str, suffix: str) -> list[Mutation]:
+    """All mutations of a file that compile, in the order of their places.
+
+    Parameters
+    ----------
+    source
+        Content of the file.
+    suffix
+        Of its name: ``.py``, or ``.c`` and ``.h``, of which nothing is compiled here.
+    """
+    if suffix == ".py":
+        known = ast.dump(ast.parse(source))
+        found = {m for m in _Python(source) if known != _dump(m.of(source))}
+    else:
+        found = set(_of_c(source))
+    return sorted(found, key=lambda m: (m.start, m.end, KINDS.index(m.kind), m.text))
+
+
+def _dump(source: str) -> str | None:
+    """Of a text that does not compile, that of no change."""
+    try:
+        tree = ast.parse(source)
+        compile(tree, "mutated", "exec", dont_inherit=True)
+    except (SyntaxError, ValueError):
+        return None
+    return ast.dump(tree)
+
+
+class _Python:
+    """The mutations of a Python file."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.tree = ast.parse(source)
+        self.lines = source.splitlines(keepends=True)
+        self.starts = [0]
+        for line in self.lines:
+            self.starts.append(self.starts[-1] + len(line))
+
+    def __iter__(self) -> Iterator[Mutation]:
+        for mutation in self._below(self.tree):
+            if _dump(mutation.of(self.source)) is not None:
+                yield mutation
+
+    def _below(self, node: ast.AST) -> Iterator[Mutation]:
+        yield from self._at(node)
+        for name, value in ast.iter_fields(node):
+            if name in {"annotation", "returns", "decorator_list", "type_params"}:
+                continue
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST) and not self._is_silent(child):
+                    yield from self._below(child)
+
+    def _is_silent(self, node: ast.AST) -> bool:
+        """Whether it is a message, or else nothing that a test could notice."""
+        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
+            return True
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            return True
+        return isinstance(node, ast.Call) and bool(SPEAKS.search(ast.unparse(node.func)))
+
+    def _at(self, node: ast.AST) -> Iterator[Mutation]:
+        match node:
+            case ast.BinOp(left, op, right) if not _is_text(left) and not _is_text(right):
+                yield from self._arithmetic(node, left, op, right)
+            case ast.AugAssign(target, ast.Add() | ast.Sub() as op, value):
+                start, end = self._end(target), self._start(value)
+                old, new = ("+=", "-=") if isinstance(op, ast.Add) else ("-=", "+=")
+                yield from self._swap("sign", start, end, old, new)
+            case ast.UnaryOp(ast.USub(), _):
+                yield Mutation("sign", self._start(node), self._start(node) + 1, "+")
+            case ast.Compare():
+                operands = pairwise([node.left, *node.comparators])
+                for (a, b), symbol in zip(operands, node.ops, strict=True):
+                    old = _SYMBOLS[type(symbol)]
+                    yield from self._swap(
+                        "comparison", self._end(a), self._start(b), old, OPPOSITES[old]
+                    )
+            case ast.BoolOp():
+                old = "and" if isinstance(node.op, ast.And) else "or"
+                for a, b in pairwise(node.values):
+                    yield from self._swap(
+                        "comparison", self._end(a), self._start(b), old, OPPOSITES[old]
+                    )
+            case ast.Subscript(_, index):
+                yield from self._index(index)
+            case ast.If(test, [*_, ast.Raise() | ast.Return() | ast.Continue() | ast.Break()], []):
+                yield self._whole("check", test, "False")
+            case ast.Expr(ast.Call(func)) if CHECKS.search(ast.unparse(func)):
+                yield self._whole("check", node, "pass")
+            case ast.Constant(int() | float() as value) if not isinstance(value, bool):
+                yield from self._number(node, value)
+            case ast.Attribute(_, name) | ast.Name(name) if name in ANGLES:
+                end = self._end(node)
+                yield Mutation("unit", end - len(name), end, ANGLES[name])
+            case ast.Name("SECOND", ast.Load()):
+                yield self._whole("unit", node, "(SECOND // 1000)")
+
+    def _arithmetic(
+        self, node: ast.BinOp, left: ast.expr, op: ast.operator, right: ast.expr
+    ) -> Iterator[Mutation]:
+        if not isinstance(op, ast.Add | ast.Sub | ast.Mult | ast.Div | ast.FloorDiv | ast.Pow):
+            return
+        if isinstance(op, ast.Add | ast.Sub):
+            old, new = ("+", "-") if isinstance(op, ast.Add) else ("-", "+")
+            yield from self._swap("sign", self._end(left), self._start(right), old, new)
+        yield self._whole("term", node, self._text(left))
+        if isinstance(op, ast.Add | ast.Mult):
+            yield self._whole("term", node, self._text(right))
+        yield self._whole("factor", node, f"(2 * ({self._text(node)}))")
+
+    def _index(self, index: ast.expr) -> Iterator[Mutation]:
+        parts = index.elts if isinstance(index, ast.Tuple) else [index]
+        ends = [end for p in parts if isinstance(p, ast.Slice) for end in (p.lower, p.upper)]
+        for part in (*ends, *(p for p in parts if not isinstance(p, ast.Slice))):
+            if isinstance(part, ast.Name | ast.Attribute | ast.BinOp):
+                yield self._whole("index", part, f"({self._text(part)} + 1)")
+            elif part is not None and re.fullmatch(r"-?\d+", self._text(part)):
+                step = -1 if self._text(part).startswith("-") else 1
+                yield self._whole("index", part, str(int(self._text(part)) + step))
+
+    def _number(self, node: ast.Constant, value: float) -> Iterator[Mutation]:
+        text = self._text(node)
+        if POWER_OF_TEN.fullmatch(text):
+            yield self._whole("unit", node, f"({text} * 1000)")
+        elif text in MORE_UNITS:
+            yield self._whole("unit", node, MORE_UNITS[text])
+        if isinstance(value, float) and value:
+            yield self._whole("factor", node, f"(2 * {text})")
+
+    def _swap(self, kind: str, start: int, end: int, old: str, new: str) -> Iterator[Mutation]:
+        """Between two expressions stand their operator, brackets, spaces and comments."""
+        between = re.sub(r"#.*", lambda m: " " * len(m[0]), self.source[start:end])
+        pattern = r"\s+".join(map(re.escape, old.split()))
+        found = re.search(pattern, between)
+        if found:
+            yield Mutation(kind, start + found.start(), start + found.end(), new)
+
+    def _whole(self, kind: str, node: ast.expr | ast.stmt, text: str) -> Mutation:
+        return Mutation(kind, self._start(node), self._end(node), text)
+
+    def _text(self, node: ast.expr) -> str:
+        return self.source[self._start(node) : self._end(node)]
+
+    def _start(self, node: ast.expr | ast.stmt) -> int:
+        return self._offset(node.lineno, node.col_offset)
+
+    def _end(self, node: ast.expr | ast.stmt) -> int:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        return self._offset(node.end_lineno, node.end_col_offset)
+
+    def _offset(self, line: int, column: int) -> int:
+        """The syntax tree counts bytes."""
+        return self.starts[line - 1] + len(self.lines[line - 1].encode()[:column].decode())
+
+
+_SYMBOLS: dict[type[ast.cmpop], str] = {
+    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
+    ast.In: "in", ast.NotIn: "not in", ast.Is: "is", ast.IsNot: "is not",
+}  # fmt: skip
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.JoinedStr) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
+    )
+
+
+TOKEN = re.compile(
+    r"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\\\n)
+      | (?P<directive>^[ \t]*\#[ \t]*(?!define)(?:\\\n|[^\n])*)
+      | (?P<define>^[ \t]*\#[ \t]*define[ \t]+\w+(?:\([^)]*\))?)
+      | (?P<text>"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')
+      | (?P<number>(?:\d|\.\d)(?:[eEpP][+-]|[\w.])*)
+      | (?P<name>[A-Za-z_]\w*)
+      | (?P<sign><<=|>>=|\.\.\.|->|\+\+|--|<<|>>|<=|>=|==|!=|&&|\|\||[-+*/%&|^]=|.)""",
+    re.VERBOSE | re.DOTALL | re.MULTILINE,
+)
+TYPES = {
+    "return", "sizeof", "case", "const", "double", "int", "size_t", "char", "void", "else",
+    "unsigned", "static", "real", "struct", "float", "uint32_t", "uint64_t", "int64_t", "int32_t",
+}  # fmt: skip
+LEAVES = {"return", "goto", "continue", "break"}
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str
+    text: str
+    start: int
+    end: int
+
+
+def _of_c(source: str) -> Iterator[Mutation]:
+    """The mutations of a C file, from its tokens."""
+    tokens = [
+        _Token(str(m.lastgroup), m[0], m.start(), m.end())
+        for m in TOKEN.finditer(source)
+        if m.lastgroup not in {"skip", "directive", "define"}
+    ]
+    for i, token in enumerate(tokens[:-1]):
+        before = tokens[i - 1] if i else None
+        binary = before is not None and (
+            before.text in {")", "]"}
+            or (before.kind in {"name", "number"} and before.text not in TYPES)
+        )
+        if token.text in {"+", "-", "*", "/"} and binary and before is not None:
+            if token.text in "+-":
+                new = "-" if token.text == "+" else "+"
+                yield Mutation("sign", token.start, token.end, new)
+            last = _operand(tokens, i + 1, products=token.text in "+-")
+            if last is not None:
+                yield Mutation("term", token.start, tokens[last].end, "")
+        elif token.text == "-":
+            yield Mutation("sign", token.start, token.end, "+")
+        elif token.text in {"+=", "-="}:
+            yield Mutation("sign", token.start, token.end, "-=" if token.text == "+=" else "+=")
+        elif token.text in OPPOSITES and token.kind == "sign":
+            yield Mutation("comparison", token.start, token.end, OPPOSITES[token.text])
+        elif token.text in {"=", "return"}:
+            last = _until(tokens, i + 1, {";", ",", "{"})
+            if (
+                last is not None
+                and tokens[last].text == ";"
+                and (last > i + 2 or tokens[i + 1].kind == "name")
+            ):
+                start, end = tokens[i + 1].start, tokens[last - 1].end
+                yield Mutation("factor", start, end, f"2 * ({source[start:end]})")
+        elif token.text == "[" and binary:
+            last = _until(tokens, i + 1, {"]"})
+            if last is not None and last > i + 1 and not _declares(tokens, i - 2):
+                start, end = tokens[i + 1].start, tokens[last].start
+                yield Mutation("index", start, end, f"({source[start:end]}) + 1")
+        elif token.text == "if" and tokens[i + 1].text == "(":
+            last = _until(tokens, i + 2, {")"})
+            if last is not None:
+                then = tokens[last + 1 :][:2]
+                words = [t.text for t in then if t.text != "{"]
+                if words and words[0] in LEAVES:
+                    yield Mutation("check", tokens[i + 2].start, tokens[last].start, "0")
+        elif token.kind == "number" and POWER_OF_TEN.fullmatch(token.text):
+            yield Mutation("unit", token.start, token.end, f"({token.text} * 1000)")
+        elif token.kind == "number" and re.fullmatch(r"\d*\.\d*(e[+-]?\d+)?", token.text):
+            yield Mutation("factor", token.start, token.end, f"(2 * {token.text})")
+
+
+def _declares(tokens: Sequence[_Token], i: int) -> bool:
+    """Whether what stands before a name makes it a declaration."""
+    while i > 0 and tokens[i].text == "*":
+        i -= 1
+    return i >= 0 and tokens[i].kind == "name" and tokens[i].text not in {"return", "sizeof"}
+
+
+def _operand(tokens: Sequence[_Token], i: int, products: bool) -> int | None:
+    """Place of the last token of what an operator works on from the right."""
+    while i < len(tokens) and tokens[i].text in {"-", "+", "!", "*", "&"}:
+        i += 1
+    if i >= len(tokens) or not (tokens[i].kind in {"name", "number"} or tokens[i].text == "("):
+        return None
+    last = i
+    if tokens[i].text == "(":
+        closing = _until(tokens, i + 1, {")"})
+        if closing is None:
+            return None
+        last = closing
+    while last + 1 < len(tokens):
+        following = tokens[last + 1].text
+        if following in {"(", "["}:
+            closing = _until(tokens, last + 2, {")" if following == "(" else "]"})
+            if closing is None:
+                return None
+            last = closing
+        elif following in {".", "->"}:
+            last += 2
+        elif products and following in {"*", "/"}:
+            more = _operand(tokens, last + 2, products=True)
+            return last if more is None else more
+        else:
+            break
+    return last
+
+
+def _until(tokens: Sequence[_Token], i: int, ends: set[str]) -> int | None:
+    """Place of the first of some tokens outside brackets that are opened on the way."""
+    depth = 0
+    for place in range(i, len(tokens)):
+        text = tokens[place].text
+        if depth == 0 and text in ends:
+            return place
+        if text in {"(", "[", "{"}:
+            depth += 1
+        elif text in {")", "]", "}"}:
+            depth -= 1
+            if depth < 0:
+                return None
+    return None
+
+
+def chosen(
+    count: int, known: Sequence[Mutation], seed: int, kinds: Sequence[str] = KINDS
+) -> list[int]:
+    """Numbers of some mutations, of all kinds as evenly as they are there."""
+    generator = random.Random(seed)
+    heaps = [[n for n, m in enumerate(known) if m.kind == kind] for kind in kinds]
+    for heap in heaps:
+        generator.shuffle(heap)
+    numbers: list[int] = []
+    while any(heaps) and len(numbers) < count:
+        numbers += [heap.pop() for heap in heaps if heap]
+    return numbers[:count]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A copy of a tree, in which files are changed and tests run.
+
+    Attributes
+    ----------
+    folder
+        Has the copy in ``tree``.
+    limit
+        Seconds that the tests may take.
+    """
+
+    folder: Path
+    tests: Sequence[str]
+    build: Sequence[str]
+    limit: float
+
+    @property
+    def tree(self) -> Path:
+        return self.folder / "tree"
+
+    def outcome(self) -> str:
+        """What the tests say of the tree as it is: passed, killed, slow, or does not build."""
+        if self.build and self._run(self.build) != 0:
+            return "does not build"
+        code = self._run([sys.executable, "-m", "pytest", "-x", "-q", *self.tests])
+        if code in {0, 1, None}:
+            return {0: "passed", 1: "killed", None: "slow"}[code]
+        return "killed"  # it cannot be imported, or ends the interpreter
+
+    def _run(self, command: Sequence[str]) -> int | None:
+        process = subprocess.Popen(
+            command, cwd=self.tree, env=self._environment, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            return process.wait(self.limit)
+        except subprocess.TimeoutExpired:
+            return None
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # and what it has left behind
+            process.wait()
+
+    @cached_property
+    def _environment(self) -> dict[str, str]:
+        """That of processes that import what is in the copy, however it is installed."""
+        site = self.folder / "site"
+        for package, folder in sorted(_package_folders(self.tree).items()):
+            place = site.joinpath(*package.split("."))
+            place.mkdir(parents=True, exist_ok=True)
+            for entry in (self.tree / folder).iterdir():
+                (place / entry.name).symlink_to(entry)
+        return os.environ | {
+            "PYTHONPATH": os.pathsep.join(map(str, (site, self.tree, self.tree / "src"))),
+            "PYTHONDONTWRITEBYTECODE": "1",  # a file may change twice in a second
+            "SBLCOSIM_CACHE": str(self.folder / "cache"),
+            "MPLBACKEND": "Agg",
+        }
+
+
+def _package_folders(tree: Path) -> dict[str, str]:
+    file = tree / "pyproject.toml"
+    tools = tomllib.loads(file.read_text())["tool"] if file.is_file() else {}
+    folders: dict[str, str] = tools.get("setuptools", {}).get("package-dir", {})
+    return folders
+
+
+def main() -> int:
+    """Print the survivors; the exit code is 1 if there are any, 2 if nothing could be done."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("file", help="to be changed, from the root of the tree")
+    parser.add_argument("--tests", required=True, help="arguments for pytest")
+    parser.add_argument("--seed", type=int, default=1, help="of the choice")
+    parser.add_argument("--count", type=int, default=20, help="how many mutations")
+    parser.add_argument("--number", type=int, action="append", help="this one; may be repeated")
+    parser.add_argument("--kind", choices=KINDS, action="append", help="only these")
+    parser.add_argument("--build", default="", help="command that fails on what does not compile")
+    parser.add_argument("--limit", type=float, help="seconds [ten times what the tests take]")
+    parser.add_argument("--root", type=Path, default=ROOT, help="the tree [this one]")
+    given = parser.parse_args()
+
+    source = (given.root / given.file).read_text()
+    known = mutations(source, Path(given.file).suffix)
+    numbers = given.number or chosen(given.count, known, given.seed, given.kind or KINDS)
+    with tempfile.TemporaryDirectory(prefix="sblcosim-mutate-") as name:
+        tests, build = shlex.split(given.tests), shlex.split(given.build)
+        bench = Bench(Path(name), tests, build, given.limit or 3600.0)
+        copy(given.root, bench.tree)
+        started = time.monotonic()
+        if (found := bench.outcome()) != "passed":
+            print(f"the tests must pass before anything is changed, got: {found}", file=sys.stderr)
+            return 2
+        if not given.limit:
+            bench = replace(bench, limit=10 * (time.monotonic() - started) + 10)
+        counts: Counter[str] = Counter()
+        for number in numbers:
+            mutated = known[number].of(source)
+            (bench.tree / given.file).write_text(mutated)
+            found = bench.outcome()
+            counts[found] += 1
+            line = 1 + source.count("\n", 0, known[number].start)
+            where = f"number {number} of {len(known)}: {known[number].kind}, line {line}"
+            print(f"{where}: {'SURVIVED' if found == 'passed' else found}", flush=True)
+            if found == "passed":
+                print(difference(given.file, source, mutated), flush=True)
+    tried = sum(counts.values()) - counts["does not build"]
+    print(f"seed {given.seed}: {counts['passed']} of {tried} mutations of {given.file} survive")
+    return 1 if counts["passed"] else 0
+
+
+def difference(name: str, before: str, after: str) -> str:
+    """As a unified diff."""
+    lines = difflib.unified_diff(
+        before.splitlines(), after.splitlines(), f"a/{name}", f"b/{name}", lineterm="", n=1
+    )
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
