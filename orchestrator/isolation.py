@@ -66,6 +66,7 @@ _PROGRAM = (
 @contextlib.contextmanager
 def patience(seconds: float | None) -> Iterator[None]:
     """Set `PATIENCE` for a while, if it is given."""
+    check_patience(seconds)
     before = PATIENCE.get()
     PATIENCE.set(before if seconds is None else seconds)
     try:
@@ -73,6 +74,18 @@ def patience(seconds: float | None) -> Iterator[None]:
     finally:
         PATIENCE.set(before)
 
+
+
+def check_patience(seconds: float | None) -> None:
+    """Refuse what is no time to wait.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not positive.
+    """
+    if seconds is not None and not seconds > 0:
+        raise ConfigurationError(f"step timeout: must be positive, got {seconds!r}")
 
 
 def strangers(plan: Plan) -> tuple[str, ...]:

@@ -61,8 +61,7 @@ def execute(
         check_choice("master", master, MASTERS)
     else:
         master = "native" if native.foreign(plan) is None and native.available() else "python"
-    if step_timeout is not None and not step_timeout > 0:
-        raise ConfigurationError(f"step timeout: must be positive, got {step_timeout!r}")
+    isolation.check_patience(step_timeout)
     if master == "lanes":
         _refuse_timeout(master, step_timeout)
         return _one_lane(plan, progress, record)

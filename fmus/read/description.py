@@ -182,8 +182,8 @@ def _problems(description: ModelDescription) -> Iterator[str]:
     internal = None if kind is None else kind.fixedInternalStepSize
     if internal is not None and not _is(float, internal):
         yield f"fixedInternalStepSize is no number: {shown(str(internal))}"
-    identifier = "" if kind is None else str(kind.modelIdentifier)
-    if not identifier.isprintable() or re.search(r"[/\\:]", identifier):
+    identifier = "none" if kind is None else kind.modelIdentifier or ""
+    if not identifier or not identifier.isprintable() or re.search(r"[/\\:]", identifier):
         yield f"modelIdentifier is no file name: {shown(identifier)}"
 
 
@@ -296,7 +296,8 @@ def library_in(names: Iterable[str], fmi: int, identifier: str, fmu: str) -> str
             return str(path)
     misnamed = [str(path) for path in binaries if path.parts[1] in places]
     if misnamed:
+        wanted = shown(str(expected[0]), 200)
         got = ", ".join(misnamed[:3]) + ", …" * (len(misnamed) > 3)
-        raise FmuError(f"{fmu}: must have the binary {expected[0]}, got {shown(got, 200)}")
+        raise FmuError(f"{fmu}: must have the binary {wanted}, got {shown(got, 200)}")
     others = ", ".join(sorted({path.parts[1] for path in binaries})) or "no binary at all"
     raise FmuError(f"{fmu}: must have a binary for {places[0]}, got {shown(others, 200)}")

@@ -122,7 +122,7 @@ def read(path: Path) -> Fmu:
                 sha256=archive.sha256,
                 fmi=description.fmiMajorVersion,
                 identifier=description.coSimulation.modelIdentifier,
-                token=description.guid,
+                token=description.guid or "",
                 once=description.coSimulation.canBeInstantiatedOnlyOncePerProcess,
                 log_categories=tuple(category.name for category in description.logCategories),
                 library=library_of(archive, description),

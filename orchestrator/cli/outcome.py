@@ -31,6 +31,8 @@ from ..errors import (
 TRACEBACK = "SBLCOSIM_TRACEBACK"
 """Set to anything, it lets what is no exception of ours through, with its traceback."""
 
+_HINT = f"; {TRACEBACK}=1 shows where"
+
 _NO_OUTPUT = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """What writing to standard output fails with; all files of ours come with their names."""
 
@@ -111,7 +113,7 @@ def _in_lines() -> Iterator[None]:
             _fail(_usage(error))
         if os.environ.get(TRACEBACK):
             raise
-        _fail(f"{_unforeseen(error)}; {TRACEBACK}=1 shows where")
+        _fail(_unforeseen(error))
 
 
 def _fail(*lines: str) -> NoReturn:
@@ -129,11 +131,11 @@ def _unforeseen(error: Exception) -> str:
     """What is said of an exception that nobody has turned into one of ours."""
     if isinstance(error, OSError) and error.strerror:
         if error.filename is None:
-            return f"reading and writing must succeed, got {error.strerror}"
+            return f"reading and writing must succeed, got {error.strerror}{_HINT}"
         where = shortened(os.fsdecode(error.filename))
         return f"{where}: must be readable and writable, got {error.strerror}"
     got = f"{type(error).__name__}: {shortened(one_line(error))}"
-    return f"this must not happen, please report it: got {got}"
+    return f"this must not happen, please report it: got {got}{_HINT}"
 
 
 def _forget(stream: Any) -> None:

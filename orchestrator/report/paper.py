@@ -35,6 +35,7 @@ from ..api import run as run_scenario
 from ..definitions import AXES, recorded
 from ..design import TIMES
 from ..errors import ConfigurationError
+from ..executors import begin
 from ..factorial import answer, places
 from ..record import Record
 from ..scenario import load as load_scenario
@@ -486,7 +487,7 @@ def _painters(workers: int | None) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
         try:
             with _deaf():
                 for _ in range(count):

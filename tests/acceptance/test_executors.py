@@ -301,3 +301,23 @@ def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
             path = tmp_path / "received" / sha256 / name
             assert path.read_bytes() == content
             path.write_bytes(damage)
+
+
+def test_processes_that_draw_end_with_the_one_that_started_them(tmp_path: Path) -> None:
+    script = (
+        "import os, signal, multiprocessing\n"
+        "from sblcosim.report import paper\n"
+        "if __name__ == '__main__':\n"
+        "    with paper._painters(2):\n"
+        "        print(*[p.pid for p in multiprocessing.active_children()], flush=True)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    (tmp_path / "script.py").write_text(script)
+    with (tmp_path / "out").open("w") as out:  # a pipe would stay open with them
+        subprocess.run([sys.executable, "script.py"], cwd=tmp_path, stdout=out, check=False)
+    children = [int(pid) for pid in (tmp_path / "out").read_text().split()]
+    assert len(children) == 2
+    until = time.monotonic() + 60
+    while time.monotonic() < until and any(map(_lives, children)):
+        time.sleep(0.05)
+    assert not any(map(_lives, children))

@@ -73,19 +73,21 @@ class Place:
         (folder / "mine.toml").write_text(STUDY)
         return cls(folder, command)
 
-    def start(self) -> subprocess.Popen[str]:
+    def start(self) -> subprocess.Popen[bytes]:
         own = {"SBLCOSIM_CACHE": str(self.folder / "cache")} if self.command.own_cache else {}
         return subprocess.Popen(
             [sys.executable, "-c", PROGRAM, *self.command.arguments],
             cwd=self.folder, env={**os.environ, **own, "TMPDIR": str(self.folder / "tmp")},
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=(self.folder / "errors").open("w"),
+            start_new_session=True,
         )  # fmt: skip
 
     def finish(self) -> float:
         """Let the command do its work; seconds that it took."""
         started = time.monotonic()
         process = self.start()
-        _, err = process.communicate(timeout=600)
+        process.wait(timeout=900)
+        err = (self.folder / "errors").read_text()
         assert process.returncode == 0, err
         assert "other bytes" not in err, err  # nothing is damaged by a kill
         gone(process.pid)
@@ -95,7 +97,7 @@ class Place:
         process = self.start()
         time.sleep(after)
         process.kill()
-        process.communicate()
+        process.wait()
         gone(process.pid)
 
     def made(self) -> dict[str, bytes]:

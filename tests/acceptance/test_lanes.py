@@ -271,6 +271,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
 
 
 SANITIZED = """
+from dataclasses import replace
 import numpy as np
 from sblcosim.fmus import compiler
 checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -279,6 +280,7 @@ compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
 import sblcosim
 from sblcosim import lanes
 from sblcosim.plan import resolve
+from sblcosim.reduction import SUMS
 from sblcosim.system import Connection
 scenario = sblcosim.load("harbour-random", {"time.duration_s": 6.0})
 plan = resolve(scenario.system(("ekf", "sequential")))
@@ -289,6 +291,16 @@ for number in (1, 2, 0):
         handovers=[Connection("target.position", "ekf.prior_position")],
     )
     assert np.isfinite(outcome.values["ekf.position"]).all()
+# Depth at 0.2, 0.4 … s, the target at 0.3, 0.6 … s: epochs between its instants.
+scenario = scenario.override({"time.sampling_time_s": 0.3, "time.duration_s": 15.0})
+system = scenario.system(("ekf", "sequential"))
+target = system.components["target"]
+target = replace(target, parameters={**target.parameters, "sampling_time": 0.2})
+plan = resolve(replace(system, components={**system.components, "target": target}))
+for number in (1, 2, 0):
+    sums = lanes.execute(plan, seeds, lanes=number, threads=2).sums["ekf"]
+    assert (sums[:, SUMS.index("estimates")] > 5).all()
+    assert not sums[:, SUMS.index("unjudged")].any()
 print("clean")
 """
 

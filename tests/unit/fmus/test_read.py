@@ -196,6 +196,7 @@ def test_broken_archives_are_named(tmp_path: Path) -> None:
         ('start="1"', 'start="one"', "its start is no number of type Real: one"),
         ('start="1"', 'start="1 2"', "its start has 2 values for 1 elements"),
         ('stopTime="10"', 'stopTime="end"', "stopTime of the default experiment is no number"),
+        ('identifier="planted"', "", "modelIdentifier is no file name:"),
         ('identifier="planted"', 'identifier="../x"', "modelIdentifier is no file name: ../x"),
         ("<Integer/>", '<Integer start="99999999999"/>', "is out of the range of Integer"),
         ("?>", "?><!DOCTYPE x [<!ENTITY a 'aaaa'>]>", "XML without a document type declaration"),

@@ -202,7 +202,7 @@ def test_a_sure_statement_about_a_mean_is_rarely_wrong(kind: str):
 @pytest.mark.parametrize("n", [10, 20, 50, 100, 200])
 @pytest.mark.parametrize("kind", KINDS)
 def test_sure_statements_about_means_are_wrong_at_most_as_often_as_they_say(kind: str, n: int):
-    studies = 2000 if n >= 99 else 100
+    studies = 1000 if n >= 99 else 50
     share = wrong(kind, n, studies, seed=n)
     print(f"{kind}, {n} runs: wrong in {share:.2%} of {studies} studies")
     assert share <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / studies)
