@@ -240,6 +240,6 @@ def _table(
             else:
                 problem = f"{label}: must give estimates after the settling time, got none"
             errors[i] = errors[i] or problem
-    columns["error"] = pd.array(errors, dtype="str")
-    columns["run_id"] = pd.array([r.run_id for r in runs], dtype="str")
+    columns["error"] = np.array(errors, dtype=object)
+    columns["run_id"] = np.array([r.run_id for r in runs], dtype=object)
     return pd.DataFrame(columns)

@@ -30,7 +30,6 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -422,21 +421,28 @@ class Bench:
                 os.killpg(process.pid, signal.SIGKILL)  # and what it has left behind
             process.wait()
 
-    @cached_property
+    @property
     def _environment(self) -> dict[str, str]:
         """That of processes that import what is in the copy, however it is installed."""
-        site = self.folder / "site"
-        for package, folder in sorted(_package_folders(self.tree).items()):
-            place = site.joinpath(*package.split("."))
-            place.mkdir(parents=True, exist_ok=True)
-            for entry in (self.tree / folder).iterdir():
-                (place / entry.name).symlink_to(entry)
+        places = (self.folder / "site", self.tree, self.tree / "src")
         return os.environ | {
-            "PYTHONPATH": os.pathsep.join(map(str, (site, self.tree, self.tree / "src"))),
+            "PYTHONPATH": os.pathsep.join(map(str, places)),
             "PYTHONDONTWRITEBYTECODE": "1",  # a file may change twice in a second
             "SBLCOSIM_CACHE": str(self.folder / "cache"),
             "MPLBACKEND": "Agg",
         }
+
+
+def bench_of(root: Path, folder: Path, tests: str, build: str, limit: float) -> Bench:
+    """Copy a tree, and give its folders the names under which they are imported."""
+    bench = Bench(folder, shlex.split(tests), shlex.split(build), limit)
+    copy(root, bench.tree)
+    for package, source in sorted(_package_folders(bench.tree).items()):
+        place = (folder / "site").joinpath(*package.split("."))
+        place.mkdir(parents=True, exist_ok=True)
+        for entry in (bench.tree / source).iterdir():
+            (place / entry.name).symlink_to(entry)
+    return bench
 
 
 def _package_folders(tree: Path) -> dict[str, str]:
@@ -466,9 +472,7 @@ def main() -> int:
     known = mutations(source, Path(given.file).suffix)
     numbers = given.number or chosen(given.count, known, given.seed, given.kind or KINDS)
     with tempfile.TemporaryDirectory(prefix="sblcosim-mutate-") as name:
-        tests, build = shlex.split(given.tests), shlex.split(given.build)
-        bench = Bench(Path(name), tests, build, given.limit or 3600.0)
-        copy(given.root, bench.tree)
+        bench = bench_of(given.root, Path(name), given.tests, given.build, given.limit or 3600.0)
         started = time.monotonic()
         if (found := bench.outcome()) != "passed":
             print(f"the tests must pass before anything is changed, got: {found}", file=sys.stderr)

@@ -27,6 +27,8 @@ MAX_ENTRIES = 20_000
 """Files and folders in an FMU."""
 MAX_UNPACKED = 1 << 30
 """Bytes of all files of an FMU together, unpacked."""
+MAX_DEPTH = 100
+"""Folders in one another."""
 MAX_XML = 32 << 20
 """Bytes of one of the standard's XML files, such as modelDescription.xml."""
 
@@ -198,6 +200,10 @@ def _check_entries(path: Path, entries: Sequence[zipfile.ZipInfo]) -> None:
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if not _is_inside(entry.orig_filename):
             raise FmuError(f"{path}: must hold names of files inside its folder, got {name}")
+        if entry.orig_filename.count("/") > MAX_DEPTH:
+            raise FmuError(
+                f"{path}: must hold at most {MAX_DEPTH} folders in one another, got {name}"
+            )
         if entry.flag_bits & 0x1:
             raise FmuError(f"{path}: must not be encrypted, got {name} encrypted")
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):

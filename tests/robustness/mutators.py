@@ -25,6 +25,8 @@ NUMBERS = [
     "9223372036854775807", "9223372036854775808", "18446744073709551616", "9" * 400, "0x10",
     "1_000", "0.30000000000000004", "1e-5", "3.0000000001",
 ]  # fmt: skip
+OUTSIDE = ("/tmp/sblcosim-evil-1", "/tmp/sblcosim-evil-2")
+"""Where archives want to write to."""
 
 
 def damaged(random_: Random, content: bytes) -> bytes:
@@ -227,7 +229,7 @@ def archive(random_: Random, content: bytes, change: Mapping[str, Callable[..., 
         del entries[i]
     else:
         evil = random_.choice([
-            "../evil", "../" * 30 + "tmp/evil", "/tmp/sblcosim-evil", "binaries/../../evil", name,
+            "../evil", "../" * 30 + OUTSIDE[0][1:], OUTSIDE[1], "binaries/../../evil", name,
             name.upper(), "a" * 300, "a/" * 1000 + "x", "evil\\..\\x", "modelDescription.xml/x", "",
             "binaries", "é\u202e",
         ])  # fmt: skip

@@ -136,6 +136,13 @@ def test_names_that_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> Non
     assert refusal(with_entry(tmp_path, entry)).startswith("must hold names of files inside its")
 
 
+def test_folders_in_one_another_are_bounded(tmp_path: Path) -> None:
+    entry = zipfile.ZipInfo("a/" * 1000 + "x")
+    assert refusal(with_entry(tmp_path, entry)).startswith(
+        "must hold at most 100 folders in one another, got a/a/"
+    )
+
+
 @pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFIFO, stat.S_IFCHR])
 def test_links_and_devices_are_refused(tmp_path: Path, kind: int) -> None:
     entry = zipfile.ZipInfo("resources/link")

@@ -135,9 +135,11 @@ def test_a_seed_chooses_of_all_kinds(mutate: ModuleType) -> None:
 def project(tmp_path: Path) -> Path:
     root = tmp_path / "project"
     (root / "tests").mkdir(parents=True)
-    (root / "way.py").write_text(PYTHON)
+    (root / "code").mkdir()
+    (root / "code" / "way.py").write_text(PYTHON)
+    (root / "pyproject.toml").write_text('[tool.setuptools.package-dir]\nways = "code"\n')
     (root / "tests" / "test_way.py").write_text(
-        "from way import path\n"
+        "from ways.way import path\n"
         "def test_path(): assert abs(path(3.0, 2_000_000_000, [1.0, 7.0]) - 6.5) < 1e-9\n"
     )
     return root
@@ -145,7 +147,7 @@ def project(tmp_path: Path) -> Path:
 
 def run(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, str(TOOLS / "mutate.py"), "way.py", "--root", str(project),
+        [sys.executable, str(TOOLS / "mutate.py"), "code/way.py", "--root", str(project),
          "--tests", "tests/test_way.py -p no:xdist", *arguments],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -160,13 +162,13 @@ def test_survivors_are_printed_as_differences_and_the_tree_is_not_touched(
     }
     chosen = [f"--number={n}" for n in numbers.values()]
     done = run(project, *chosen)
-    assert (project / "way.py").read_text() == PYTHON
+    assert (project / "code" / "way.py").read_text() == PYTHON
     assert not list(project.rglob("__pycache__"))
     assert (done.returncode, done.stderr) == (1, "")
     assert "-    if ticks < 0:\n+    if ticks <= 0:\n" in done.stdout
     assert "-    if ticks < 0:\n+    if False:\n" in done.stdout
     assert f"number {numbers['sign']} of {len(known)}: sign, line 12: killed\n" in done.stdout
-    assert done.stdout.endswith("seed 1: 2 of 4 mutations of way.py survive\n")
+    assert done.stdout.endswith("seed 1: 2 of 4 mutations of code/way.py survive\n")
 
 
 def test_tests_that_fail_already_and_builds_that_fail_are_told(project: Path) -> None:
