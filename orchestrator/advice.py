@@ -52,6 +52,14 @@ PERCENTILE = 90.0
 """Which percentile is offered where nobody said."""
 
 
+def ordinal(number: float) -> str:
+    """``90th``, ``91st``, ``97.5th``."""
+    last, tens = number % 10, number % 100 // 10
+    endings: dict[float, str] = {1: "st", 2: "nd", 3: "rd"}
+    ending = endings.get(last, "th") if tens != 1 else "th"
+    return f"{number:g}{ending}"
+
+
 @dataclass(frozen=True, eq=False)
 class Advice:
     """The design points by cost.
@@ -102,7 +110,7 @@ class Advice:
         """The mean or the percentile, in words."""
         if self.percentile is None:
             return f"mean of {self.response}"
-        return f"{self.percentile:g}th percentile of {self.response}"
+        return f"{ordinal(self.percentile)} percentile of {self.response}"
 
     def named(self, labels: Mapping[str, str], response: str) -> Advice:
         """The same for people to read: other names for factors and response."""
@@ -229,7 +237,7 @@ class Advice:
     def _shown(self) -> pd.DataFrame:
         """The points worth their cost, for people."""
         unit = f" [{self.unit}]" if self.unit else ""
-        statistic = "mean" if self.percentile is None else f"{self.percentile:g}th percentile"
+        statistic = "mean" if self.percentile is None else f"{ordinal(self.percentile)} percentile"
         shown = self.points[self.points["front"] | (self.points.index == self.chosen)]
         idle = ["front", *(["meets"] if self.limit is None else [])]
         if self.percentile is not None:

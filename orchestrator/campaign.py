@@ -65,6 +65,7 @@ def run(
     executor: str | Executor = "threads",
     scheduler: str | None = None,
     master: str | None = None,
+    step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> pd.DataFrame:
     """Do what is missing of a study's runs, and return its table.
@@ -84,6 +85,9 @@ def run(
         Address of a Dask scheduler, whose workers do it instead.
     master
         As in `sblcosim.run`; None: lanes where all components are ours.
+    step_timeout
+        Seconds after which a call of somebody else's FMU that does not return is given up, and its
+        run fails; None: after a minute.
     progress
         Called with the share of what was missing that is done.
 
@@ -101,7 +105,7 @@ def run(
         are no such workers.
     """
     folder = Path(out).resolve()
-    campaign = prepare(study, master)
+    campaign = prepare(study, master, step_timeout)
     weight = {p: g.steps for g in campaign.groups for p in g.places}
     check_folder(folder, campaign)
     with (

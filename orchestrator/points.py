@@ -24,6 +24,7 @@ from .errors import (
     check_choice,
 )
 from .fmu import Fmu
+from .isolation import patience
 from .plan import TICK_PARAMETERS, Plan, resolve
 from .scenario import Scenario
 from .study import Study
@@ -98,6 +99,8 @@ class Campaign:
         For ``prior = "true"``.
     fmus
         SHA-256 by component.
+    step_timeout
+        As in `sblcosim.campaign.run`.
     """
 
     study: Study
@@ -107,6 +110,7 @@ class Campaign:
     seeded: tuple[str, ...]
     handovers: tuple[Connection, ...]
     fmus: Mapping[str, str]
+    step_timeout: float | None = None
 
     @property
     def runs(self) -> int:
@@ -141,8 +145,15 @@ class Run:
     run_id: str
 
 
-def prepare(study: Study, master: str | None = None) -> Campaign:
+def prepare(
+    study: Study, master: str | None = None, step_timeout: float | None = None
+) -> Campaign:
     """Resolve and check all points.
+
+    Parameters
+    ----------
+    master, step_timeout
+        As in `sblcosim.campaign.run`.
 
     Raises
     ------
@@ -152,7 +163,7 @@ def prepare(study: Study, master: str | None = None) -> Campaign:
     if master is not None:
         check_choice("master", master, masters.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    with _warnings_once(len(study.plan.points)):
+    with patience(step_timeout), _warnings_once(len(study.plan.points)):
         made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
     _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
     plans = [plan for _, _, plan in made]
@@ -172,7 +183,8 @@ def prepare(study: Study, master: str | None = None) -> Campaign:
     _check_effects(study, points)
     fmus = {c.name: c.source.sha256 for c in plans[0].components if isinstance(c.source, Fmu)}
     return Campaign(
-        study, tuple(points), _groups(points, plans, free, master), labels, seeded, handovers, fmus
+        study, tuple(points), _groups(points, plans, free, master), labels, seeded, handovers, fmus,
+        step_timeout,
     )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from . import lanes, masters, native
 from .definitions import TRUTH
 from .errors import BuildError, ConfigurationError, FmuError, one_line
-from .isolation import Children, strangers
+from .isolation import Children, patience, strangers
 from .plan import Plan
 from .points import Campaign, Group, Point, Run
 from .record import Record
@@ -154,11 +154,12 @@ def _one_by_one(
     def one(run: Run) -> tuple[Floats, str | None]:
         rows = np.zeros((len(campaign.receivers), len(SUMS)))
         try:
-            outcome = masters.survive(
-                _system(campaign, campaign.points[run.place], run.seed, children),
-                campaign.receivers,
-                executed,
-            )
+            with patience(campaign.step_timeout):
+                outcome = masters.survive(
+                    _system(campaign, campaign.points[run.place], run.seed, children),
+                    campaign.receivers,
+                    executed,
+                )
         except BuildError:
             raise
         except FmuError as error:

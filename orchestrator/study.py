@@ -226,6 +226,7 @@ class Study(Table):
         executor: str | Executor = "threads",
         scheduler: str | None = None,
         master: str | None = None,
+        step_timeout: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> pd.DataFrame:
         """Do what is missing of the campaign in a folder; see `sblcosim.campaign.run`."""
@@ -233,7 +234,7 @@ class Study(Table):
 
         return run(
             self, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
-            progress=progress,
+            step_timeout=step_timeout, progress=progress,
         )
 
 

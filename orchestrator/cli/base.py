@@ -86,6 +86,15 @@ SetOption = Annotated[
 FmiOption = Annotated[
     int | None, numeric("--fmi", int, "2|3", "FMI version of our components.", low=2, high=3)
 ]
+StepTimeoutOption = Annotated[
+    float | None,
+    numeric(
+        "--step-timeout",
+        float,
+        "SECONDS",
+        "Until an FMU of others that hangs is given up [default: 60].",
+    ),
+]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the result of another run in the folder.")
 ]

@@ -17,6 +17,7 @@ from .base import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    StepTimeoutOption,
     app,
     numeric,
     overrides,
@@ -56,15 +57,7 @@ def run(
             help="What runs it [default: native if it can].",
         ),
     ] = None,
-    step_timeout: Annotated[
-        float | None,
-        numeric(
-            "--step-timeout",
-            float,
-            "SECONDS",
-            "Until an FMU of others that hangs is given up [default: 60].",
-        ),
-    ] = None,
+    step_timeout: StepTimeoutOption = None,
     no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
 ) -> None:
     """Simulate a scenario and write its results.

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, check_choice
-from .base import ForceOption, app, numeric, place, report_run, table, waiting
+from .base import ForceOption, StepTimeoutOption, app, numeric, place, report_run, table, waiting
 from .outcome import Terminated
 
 
@@ -58,6 +58,7 @@ def study(
             help="What runs it [default: lanes if it can].",
         ),
     ] = None,
+    step_timeout: StepTimeoutOption = None,
 ) -> None:
     """Run a factorial study, or what is missing of it.
 
@@ -80,13 +81,14 @@ def study(
                     executor=executor,
                     scheduler=scheduler,
                     master=master,
+                    step_timeout=step_timeout,
                     progress=progress,
                 )
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
                 raise typer.Exit(_stopped(stop)) from None
         else:
-            prepared = campaign.prepare(settled, master)
+            prepared = campaign.prepare(settled, master, step_timeout)
             missing = campaign.missing(prepared, out, tell=True)
             seconds = campaign.estimate(prepared, missing, workers, master)
     if dry_run:

@@ -466,6 +466,14 @@ def test_a_study_keeps_the_healthy_receivers_columns(
     assert table[mine].equals(own[mine])
 
 
+def test_a_study_waits_as_long_for_an_fmu_as_it_is_told(
+    rogue: Rogue, own: pd.DataFrame, tmp_path: Path
+) -> None:
+    table = campaign.run(study([rogue("hang", "step")]), tmp_path / "out", step_timeout=1.0)
+    assert table["error"].str.endswith("from fmi2DoStep at 0.1 s for 1 s").all()
+    assert table[list(own)[:-2]].equals(own[list(own)[:-2]])
+
+
 def test_a_study_keeps_its_processes(
     rogue: Rogue, own: pd.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,6 +118,11 @@ def test_a_mean_takes_the_runs_that_would_have_shown_the_stated_contamination():
     assert advise(table, "abc", "y", {}, percentile=None, confidence=0.99).runs_needed == 131
 
 
+def test_percentiles_are_spoken_as_people_do():
+    spoken = [advice.ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5, 99.9)]
+    assert spoken == ["1st", "2nd", "3rd", "11th", "12th", "13th", "22nd", "90th", "91st", "97.5th", "99.9th"]
+
+
 def test_a_percentile_is_offered_first_and_the_mean_beside_it():
     table = experiment(100)
     found = advise(table, ["gps", "arm"], "error_m", COSTS, limit=3.5)
