@@ -119,8 +119,8 @@ def test_a_mean_takes_the_runs_that_would_have_shown_the_stated_contamination():
 
 
 def test_percentiles_are_spoken_as_people_do():
-    spoken = [advice.ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5, 99.9)]
-    assert spoken == ["1st", "2nd", "3rd", "11th", "12th", "13th", "22nd", "90th", "91st", "97.5th", "99.9th"]
+    spoken = [advice.ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5)]
+    assert " ".join(spoken) == "1st 2nd 3rd 11th 12th 13th 22nd 90th 91st 97.5th"
 
 
 def test_a_percentile_is_offered_first_and_the_mean_beside_it():
