@@ -281,3 +281,34 @@ def test_an_estimate_is_a_range_that_no_stall_moves(
     true = 1e-6 * missing.steps
     assert low == pytest.approx(true / campaign.MARGIN)
     assert high == pytest.approx(true * campaign.MARGIN * busiest)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"scenario": "paper-scenario-2"}, "scenario"),
+        ({"seed": 9}, "seed"),
+        ({"receivers": ["sequential"]}, "receivers, FMUs"),
+        ({"settling_time_s": 1.0, "design": {"centre_points": 1}}, "settling_time_s, design"),
+    ],
+)
+def test_another_study_is_told_by_what_differs(
+    out: Path, changes: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        campaign.missing(campaign.prepare(small(**changes)), out)
+    assert set(str(caught.value).partition(" with other ")[2].split(", ")) == set(words.split(", "))
+
+
+def test_a_file_is_no_folder_of_results(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("precious")
+    with pytest.raises(ConfigurationError, match="out: must be a folder or not exist yet, got a"):
+        campaign.missing(campaign.prepare(small()), tmp_path / "out")
+
+
+def test_a_folder_knows_its_whole_study(tmp_path: Path) -> None:
+    asked = small(design={"centre_points": 1}, seeding="common", title="Arms", replicates=1)
+    asked.run(tmp_path / "out")
+    found = store.study_of(tmp_path / "out")
+    assert (found.design, found.seeding, found.title) == (asked.design, "common", "Arms")
+    assert found.plan.points == asked.plan.points
