@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -152,4 +154,24 @@ def svg(axes: Axes, name: str) -> str:
     with mpl.rc_context({"svg.hashsalt": name}):
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(stream, metadata={"Date": None})
-    return stream.getvalue()
+    return _with_own_ids(stream.getvalue(), name)
+
+
+_ID = re.compile(r'(?<=[#"])[A-Za-z]+[0-9a-f]{10}(?=[")])')
+
+
+def _with_own_ids(text: str, name: str) -> str:
+    """The same with ids by their order in the figure of that name.
+
+    Those of Matplotlib hash the bounds of axes, whose last bits differ from process to process.
+    """
+    found = re.findall(r'\bid="([A-Za-z]+[0-9a-f]{10})"', text)
+    places = {old: str(n) for n, old in enumerate(dict.fromkeys(found))}
+
+    def own(match: re.Match[str]) -> str:
+        old = match[0]
+        if old not in places:
+            return old
+        return old[:-10] + hashlib.sha256(f"{name} {places[old]}".encode()).hexdigest()[:10]
+
+    return _ID.sub(own, text)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -353,3 +355,20 @@ def test_a_name_is_never_read_as_a_formula(own):
             for text in user_s:
                 assert not text.get_parse_math()
         plots.plot_path_3d(record, tracks).figure.draw_without_rendering()
+
+
+def test_equal_figures_have_equal_ids_whatever_the_last_bits_of_their_layout():
+    def drawn(shift):
+        axes = style.new_figure(4, 3).add_axes((0.1 + shift, 0.1, 0.8, 0.8))
+        axes.plot([1, 3, 2], marker="o")
+        return style.svg(axes, "name")
+
+    assert drawn(0.0) == drawn(1e-15)
+    text = drawn(0.0)
+    ids = set(re.findall(r'id="(\w+)"', text))
+    used = set(re.findall(r'url\(#(\w+)\)|href="#([\w-]+)"', text))
+    assert {one or two for one, two in used} <= {*ids, *re.findall(r'id="([\w-]+)"', text)}
+    other = style.svg(style.new_figure(4, 3).add_axes((0.1, 0.1, 0.8, 0.8)), "other")
+    clips = re.findall(r'<clipPath id="(\w+)"', text)
+    assert clips
+    assert not set(clips) & set(re.findall(r'id="(\w+)"', other))  # several are in one report
