@@ -13,7 +13,17 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, check_choice
-from .base import ForceOption, StepTimeoutOption, app, beside, numeric, place, report_run, table, waiting
+from .base import (
+    ForceOption,
+    StepTimeoutOption,
+    app,
+    beside,
+    numeric,
+    place,
+    report_run,
+    table,
+    waiting,
+)
 from .outcome import Terminated
 
 
