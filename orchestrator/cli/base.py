@@ -147,6 +147,13 @@ def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
         raise typer.Exit(1)
 
 
+def beside(results: Path, what: str) -> Path:
+    """Default place of something made of a folder of results, also if that is ``.``."""
+    whole = results.resolve()
+    near = whole if results.name in {"", ".."} else results
+    return near.parent / f"{whole.name}-{what}"
+
+
 def table(rows: list[tuple[str, str]]) -> None:
     width = max(len(first) for first, _ in rows)
     for first, second in rows:

@@ -13,7 +13,17 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, check_choice
-from .base import ForceOption, StepTimeoutOption, app, numeric, place, report_run, table, waiting
+from .base import (
+    ForceOption,
+    StepTimeoutOption,
+    app,
+    beside,
+    numeric,
+    place,
+    report_run,
+    table,
+    waiting,
+)
 from .outcome import Terminated
 
 
@@ -239,7 +249,7 @@ def analyse(
 
         check_choice("transform", transform, get_args(factorial.Transform))
         check_choice("error", error, get_args(factorial.Error))
-        out = out or results.with_name(f"{results.resolve().name}-analysis")
+        out = out or beside(results, "analysis")
         artifacts.check(out)
         text = reports.save(
             results,
@@ -317,7 +327,7 @@ def advise(
                 f"percentile: must not be given with --mean, got {percentile:g}"
             )
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
-        out = out or results.with_name(f"{results.resolve().name}-advice")
+        out = out or beside(results, "advice")
         artifacts.check(out)
         found = analysis.advice_on_study(
             results,

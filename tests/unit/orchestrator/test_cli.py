@@ -674,3 +674,15 @@ def test_an_out_that_is_deep_is_a_folder_like_any_other(cli: Callable[..., Resul
     done = cli("study", "good.toml", "--out", "/".join("d" * 1900))
     subprocess.run(["rm", "-rf", "d"], check=True)  # pytest cannot
     assert done.exit_code == 0
+
+
+def test_what_is_made_of_results_lies_beside_them(tmp_path: Path, monkeypatch: Any) -> None:
+    from sblcosim.cli.base import beside
+
+    monkeypatch.chdir(tmp_path)
+    assert beside(Path("studies/mine"), "advice") == Path("studies/mine-advice")
+    assert beside(Path("."), "advice") == tmp_path.with_name(f"{tmp_path.name}-advice")
+    assert beside(Path(".."), "advice") == tmp_path.parent.with_name(
+        f"{tmp_path.parent.name}-advice"
+    )
+    assert beside(Path("/"), "advice") == Path("/-advice")

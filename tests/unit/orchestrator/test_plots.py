@@ -12,7 +12,10 @@ from sblcosim import metrics, plots, style
 from sblcosim.record import Record
 from synthetic_record import make_record, silent
 
-pytestmark = pytest.mark.filterwarnings("error::UserWarning")  # of a failed layout
+pytestmark = pytest.mark.filterwarnings(
+    "error::UserWarning",  # of a failed layout
+    "ignore::DeprecationWarning",  # of libraries for each other, some of which are both
+)
 RECEIVERS = ("ekf", "sequential", "raw")
 
 
