@@ -138,7 +138,7 @@ def intact(path: Path) -> bool:
         recorded = path.with_name(path.name + SEAL).read_bytes()[:64]
     except OSError:
         return False
-    return recorded == sha256_of(path).encode()
+    return len(recorded) == 64 and recorded == sha256_of(path).encode()
 
 
 def sha256_of(path: Path) -> str:

@@ -92,9 +92,12 @@ def draft(
             made = Draft(part, path)
             yield made
             _finish(part, manifest)
-            if empty and not _fill(path, part):
-                return
-            made.path = _name(path, part, manifest, other)
+            if not empty:
+                made.path = _name(path, part, manifest, other)
+            elif _fill(path, part):  # it lies in the folder that may have to go
+                with files.unfinished(path.parent) as beside:
+                    part.rename(beside)
+                    made.path = _name(path, beside, manifest, other)
     except OSError as error:
         raise _refusal(path, error) from error
 

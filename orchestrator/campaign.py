@@ -206,7 +206,7 @@ def estimate(
     """
     if not what.runs:
         return 0.0, 0.0
-    with Children() as children:
+    with Children(patience_s=campaign.step_timeout) as children:
         return _estimated(campaign, what, workers, master, children)
 
 

@@ -147,10 +147,16 @@ class _Telling(Watch):
         self._page = memory.part(0, SIZE)
         self._state = State.from_buffer(self._page)
         self._settle: Callable[[], int] | None = None
-        with contextlib.suppress(BuildError):  # then there is nothing to look with
+        try:
             library = native.library()
             library.native_remember()
             self._settle = library.native_settle
+        except BuildError as error:
+            print(
+                "warning: what an FMU does to the processor's floating-point state or the locale "
+                f"is not seen and not undone, as the native master cannot be built: {error}",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
         self.take(Task(None, (), ()))
 
     def take(self, task: Task) -> None:
@@ -158,6 +164,7 @@ class _Telling(Watch):
         self._numbers = {name: i for i, name in enumerate(task.components)}
         self._strangers = frozenset(task.strangers)
         self._labels: list[tuple[str, str]] = []
+        # Those of the task before are kept until now: on Windows memory goes with its last user.
         self._arrays: list[tuple[int, mmap.mmap, NDArray[Any]]] = []
         self._end = SIZE
         self.failures: dict[str, str] = {}
@@ -244,10 +251,6 @@ class _Telling(Watch):
         self._state.where = LOOP
         send(self._answers, Begun(tuple(labels) or tuple(self._labels), tuple(places)))
 
-    def drop(self) -> None:
-        """The record belongs to the parent from now on."""
-        self._arrays.clear()
-
     def late(self, component: str, error: SblcosimError) -> None:
         self.failures[component] = str(error)
 
@@ -315,7 +318,6 @@ def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
         error = MemoryError()
     except Exception:  # a mistake of ours
         error = RuntimeError(traceback.format_exc())
-    telling.drop()
     return ended, Answer(
         value,
         error,

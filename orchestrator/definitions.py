@@ -318,6 +318,11 @@ def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
     return low, high
 
 
+def in_order(values: Floats) -> float:
+    """The sum, one after another as in the C: NumPy's own adds in another order."""
+    return float(np.add.accumulate(np.append(0.0, values))[-1])
+
+
 def inconsistent(mean_nees: Any, samples: Any) -> tuple[Any, Any]:
     """Which runs claim too much: mean NEES of the position above its band, and which are known.
 

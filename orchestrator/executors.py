@@ -83,7 +83,7 @@ def ready(
             number = sum(client.nthreads().values())
             yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
     elif executor == "threads":
-        with Children() as children:
+        with Children(patience_s=campaign.step_timeout) as children:
             yield partial(_here, campaign, workers, master, children)
     elif isinstance(executor, Executor):
         yield partial(_spread, executor, pack(campaign), number, master)

@@ -28,7 +28,7 @@ from sblcosim.fmus.files import scratch
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.ports import Fmu, Port, ports_of, read
 
-from .errors import FmuError
+from .errors import FmuError, one_line
 from .system import SECOND, text_of
 from .watch import watch
 
@@ -327,7 +327,12 @@ def acquire(fmu: Fmu, name: str) -> Instance:
             instance.name = name
             try:
                 instance.reset()
-            except FmuError:  # some FMUs cannot be reset: the next instance is new
+            except FmuError as error:  # some FMUs cannot be reset: the next instance is new
+                if fmu.once:
+                    raise FmuError(
+                        f"{name}: FMU {fmu.path} allows one instance per process, which must "
+                        f"bear a reset to be used again, got: {one_line(error)}"
+                    ) from error
                 continue
             return instance
         return Instance(fmu, name)
@@ -371,7 +376,6 @@ def _unpacked(fmu: Fmu) -> Path:
 def binary_of(fmu: Fmu) -> Path:
     """The FMU's shared library for this machine, unpacked."""
     return _unpacked(fmu) / fmu.library
-
 
 
 _KEYS = count(1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import mmap
 import os
 import pickle
 import queue
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.files import scratch
 
 from . import fmu, native
-from .child import Answer, Begun, End, Execute, InitialOutputs, Place, Start, Task
+from .child import Answer, Begun, End, Execute, InitialOutputs, Start, Task
 from .errors import ConfigurationError, ConfigurationWarning, FmuError, one_line
 from .fmu import LOADING, UNLOADING, Fmu
 from .master import PROGRESS_INTERVAL, alone, chosen
@@ -62,7 +63,6 @@ _PROGRAM = (
 )
 
 
-
 @contextlib.contextmanager
 def patience(seconds: float | None) -> Iterator[None]:
     """Set `PATIENCE` for a while, if it is given."""
@@ -73,7 +73,6 @@ def patience(seconds: float | None) -> Iterator[None]:
         yield
     finally:
         PATIENCE.set(before)
-
 
 
 def check_patience(seconds: float | None) -> None:
@@ -102,10 +101,13 @@ class Children:
     ----------
     idle_s
         One that is not needed for so many seconds is ended; None: they stay until the end.
+    patience_s
+        How long a call may take at the end; None: as `PATIENCE` says.
     """
 
-    def __init__(self, idle_s: float | None = None) -> None:
+    def __init__(self, idle_s: float | None = None, patience_s: float | None = None) -> None:
         self._idle_s = idle_s
+        self._patience_s = patience_s
         self._lock = threading.Lock()
         self._idle: list[_Child] = []
         self._all: set[_Child] = set()
@@ -149,7 +151,12 @@ class Children:
                 return
             self._idle.remove(child)
             self._all.discard(child)
-        child.finish(STEP_TIMEOUT)
+        try:
+            messages = list(child.finish(self._patience_s or STEP_TIMEOUT).values())
+        except Exception as error:  # nobody waits for this thread
+            messages = [one_line(error)]
+        for message in messages:
+            print(f"warning: {message}; its results are complete", file=sys.stderr, flush=True)
 
     def kill(self) -> None:
         """End all of them now; runs that are under way fail."""
@@ -169,7 +176,7 @@ class Children:
         with self._lock:
             children, self._all, self._idle = self._all, set(), []
         for child in children:
-            for message in child.finish(PATIENCE.get()).values():
+            for message in child.finish(self._patience_s or PATIENCE.get()).values():
                 warnings.warn(f"{message}; its results are complete", ConfigurationWarning, 2)
 
     def __enter__(self) -> Children:
@@ -272,6 +279,8 @@ class _Watched:
     suspects: tuple[str, ...]
     instants: Sequence[int] = ()
     begun: Begun | None = None
+    parts: Sequence[mmap.mmap] = ()
+    """Of the record; mapped while the child has them, as on Windows they go with the last user."""
 
 
 class _EndedError(Exception):
@@ -353,18 +362,18 @@ class _Child:
             message = self._next(watched, patience, report)
             if isinstance(message, Begun):
                 watched.begun = message
+                watched.parts = [self._memory.part(p.start, p.size) for p in message.places]
                 message = self._next(watched, patience, report)
         except FmuError as error:
             if watched.begun is None or self._state.where == LOOP or error.component is None:
                 raise
-            made = self._record(plan, watched.begun)  # it was complete
+            made = _record(plan, watched)  # it was complete
             return replace(made, failures={error.component: str(error)})
         self.busy = False
         self._tell(message, watched)
         if message.error is not None:
             raise message.error
-        assert watched.begun is not None
-        made = replace(self._record(plan, watched.begun), failures=dict(message.late))
+        made = replace(_record(plan, watched), failures=dict(message.late))
         self._memory.grow(SIZE)
         if progress is not None:
             progress(1.0)
@@ -394,7 +403,7 @@ class _Child:
         try:
             answer = self._next(watched, patience, None)
         except FmuError as error:
-            return {error.component or "": str(error)}
+            return {error.component or ", ".join(watched.suspects): str(error)}
         finally:
             self.kill()
         self._tell(answer, watched)
@@ -443,9 +452,10 @@ class _Child:
                     report()
                 continue
             still += period  # no clock: while the process is suspended the FMU has no time either
-            if still >= (patience if s.where in (CALLING, LOOP) else max(patience, STEP_TIMEOUT)):
+            limit = patience if s.where in (CALLING, LOOP) else max(patience, STEP_TIMEOUT)
+            if still >= limit:
                 self.kill()
-                raise self._failure(watched, patience)
+                raise self._failure(watched, limit)
 
     def _death(self, watched: _Watched) -> FmuError:
         """The exception for a process that has ended by itself."""
@@ -471,6 +481,8 @@ class _Child:
         if not sure and seconds is None:
             name = suspects[0] if len(suspects) == 1 else None
         if name is None:
+            if seconds is not None:
+                what = f"not gone on for {seconds:g} s"
             error = FmuError(
                 f"{', '.join(suspects) or 'the process for FMUs of others'}: one of these has "
                 f"{what}{when}"
@@ -523,21 +535,6 @@ class _Child:
                 3,
             )
 
-    def _record(self, plan: Plan, begun: Begun) -> Record:
-        arrays = dict(self._values(place) for place in begun.places)
-        found = {name: values for part in arrays.values() for name, values in part.items()}
-        names = [c.name for c in plan.columns if c.name in found]
-        return Record(
-            plan.instants, {name: found[name] for name in names}, intervals_ns=plan.intervals_ns
-        )
-
-    def _values(self, place: Place) -> tuple[int, dict[str, NDArray[Any]]]:
-        part = self._memory.part(place.start, place.size)
-        return place.start, {
-            name: np.ndarray(shape, place.dtype, part, offset, strides).copy()
-            for name, shape, strides, offset in place.values
-        }
-
     # ---- the end ----
 
     def kill(self) -> None:
@@ -559,6 +556,20 @@ class _Child:
         for reader in self._readers:  # they close what they read
             reader.join(_GRACE)
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _record(plan: Plan, watched: _Watched) -> Record:
+    """A copy of the record that lies in the shared memory."""
+    assert watched.begun is not None
+    found = {
+        name: np.ndarray(shape, place.dtype, part, offset, strides).copy()
+        for place, part in zip(watched.begun.places, watched.parts, strict=True)
+        for name, shape, strides, offset in place.values
+    }
+    names = [c.name for c in plan.columns if c.name in found]
+    return Record(
+        plan.instants, {name: found[name] for name in names}, intervals_ns=plan.intervals_ns
+    )
 
 
 def _packed(task: Task) -> bytes:
@@ -584,7 +595,8 @@ def _unpackable(task: Task) -> str:
 
 
 def _take(stream: IO[bytes], answers: queue.SimpleQueue[Any]) -> None:
-    with contextlib.suppress(OSError, ValueError), stream:
+    # Whatever comes that is no answer is the end: an FMU may have written into the pipe.
+    with contextlib.suppress(Exception), stream:
         while (content := receive(stream)) is not None:
             answers.put(pickle.loads(content))
     answers.put(None)

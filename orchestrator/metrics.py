@@ -21,6 +21,7 @@ from .definitions import (
     Judged,
     Nanoseconds,
     chi_square_band,
+    in_order,
     inconsistent,
     judge,
     nees,
@@ -192,7 +193,9 @@ def lost(record: Record, receiver: str) -> bool:
     judged = judge(record, receiver)
     late = judged.late & ~judged.broken
     return bool(
-        lost_by(late.sum(), judged.square[late].sum(), judged.distance_square[late].sum())
+        lost_by(
+            late.sum(), in_order(judged.square[late]), in_order(judged.distance_square[late])
+        )
     )
 
 
@@ -243,8 +246,8 @@ def summary(
                 f"{name}_high": band[1],
                 f"{name}_verdict": verdict(mean, band),
             }
-        claims = estimates.get("nees_position", pd.Series(dtype=float)).count()
-        flag, known = inconsistent(row["nees_position"], claims)
+        claims = estimates.get("nees_position", pd.Series(dtype=float)).dropna().to_numpy()
+        flag, known = inconsistent(in_order(claims) / max(len(claims), 1), len(claims))
         row["inconsistent"] = bool(flag) if known else pd.NA
         row["lost"] = lost(record, receiver)
         rows[receiver] = row

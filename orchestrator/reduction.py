@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .definitions import AXES, FRAMES, inconsistent, judge, lost
+from .definitions import AXES, FRAMES, in_order, inconsistent, judge, lost
 
 if TYPE_CHECKING:
     from .record import Record
@@ -112,13 +112,13 @@ def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
     estimates, good = judged.estimates, ~judged.broken
     s = dict.fromkeys(SUMS, 0.0)
     held = np.append(np.diff(time), 0).astype(np.float64)
-    s["available_ns"] = _sum(np.where(record.valid(receiver), held, 0.0))
+    s["available_ns"] = in_order(np.where(record.valid(receiver), held, 0.0))
     s["updates"] = float(record.values[f"{receiver}.update_count"][-1])
     s["broken"] = float(judged.broken.sum())
     late = good & judged.late
     s["late_estimates"] = float(late.sum())
-    s["late_error_square"] = _sum(judged.square[late])
-    s["late_distance_square"] = _sum(judged.distance_square[late])
+    s["late_error_square"] = in_order(judged.square[late])
+    s["late_distance_square"] = in_order(judged.distance_square[late])
 
     use = good & (float(time[0] + settling_ns) / 1e9 <= judged.epoch_s)
     s["estimates"] = float(use.sum())
@@ -127,21 +127,16 @@ def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
         ("relative_", judged.relative[use], judged.relative_square[use]),
     ):
         for i, axis in enumerate(AXES):
-            s[f"{prefix or 'error_'}{axis}"] = _sum(error[:, i])
-            s[f"{prefix}square_{axis}"] = _sum(error[:, i] * error[:, i])
-        s[f"{prefix or 'error_'}total"] = _sum(np.sqrt(square))
+            s[f"{prefix or 'error_'}{axis}"] = in_order(error[:, i])
+            s[f"{prefix}square_{axis}"] = in_order(error[:, i] * error[:, i])
+        s[f"{prefix or 'error_'}total"] = in_order(np.sqrt(square))
     nees = judged.nees[use & ~np.isnan(judged.nees)]
-    s["nees"], s["nees_estimates"] = _sum(nees), float(len(nees))
+    s["nees"], s["nees_estimates"] = in_order(nees), float(len(nees))
     if estimates.nis is not None:
         degrees = estimates.nis_degrees
         tested = use & ~np.isnan(estimates.nis)
         if degrees is not None:
             tested &= degrees > 0
-            s["nis_degrees"] = _sum(degrees[tested].astype(np.float64))
-        s["nis"], s["nis_estimates"] = _sum(estimates.nis[tested]), float(tested.sum())
+            s["nis_degrees"] = in_order(degrees[tested].astype(np.float64))
+        s["nis"], s["nis_estimates"] = in_order(estimates.nis[tested]), float(tested.sum())
     return np.array([s[name] for name in SUMS])
-
-
-def _sum(values: Floats) -> float:
-    """One after another: NumPy's own sum adds in another order."""
-    return float(np.add.accumulate(np.append(0.0, values))[-1])

@@ -40,7 +40,7 @@ def simulate(
     FMUs of strangers run in ``children``; None: in some that are made for it.
     """
     if children is None:
-        with Children() as children:
+        with Children(patience_s=campaign.step_timeout) as children:
             return simulate(campaign, runs, workers, master, progress, children)
     sums = np.zeros((len(runs), len(campaign.receivers), len(SUMS)))
     errors: list[str | None] = [None] * len(runs)

@@ -185,13 +185,17 @@ def _parquet(path: Path, columns: list[str] | None = None) -> pa.Table | None:
         content = path.read_bytes()
         if path.name != _name(path.stem.rpartition("-")[0], content):
             return None
-        return parquet.read_table(pa.BufferReader(content), columns=columns)
+        part = parquet.read_table(pa.BufferReader(content), columns=columns)
     except FileNotFoundError:
         return None  # another process has set it aside
     except (OSError, pa.ArrowInvalid) as error:
         raise ConfigurationError(
             f"{path}: must be a Parquet file that can be read, got {one_line(error)}"
         ) from None
+    for name in ("run_id", "replicate", "point") if columns is None else columns:
+        if name not in part.column_names:
+            raise ConfigurationError(f"{path}: must have a column {name}, got none")
+    return part
 
 
 _OTHER = "must be as it was written, got other bytes"

@@ -25,6 +25,7 @@ from sblcosim.fmu import ours, read
 from sblcosim.fmus.check import check_receiver
 from sblcosim.fmus.factory import build
 from sblcosim.fmus.files import scratch, sweep
+from sblcosim.memory import Memory
 from sblcosim.models.ports import BEACON_POSITIONS, ESTIMATE, REQUIRED_ESTIMATE, ports
 from sblcosim.system import ComponentSpec
 
@@ -472,6 +473,32 @@ def test_a_study_waits_as_long_for_an_fmu_as_it_is_told(
     table = campaign.run(study([rogue("hang", "step")]), tmp_path / "out", step_timeout=1.0)
     assert table["error"].str.endswith("from fmi2DoStep at 0.1 s for 1 s").all()
     assert table[list(own)[:-2]].equals(own[list(own)[:-2]])
+
+
+@pytest.mark.parametrize("phase", ["free", "unload"])
+def test_a_study_waits_no_longer_at_its_end(phase: str, rogue: Rogue, tmp_path: Path) -> None:
+    made = study([rogue("hang", phase)])
+    with pytest.warns(ConfigurationWarning, match=rf"from {FUNCTIONS[phase]} for 1 s; its r"):
+        table = campaign.run(made, tmp_path / "out", workers=1, step_timeout=1.0)
+    assert table["error"].isna().all()
+
+
+def test_the_record_is_mapped_as_soon_as_the_loop_begins(
+    rogue: Rogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On Windows it is gone with the process that has made it."""
+    mapped: list[int] = []
+    at_answers: list[int] = []
+    original = Memory.part
+
+    def part(self: Memory, start: int, size: int) -> object:
+        mapped.append(start)
+        return original(self, start, size)
+
+    monkeypatch.setattr(Memory, "part", part)
+    monkeypatch.setattr(isolation._Child, "_tell", lambda *_: at_answers.append(len(mapped)))
+    sblcosim.run(SCENARIO, rogue("none", "none"), SHORT)
+    assert at_answers[0] == len(mapped) > 1
 
 
 def test_a_study_keeps_its_processes(

@@ -230,3 +230,10 @@ def test_deep_folders_are_made(tmp_path: Path) -> None:
     files.make_folder(place)
     assert place.is_dir()
     os.system(f"rm -r '{tmp_path}/d'")  # pytest cannot
+
+
+def test_an_empty_seal_seals_nothing(tmp_path: Path) -> None:
+    (tmp_path / f"file{files.SEAL}").write_bytes(b"")
+    assert not files.intact(tmp_path / "file")
+    (tmp_path / "file").write_bytes(b"")
+    assert not files.intact(tmp_path / "file")

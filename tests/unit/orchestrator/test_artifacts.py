@@ -213,6 +213,17 @@ def test_a_number_is_found_when_another_process_is_quicker(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["new", "run", "run-2"]
 
 
+@pytest.mark.parametrize("other", ["replace", "number", "refuse"])
+def test_an_empty_folder_that_got_the_same_result_meanwhile_is_replaced(tmp_path, other):
+    (tmp_path / "run").mkdir()
+    with artifacts.draft(tmp_path / "run", {"run": 1}, other) as made:
+        (made.folder / "new.txt").write_text("new")
+        draft(tmp_path / "run", 1, "replace")
+    assert made.path == tmp_path / "run"
+    assert (made.path / "new.txt").read_text() == "new"
+    assert os.listdir(tmp_path) == ["run"]
+
+
 def test_an_empty_folder_that_another_process_has_filled_is_not_filled_twice(tmp_path):
     (tmp_path / "run").mkdir()
     with artifacts.draft(tmp_path / "run", {"run": 1}, "number") as made:

@@ -13,12 +13,27 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 from sblcosim import campaign, store, study
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.fmus.factory import build
 
 FLIPS = 300
+
+
+def test_a_part_without_its_columns_is_one_line(tmp_path: Path) -> None:
+    campaign.run(small(), tmp_path)
+    (part, *_) = store._parts(tmp_path)
+    short = parquet.read_table(part).drop_columns(["replicate"])
+    stream = pa.BufferOutputStream()
+    parquet.write_table(short, stream)
+    content = stream.getvalue().to_pybytes()
+    part.unlink()
+    (part.parent / store._name(part.stem.rpartition("-")[0], content)).write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"must have a column replicate, got none$"):
+        store.table(tmp_path)
 
 
 def small(**changes: Any) -> study.Study:
