@@ -13,6 +13,8 @@ from .errors import ConfigurationError, nearest, quoted, shortened
 
 DEEPEST = 16
 """Tables and arrays inside each other, and parts of a key; a scenario needs four."""
+LARGEST = 1 << 20
+"""Bytes of a file; a scenario has some thousand."""
 _INTEGERS = 2**63  # of TOML: 64 bits
 _LONGEST_PATH = 240  # characters of one that a message shows
 
@@ -35,7 +37,11 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
     if os.path.isdir(path):
         raise ConfigurationError(f"{where}: is a folder, not a {what} file")
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)  # a device has no end
+        if len(content) > LARGEST:
+            raise ConfigurationError(f"{where}: must have at most {LARGEST:,} bytes, got more")
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
         raise ConfigurationError(
@@ -53,7 +59,6 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
         raise ConfigurationError(
             f"{where}: must be a file that can be read, got {reason}"
         ) from None
-
 
 def parse(where: str, text: str) -> dict[str, Any]:
     """The tables of a text in TOML.

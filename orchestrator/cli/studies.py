@@ -114,7 +114,7 @@ def study(
     typer.echo(_summary(runs))
     typer.echo(f"\nwritten to {out}")
     if runs["error"].notna().all():
-        typer.echo(f"all {len(runs)} runs failed: there is nothing to analyse", err=True)
+        typer.echo(f"error: all {len(runs)} runs failed: there is nothing to analyse", err=True)
         raise typer.Exit(1)
 
 

@@ -599,7 +599,7 @@ def test_a_study_of_which_every_run_failed_exits_with_1(cli: Callable[..., Resul
     assert done.exit_code == 1
     assert done.stdout.startswith("12 runs, 12 failed\n")
     assert "RMS" not in done.stdout
-    assert done.stderr == "all 12 runs failed: there is nothing to analyse\n"
+    assert done.stderr == "error: all 12 runs failed: there is nothing to analyse\n"
 
 
 def test_advice_that_finds_nothing_exits_with_1(cli: Callable[..., Result]) -> None:

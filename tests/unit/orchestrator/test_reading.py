@@ -10,7 +10,7 @@ import pytest
 from sblcosim import analysis, study
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.reading import DEEPEST, check_values, parse
+from sblcosim.reading import DEEPEST, LARGEST, check_values, parse
 from sblcosim.scenario import load
 from typer.testing import CliRunner
 
@@ -127,3 +127,18 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
         assert isinstance(result.exception, SystemExit)
         assert result.stderr.startswith("error: ")
         assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without end")
+def test_a_file_without_end_is_not_read_to_it() -> None:
+    for read in (load, study.load, analysis._read):
+        assert line_of(lambda: read(Path("/dev/zero"))) == (  # noqa: B023
+            f"/dev/zero: must have at most {LARGEST:,} bytes, got more"
+        )
+
+
+def test_line_ends_of_any_system_are_read(tmp_path: Path) -> None:
+    text = "[target]\nspeed_m_s = 0.25\n[time]\nduration_s = 3.0\n"
+    for end in ("\n", "\r\n", "\r"):
+        (tmp_path / "s.toml").write_bytes(text.replace("\n", end).encode())
+        assert load(tmp_path / "s.toml").target.speed_m_s == 0.25
