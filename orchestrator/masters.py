@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import isolation, lanes, native
 from . import master as python
-from .errors import BuildError, ConfigurationError, SblcosimError, check_choice
+from .errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
 from .isolation import Children
 from .plan import Plan, resolve
 from .record import Record
@@ -173,6 +173,12 @@ def _failing(
                 found = True
                 yield tried[0], own
         if found:
+            return
+        if error.component is not None:
+            others = ", ".join(name for name in error.suspects if name != error.component)
+            yield error.component, FmuError(
+                f"{error}; it may have been a thread of {others}, as none of them does so alone"
+            )
             return
     if error.component is not None:
         yield error.component, error
