@@ -60,6 +60,7 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
             f"{where}: must be a file that can be read, got {reason}"
         ) from None
 
+
 def parse(where: str, text: str) -> dict[str, Any]:
     """The tables of a text in TOML.
 

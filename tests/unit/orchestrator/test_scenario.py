@@ -626,7 +626,7 @@ def test_what_is_no_scenario_file_is_told_in_the_words_of_the_system(
         raise PermissionError(13, "Permission denied")
 
     file.write_text("[time]\n")
-    monkeypatch.setattr(Path, "read_text", denied)
+    monkeypatch.setattr(Path, "open", denied)
     assert problems(file) == [f"{file}: must be a file that can be read, got Permission denied"]
 
 
