@@ -20,6 +20,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import resource_tracker
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -125,15 +126,12 @@ def _spread(
                 if part is None:
                     break
                 size = -(-len(part) // (2 * workers))
-                pending.append(
-                    (
-                        part,
-                        [
-                            pool.submit(_work, parcel, part[i : i + size], master)
-                            for i in range(0, len(part), size)
-                        ],
-                    )
-                )
+                with deferring_sigint():  # this may start a process
+                    futures = [
+                        pool.submit(_work, parcel, part[i : i + size], master)
+                        for i in range(0, len(part), size)
+                    ]
+                pending.append((part, futures))
             if not pending:
                 return
             part, futures = pending[0]
@@ -178,6 +176,35 @@ def _processes(workers: int) -> Iterator[Executor]:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def deferring_sigint() -> Iterator[None]:
+    """Processes that are started here leave Ctrl-C to this one, which gets it at the end."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
+    try:
+        with _blocked_in_children():
+            yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+    if came:
+        signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _blocked_in_children() -> Iterator[None]:
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # else it starts below, and unblocks what is blocked
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def begin() -> None:

@@ -48,7 +48,9 @@ def environment(folder: Path, resolution: str, interpreter: str) -> tuple[Path, 
     (bin_,) = (p for p in (tools / "bin", tools / "Scripts") if p.is_dir())
     subprocess.run([str(bin_ / "python"), "-m", "pip", "install", "--quiet", "uv"], check=True)
     uv = str(bin_ / "uv")
-    subprocess.run([uv, "venv", "--quiet", "--python", interpreter, str(place)], check=True)
+    # Wheels are made by pip.
+    make = [uv, "venv", "--quiet", "--seed", "--python", interpreter, str(place)]
+    subprocess.run(make, check=True)
     python = place / bin_.name / "python"
     subprocess.run(
         [uv, "pip", "install", "--quiet", "--python", str(python), "--resolution", resolution,

@@ -8,8 +8,6 @@ its Figures 9 and 11 to 30 has a place. The numbers of the paper are in ``paper.
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,7 +33,7 @@ from ..api import run as run_scenario
 from ..definitions import AXES, recorded
 from ..design import TIMES
 from ..errors import ConfigurationError
-from ..executors import begin
+from ..executors import begin, deferring_sigint
 from ..factorial import answer, places
 from ..record import Record
 from ..scenario import load as load_scenario
@@ -489,7 +487,7 @@ def _painters(workers: int | None) -> Iterator[Executor | None]:
         return
     with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
         try:
-            with _deaf():
+            with deferring_sigint():
                 for _ in range(count):
                     pool.submit(factorial.number, 0.0)  # they import what they need
             yield pool
@@ -506,19 +504,6 @@ def _draw(jobs: Mapping[str, Job], pool: Executor | None, tell: Progress) -> dic
         drawings[name] = svg
         tell(0.6 + 0.37 * i / len(jobs), "drawing")
     return drawings
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes that are started here leave Ctrl-C to the one that started them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 # --- The page ------------------------------------------------------------------------------------

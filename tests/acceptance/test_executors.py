@@ -215,26 +215,65 @@ def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch)
         executors.unpack(parcel)
 
 
-def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
-    process = subprocess.Popen(
+def started(folder: Path) -> subprocess.Popen[str]:
+    """A study in processes of its own, which a terminal's Ctrl-C reaches."""
+    return subprocess.Popen(
         [sys.executable, "-m", "sblcosim", "study", "paper-scenario-1", "--executor", "processes",
          "--replicates", "500"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True,
-    )
+    )  # fmt: skip
+
+
+def interrupted(process: subprocess.Popen[str]) -> str:
+    """What a command writes to stderr after a Ctrl-C in its terminal."""
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    return err
+
+
+def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
+    process = started(tmp_path)
     parts = tmp_path / "studies" / "paper-scenario-1" / "parts"
     until = time.monotonic() + 60
     while time.monotonic() < until and not (parts.is_dir() and list(parts.glob("*.parquet"))):
         assert process.poll() is None, process.communicate()
         time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    err = interrupted(process)
     assert err.startswith("interrupted; ")
     assert err.count("\n") == 1
+
+
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("moment", [0.0, 0.02, 0.1, 0.3])
+def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) -> None:
+    def of_a_worker(folder: Path) -> bool:
+        try:
+            words = (folder / "cmdline").read_bytes()
+            return b"spawn_main" in words and os.getsid(int(folder.name)) == process.pid
+        except OSError:  # it has ended
+            return False
+
+    process = started(tmp_path)
+    until = time.monotonic() + 60
+    while not any(map(of_a_worker, Path("/proc").glob("[0-9]*"))):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+    time.sleep(moment)
+    err = interrupted(process)
+    assert err.startswith("interrupted")
+    assert err.count("\n") == 1
+
+
+def test_ctrl_c_is_deferred_and_not_lost() -> None:
+    reached = False
+    with pytest.raises(KeyboardInterrupt), executors.deferring_sigint():  # noqa: PT012
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        reached = True
+    assert reached
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_the_table_of_a_part_is_that_of_its_pieces(tmp_path: Path) -> None:

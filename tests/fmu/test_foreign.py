@@ -29,6 +29,6 @@ def test_the_list_has_the_reference_fmus_and_they_violate_nothing() -> None:
 
 
 @pytest.mark.skipif(not FOUND, reason="needs SBLCOSIM_FOREIGN_FMUS, a folder of FMUs")
-@pytest.mark.parametrize("path", FOUND, ids=lambda path: path.relative_to(FOLDER).as_posix())
+@pytest.mark.parametrize("path", FOUND, ids=[p.relative_to(FOLDER).as_posix() for p in FOUND])
 def test_the_kit_says_of_an_fmu_what_the_list_says(path: Path) -> None:
     assert row(path, FOLDER) == listed()[path.relative_to(FOLDER).as_posix()]

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import mutators
+import pandas as pd
 import pytest
 from command_line import Inputs, judge
 
@@ -70,6 +71,7 @@ def _fmu(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]]:
 
 def _results(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]]:
     parts = [p for p in (folder / "results").rglob("*") if p.is_file() and p.suffix == ".parquet"]
+    run = pd.read_parquet(folder / "results" / "runs.parquet")["run_id"][0]
     path = random_.choice([folder / "results" / "study.json", *sorted(parts)])
     if path.suffix == ".json":
         _text(path, random_, mutators.as_json)
@@ -78,7 +80,7 @@ def _results(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]
     costs = ("--costs", "costs.toml", "--limit", "2")
     commands = [
         ("analyse", "results", "--out", "out"), ("advise", "results", *costs, "--out", "out"),
-        ("replay", "results", "0", "--no-figures", "--out", "out"),
+        ("replay", "results", run, "--no-figures", "--out", "out"),
         ("study", "study.toml", "--out", "results"),
     ]  # fmt: skip
     return path.name, random_.choices(commands, [1, 3, 1, 3])[0]
