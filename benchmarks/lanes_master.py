@@ -21,10 +21,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, t
 
 import numpy as np
 import sblcosim
-from sblcosim import lanes
-from sblcosim.plan import Plan, resolve
-from sblcosim.reduction import responses
-from sblcosim.system import Connection
+from sblcosim.results.sums import responses
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.system import Connection
 
 HERE = Path(__file__).parent
 FACTORS = list(

@@ -22,13 +22,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from python_master import CONNECTIONS, INTERVAL_NS, NAMES, Bare
-from sblcosim import native
-from sblcosim.fmus.factory import build, library
-from sblcosim.master import chosen, initialised
-from sblcosim.masters import execute
+from sblcosim.fmus.build.factory import build, library
+from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
-from sblcosim.plan import Plan, resolve
-from sblcosim.system import SECOND, ComponentSpec, Connection, System
+from sblcosim.simulation.execution import execute
+from sblcosim.simulation.masters import native
+from sblcosim.simulation.masters.python import chosen, initialised
+from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 ESTIMATE = ("ekf.epoch", "ekf.update_count", "ekf.position")
 REPEATS = 9

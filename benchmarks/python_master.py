@@ -19,12 +19,12 @@ from typing import Any
 import fmpy
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
-from sblcosim.fmus.factory import build
-from sblcosim.master import execute
+from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Type, Variable
-from sblcosim.plan import resolve
-from sblcosim.system import ComponentSpec, Connection, System
+from sblcosim.simulation.masters.python import execute
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 INTERVAL_NS = 100_000_000
 STEPS = 4000

@@ -52,6 +52,11 @@ class DamageWarning(Concise, UserWarning):
     """A file of ours is not as it was written, and something is done about it."""
 
 
+def one_line(error: BaseException) -> str:
+    """What an exception says, without line breaks."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """The end of a message about an unknown name.
 

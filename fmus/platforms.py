@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .description import Fmi
+    from .build.description import Fmi
 
 ZIG_TARGETS = {
     "x86_64-linux": "x86_64-linux-gnu.2.17",

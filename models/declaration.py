@@ -23,7 +23,7 @@ INT32_MAX = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit, which its name defines (`sblcosim.fmus.description.base_unit`).
+    """A unit, which its name defines (`sblcosim.fmus.build.description.base_unit`).
 
     Attributes
     ----------

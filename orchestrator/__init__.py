@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from . import lazy
+
 if TYPE_CHECKING:
     from . import analysis, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
-    from .export import export_fmu, export_ssp
-    from .result import Result
-    from .scenario import Scenario, load
+    from .export.ssp import export_fmu, export_ssp
+    from .results.result import Result
+    from .scenario.scenario import Scenario, load
 
 __all__ = [
     "ConfigurationError",
@@ -32,34 +34,28 @@ __all__ = [
     "study",
 ]
 
-_HOMES = {
-    "ConfigurationError": "errors",
-    "FmuError": "errors",
-    "Result": "result",
-    "SblcosimError": "errors",
-    "Scenario": "scenario",
-    "export_fmu": "export",
-    "export_ssp": "export",
-    "load": "scenario",
-    "run": "api",
-}
-_MODULES = ("analysis", "study")
+_get, __dir__ = lazy.names(
+    __name__,
+    {
+        "ConfigurationError": "errors",
+        "FmuError": "errors",
+        "Result": "results.result",
+        "SblcosimError": "errors",
+        "Scenario": "scenario.scenario",
+        "__version__": "",
+        "analysis": "",
+        "export_fmu": "export.ssp",
+        "export_ssp": "export.ssp",
+        "load": "scenario.scenario",
+        "run": "api",
+        "study": "",
+    },
+)
 
 
 def __getattr__(name: str) -> Any:
-    # Imported when first used: `sblcosim --help` must not wait for pandas and matplotlib.
     if name == "__version__":
         from importlib.metadata import version
 
         return version("sblcosim")
-    from importlib import import_module
-
-    if name in _MODULES:
-        return import_module(f".{name}", __name__)
-    if name in _HOMES:
-        return getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+    return _get(name)

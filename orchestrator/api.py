@@ -7,18 +7,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .definitions import TRUTH
+from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
+from sblcosim.fmus.read.ports import Fmu
+
 from .errors import ConfigurationError, nearest
-from .fmu import Fmu
-from .isolation import patience, strangers
-from .masters import execute, survive
-from .native import foreign
-from .plan import Plan, check_size, resolve
-from .record import Record
-from .result import Result, manifest
-from .scenario import Overrides, Receivers, Scenario, Source, load
-from .system import SECOND, System, nanoseconds, text_of
-from .wiring import FIXED, RAW, applied, choose, connect
+from .results.definitions import TRUTH
+from .results.result import Result, manifest
+from .scenario.scenario import Overrides, Receivers, Scenario, Source, load
+from .scenario.wiring import FIXED, RAW, applied, choose, connect
+from .simulation.execution import execute, survive
+from .simulation.isolation import patience, strangers
+from .simulation.masters.native import foreign
+from .simulation.plan import Plan, check_size, resolve
+from .simulation.record import Record
+from .simulation.system import System
 
 
 def run(
@@ -45,9 +47,9 @@ def run(
         returned.
     receiver
         ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, or what makes a Python
-        component (see `sblcosim.system.PythonComponent`); several in a sequence, or with labels in
-        a mapping, run side by side on the same noise. None: the scenario's own. The raw fix runs
-        along as ``raw``.
+        component (see `sblcosim.simulation.system.PythonComponent`); several in a sequence, or with
+        labels in a mapping, run side by side on the same noise. None: the scenario's own. The raw
+        fix runs along as ``raw``.
     overrides
         Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
     fmi
@@ -57,7 +59,7 @@ def run(
         component.
     master, step_timeout
         What runs the simulation, and when it gives up an FMU that hangs; see
-        `sblcosim.masters.execute`.
+        `sblcosim.simulation.execution.execute`.
     progress
         Called now and then with the share of the run that is done.
     before

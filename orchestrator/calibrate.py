@@ -23,16 +23,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
+from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
-from . import artifacts, plots, style
-from .definitions import Floats
+from . import artifacts, style
 from .errors import ConfigurationError, check_choice
-from .master import execute
-from .plan import resolve
-from .record import Record
-from .system import SECOND, ComponentSpec, Connection, PythonComponent, System
+from .results import figures
+from .results.definitions import Floats
+from .simulation.masters.python import execute
+from .simulation.plan import resolve
+from .simulation.record import Record
+from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 
 SLOT_NS = SECOND
 """Time between pings. Nothing moves, so any will do."""
@@ -96,7 +98,7 @@ class CalibrationResult:
         """The range test, two axes; see `plots.plot_range_test`."""
         distance, mean, std = self.table[["distance_m", "mean_m", "std_m"]].to_numpy().T
         line = (self.intercept_m, self.slope)
-        return plots.plot_range_test(distance, mean, std, line, axes, theme)
+        return figures.plot_range_test(distance, mean, std, line, axes, theme)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -206,7 +208,7 @@ def calibrate(
     _check(settings)
     check_choice("calibrate fmi", fmi, (2, 3))
     if acoustics is None:
-        from sblcosim.fmus.factory import build
+        from sblcosim.fmus.build.factory import build
 
         acoustics = build("acoustics", fmi)
     parameters = {

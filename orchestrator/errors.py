@@ -13,6 +13,7 @@ from sblcosim.fmus.errors import (
     escaped,
     instance,
     nearest,
+    one_line,
     quoted,
     shortened,
 )
@@ -33,11 +34,6 @@ __all__ = [
     "quoted",
     "shortened",
 ]
-
-
-def one_line(error: BaseException) -> str:
-    """What an exception says, without line breaks."""
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 class ConfigurationError(SblcosimError):

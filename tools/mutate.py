@@ -1,6 +1,6 @@
 """Change a source file a little, many times, and say which changes no test notices.
 
-    python tools/mutate.py orchestrator/store.py --seed 7 --count 20 \\
+    python tools/mutate.py orchestrator/study/store.py --seed 7 --count 20 \\
         --tests 'tests/unit/orchestrator/test_store.py'
 
 Each mutation is made alone, in a copy of this tree, and the tests run until one fails. What
@@ -8,7 +8,7 @@ survives is printed as a diff with its number; ``--number 12`` makes that mutati
 sign, a comparison, a term or factor dropped, a factor of two, an index one further, a check
 removed, a unit (a factor of time, length or angle). C files need ``--build``, a command that fails
 if the file does not compile, e.g.
-``--build 'python -c "from sblcosim.fmus import factory; factory.build(\\"ekf\\")"'``.
+``--build 'python -c "from sblcosim.fmus.build import factory; factory.build(\\"ekf\\")"'``.
 """
 
 from __future__ import annotations

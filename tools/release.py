@@ -16,11 +16,12 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sblcosim import drivers, lanes, native
-from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.models import COMPONENTS
+from sblcosim.simulation import c_libraries
+from sblcosim.simulation.masters import lanes, native
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("orchestrator", "models", "fmus", "pyproject.toml", "README.md", "LICENSE")
@@ -53,8 +54,8 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
     """
     made = dict(ready)
     for driver in (native.DRIVER, lanes.DRIVER):
-        file = drivers.library(driver, cc)
-        made[f"{drivers.key(driver, cc.platform)}/{file.name}"] = file
+        file = c_libraries.library(driver, cc)
+        made[f"{c_libraries.key(driver, cc.platform)}/{file.name}"] = file
     with tempfile.TemporaryDirectory(prefix="sblcosim-release-") as name:
         source = Path(name)
         for entry in SOURCES:

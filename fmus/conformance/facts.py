@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from ..factory import fmi_headers
+from ..build.factory import fmi_headers
 from ..read.description import DESCRIPTION
 from .subject import Number, Subject, Variable
 

@@ -20,10 +20,10 @@ from typing import Any
 from fmpy.model_description import ModelDescription
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from .. import check as plug
 from ..errors import FmuError, nearest
 from ..read.archive import Archive, opened, shown
 from ..read.description import DescriptionError, check_interface, describe, library_of
+from . import receiver_contract as plug
 from .bench import STANDARDS
 from .checks import CHECKS
 from .runner import PATIENCE, Outcome, State, run, unpacked

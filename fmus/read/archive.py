@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FmuError
+from ..errors import FmuError, one_line
 
 MAX_FILE = 1 << 30
 """Bytes of an FMU file."""
@@ -225,7 +225,7 @@ def _intact(path: Path) -> Iterator[None]:
     try:
         yield
     except _BROKEN as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = one_line(error)
         raise FmuError(f"{path}: must be an intact ZIP archive, got {shown(reason)}") from error
 
 

@@ -18,7 +18,7 @@ from xml.parsers import expat
 
 from fmpy.model_description import ModelDescription, ModelVariable, read_model_description
 
-from ..errors import FmuError
+from ..errors import FmuError, one_line
 from ..platforms import folders, machine_of, suffix, this_platform
 from ..terminals import TERMINALS
 from .archive import Archive, shown
@@ -79,7 +79,7 @@ def describe(archive: Archive) -> ModelDescription:
         for problem in _problems(description):
             raise ValueError(problem)
     except Exception as error:  # FMPy and lxml raise all sorts, Exception itself included
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = one_line(error)
         raise DescriptionError(
             f"{path}: {DESCRIPTION} must be valid, got: {shown(reason, 200)}"
         ) from error

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from ..declaration import (
-    Component,
-    Variable,
-    choice,
-    is_one_of,
-    not_zero,
-    parameter,
-    tick_interval,
-)
+from ..declaration import Component, Variable, choice, is_one_of, not_zero, parameter, tick_interval
 from ..ports import DEPTH, ESTIMATE, RECEPTION, ports, terminal
 
 INITIALISATION = {1: "first_receptions", 2: "prior"}

@@ -37,7 +37,7 @@ def build(
 
     They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu.
     """
-    from sblcosim.fmus.factory import build as build_fmu
+    from sblcosim.fmus.build.factory import build as build_fmu
     from sblcosim.fmus.files import write_file
     from sblcosim.models import COMPONENTS
 
@@ -64,7 +64,7 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=Fals
 
     Lists its variables against the contract and loads it; the exit code is 1 if either fails.
     """
-    from sblcosim.fmus.check import check_receiver
+    from sblcosim.fmus.conformance.receiver_contract import check_receiver
 
     report = check_receiver(file, load=True)
     typer.echo(str(report))

@@ -58,7 +58,7 @@ def ssp(
     It holds all FMUs, their connections, parameters and step sizes.
     """
     with waiting("building"):
-        from ..export import export_ssp
+        from ..export.ssp import export_ssp
 
         path = export_ssp(
             scenario,
@@ -88,7 +88,7 @@ def fmu(
     the package fmu-manipulation-toolbox.
     """
     with waiting("building"):
-        from ..export import export_fmu
+        from ..export.ssp import export_fmu
 
         path = export_fmu(scenario, out, receiver or (), overrides(set_, seed))
     typer.echo(str(path))

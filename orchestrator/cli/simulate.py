@@ -67,7 +67,7 @@ def run(
     """
     with waiting() as progress:
         from .. import api, artifacts
-        from ..scenario import load
+        from ..scenario.scenario import load
 
         settled = load(scenario, overrides(set_, seed))
         wanted, other = place(out, Path("runs", settled.name), force)
@@ -95,9 +95,9 @@ def plan(
 ) -> None:
     """Print what would run, and how it is connected."""
     with waiting():
-        from ..plan import check_size, resolve
-        from ..scenario import load
-        from ..wiring import connect
+        from ..scenario.scenario import load
+        from ..scenario.wiring import connect
+        from ..simulation.plan import check_size, resolve
 
         settled = load(scenario, overrides(set_, seed))
         resolved = resolve(connect(settled, receiver or (), fmi))
@@ -163,7 +163,7 @@ def calibrate(
 @app.command()
 def scenarios() -> None:
     """List the scenarios that come with the project."""
-    from ..scenario import load, shipped
+    from ..scenario.scenario import load, shipped
 
     table([(name, load(name).title) for name in shipped()])
 
@@ -189,7 +189,7 @@ def new(
     """Write a scenario file to begin with."""
     from sblcosim.fmus.files import write_file
 
-    from ..starter import starter
+    from ..scenario.starter import starter
 
     if not re.match(r"\w", file.name):
         raise ConfigurationError(

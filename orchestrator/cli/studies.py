@@ -76,8 +76,8 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
-        from .. import campaign
-        from .. import study as studies
+        from ..study import campaign, runner
+        from ..study import study as studies
 
         settled = studies.load(source)
         if replicates is not None:
@@ -99,8 +99,8 @@ def study(
                 raise typer.Exit(_stopped(stop)) from None
         else:
             prepared = campaign.prepare(settled, master, step_timeout)
-            missing = campaign.missing(prepared, out, tell=True)
-            seconds = campaign.estimate(prepared, missing, workers, master)
+            missing = runner.missing(prepared, out, tell=True)
+            seconds = runner.estimate(prepared, missing, workers, master)
     if dry_run:
         done = prepared.runs - missing.runs
         typer.echo(
@@ -119,9 +119,9 @@ def study(
 
 
 def _say_how_to_resume(out: Path, runs: int) -> None:
-    from .. import campaign
+    from ..study import store
 
-    _say_what_is_there(len(campaign.finished(out)), runs, out)
+    _say_what_is_there(len(store.finished(out)), runs, out)
 
 
 def _say_what_is_there(done: int, runs: int, out: Path) -> None:
@@ -194,11 +194,12 @@ def replay(
 ) -> None:
     """Do one run of a study again, with a full record."""
     with waiting() as progress:
-        from .. import artifacts, campaign
+        from .. import artifacts
+        from ..study import runner
 
         wanted, other = place(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
-        result = campaign.replay(results, run_id, progress=progress)
+        result = runner.replay(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
     report_run(result, folder, as_json, wanted)
 
@@ -244,17 +245,18 @@ def analyse(
     with waiting("analysing"):
         from typing import get_args
 
-        from .. import analysis, artifacts, factorial
+        from .. import artifacts
+        from ..analysis import fit, workflow
         from ..report import study as reports
 
-        check_choice("transform", transform, get_args(factorial.Transform))
-        check_choice("error", error, get_args(factorial.Error))
+        check_choice("transform", transform, get_args(fit.Transform))
+        check_choice("error", error, get_args(fit.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
         text = reports.save(
             results,
             out,
-            response or analysis.RESPONSE,
+            response or workflow.RESPONSE,
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]
@@ -320,7 +322,8 @@ def advise(
     The exit code is 1 if none is sure to be.
     """
     with waiting("weighing"):
-        from .. import advice, analysis, artifacts
+        from .. import artifacts
+        from ..analysis import advice, workflow
 
         if mean and percentile is not None:
             raise ConfigurationError(
@@ -329,18 +332,18 @@ def advise(
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or beside(results, "advice")
         artifacts.check(out)
-        found = analysis.advice_on_study(
+        found = workflow.advice_on_study(
             results,
             costs,
-            response or analysis.RESPONSE,
+            response or workflow.RESPONSE,
             receiver=receiver,
             limit=limit,
             percentile=wanted,
             contamination=contamination,
             confidence=confidence,
         )
-        shown = analysis.readable_advice(found, results)
-        folder = analysis.save_advice(found, out, shown=shown)
+        shown = workflow.readable_advice(found, results)
+        folder = workflow.save_advice(found, out, shown=shown)
     typer.echo(shown)
     typer.echo(f"\nwritten to {folder}")
     if found.limit is not None and found.chosen is None:
@@ -372,7 +375,7 @@ def paper(
     """
     started = time.perf_counter()
     with waiting(remaining=True) as progress:
-        from ..report import paper as papers
+        from ..report.paper import page as papers
 
         try:
             outcome = papers.run(
@@ -397,6 +400,6 @@ def paper(
 @app.command()
 def studies() -> None:
     """List the studies that come with the project."""
-    from ..study import load, shipped
+    from ..study.study import load, shipped
 
     table([(name, load(name).title) for name in shipped()])

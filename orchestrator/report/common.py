@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .. import artifacts
-from ..factorial import Factorial
-from ..study import Study
-from ..tables import toml
+from ..analysis.fit import Factorial
+from ..scenario.schema import toml
+from ..study.study import Study
 from .page import Block, Code, Section, Table, Text
 
 METHOD = {

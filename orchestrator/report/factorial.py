@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .. import factorial_plots, style
-from ..analysis import RESPONSE, of_table
-from ..errors import ConfigurationError
-from ..factorial import (
+from .. import style
+from ..analysis import figures as plots
+from ..analysis.fit import (
     Error,
     Factorial,
     Transform,
@@ -25,8 +24,10 @@ from ..factorial import (
     percent,
     quantity,
 )
-from ..factorial import minus as true_minus
-from ..study import Study
+from ..analysis.fit import minus as true_minus
+from ..analysis.workflow import RESPONSE, of_table
+from ..errors import ConfigurationError
+from ..study.study import Study
 from .page import Block, Picture, Table, Text
 
 MOST_ROWS = 40
@@ -423,14 +424,14 @@ def jobs(found: Findings, prefix: str = "") -> list[Job]:
     """The paper's four pictures, and the Box–Cox profile."""
     a = found.shown
     made = [
-        Job(f"{prefix}pareto", factorial_plots.plot_pareto, (a,)),
-        Job(f"{prefix}main_effects", factorial_plots.plot_main_effects, (a,)),
-        Job(f"{prefix}residuals", factorial_plots.plot_residuals, (a,)),
+        Job(f"{prefix}pareto", plots.plot_pareto, (a,)),
+        Job(f"{prefix}main_effects", plots.plot_main_effects, (a,)),
+        Job(f"{prefix}residuals", plots.plot_residuals, (a,)),
     ]
     if len(a.factors) > 1:
-        made.insert(1, Job(f"{prefix}interactions", factorial_plots.plot_interactions, (a,)))
+        made.insert(1, Job(f"{prefix}interactions", plots.plot_interactions, (a,)))
     if found.profile is not None:
-        made.append(Job(f"{prefix}box_cox", factorial_plots.plot_box_cox, (a,)))
+        made.append(Job(f"{prefix}box_cox", plots.plot_box_cox, (a,)))
     return made
 
 
@@ -458,7 +459,7 @@ def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
 
 def _pareto(a: Factorial) -> str:
     """The chart's caption."""
-    count, shown = len(a.effects), min(len(a.effects), factorial_plots.MOST_BARS)
+    count, shown = len(a.effects), min(len(a.effects), plots.MOST_BARS)
     part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
     if a.lenth is None:
         return (f"Pareto chart of the standardised effects |t|, {part}. What crosses the line is "

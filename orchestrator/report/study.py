@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .. import analysis, artifacts, store, style, sweep
-from ..factorial import Error, Transform
-from ..factorial import quantity as quantity_of
-from ..study import Study, load, shipped
+from .. import artifacts, style
+from ..analysis import sweep, workflow
+from ..analysis.fit import Error, Transform
+from ..analysis.fit import quantity as quantity_of
+from ..study import store
+from ..study.study import Study, load, shipped
 from . import factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings, number, span
@@ -23,7 +25,7 @@ REPORT = "report.html"
 def save(
     results: str | Path,
     directory: str | Path,
-    response: str = analysis.RESPONSE,
+    response: str = workflow.RESPONSE,
     *,
     receiver: str | None = None,
     order: int | None = None,
@@ -57,16 +59,16 @@ def save(
     command = command or shlex.join(["sblcosim", "analyse", str(results)])
     again = _again(study, results, command)
     plain = order is None and transform == "none" and error == "pure" and practical is None
-    if study.design.kind in analysis.FACTORIAL or not plain:
+    if study.design.kind in workflow.FACTORIAL or not plain:
         found = factorial.find(study, table, response, receiver=receiver, order=order,
                                transform=transform, error=error, practical=practical)
-        with artifacts.folder(directory, analysis.about(found.data)) as folder:
-            analysis.write(found.data, folder)
+        with artifacts.folder(directory, workflow.about(found.data)) as folder:
+            workflow.write(found.data, folder)
             page = _factorial_page(found, folder, failed, again)
             (folder / REPORT).write_text(render(page), "utf-8")
         return str(found.shown)
-    column = analysis.column_of(table, response, receiver)
-    table = analysis.in_numbers(table, column)
+    column = workflow.column_of(table, response, receiver)
+    table = workflow.in_numbers(table, column)
     means = sweep.means(table, list(study.factors), column, study.sweep_base)
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
     with artifacts.folder(directory, about) as folder:
@@ -75,7 +77,7 @@ def save(
         (folder / REPORT).write_text(render(page), "utf-8")
     shown = means.replace({"factor": study.labels})
     shown = shown if study.factors else shown.drop(columns=["factor", "value"])
-    text = _means_answer(study, means, analysis.words(column, table), analysis.unit_of(column))
+    text = _means_answer(study, means, workflow.words(column, table), workflow.unit_of(column))
     return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
 
 
@@ -190,7 +192,7 @@ def _means_page(
     failed: int,
     again: Section,
 ) -> Page:
-    quantity, unit = analysis.words(column, table), analysis.unit_of(column)
+    quantity, unit = workflow.words(column, table), workflow.unit_of(column)
     own = f" [{unit}]" if unit else ""
     rows = [
         (study.labels.get(row["factor"], "all runs"), number(row["value"]), number(row["runs"], 6),

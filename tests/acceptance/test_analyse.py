@@ -8,9 +8,10 @@ from pathlib import Path
 import html5lib
 import pandas as pd
 import pytest
-from sblcosim import analysis, campaign, points, study
+from sblcosim.analysis import workflow
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
+from sblcosim.study import campaign, store, study
 from typer.testing import CliRunner
 
 STUDY = """
@@ -80,9 +81,9 @@ def test_it_says_where_the_error_of_the_effects_is_from(
 
 def test_unknown_names_are_answered_with_the_valid_ones(results: Path) -> None:
     with pytest.raises(ConfigurationError, match="did you mean 'absolute_total_rms_m'"):
-        analysis.of_study(results, "absolute_total_rms")
+        workflow.of_study(results, "absolute_total_rms")
     with pytest.raises(ConfigurationError, match="receiver: must be ekf"):
-        analysis.of_study(results, receiver="efk")
+        workflow.of_study(results, receiver="efk")
     for option in ("--transform", "--error"):
         done = CliRunner().invoke(app, ["analyse", str(results), option, "cube"])
         assert done.exit_code == 2
@@ -93,7 +94,7 @@ def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None
     """A dear GPS is bought when the limit asks for it, and not otherwise."""
     costs = results.parent / "costs.toml"
     costs.write_text("gps = [900, 40]  # of 0.1 and 3.5 m\ndepth = [30, 10]\n")
-    table = campaign.table(results)
+    table = store.table(results)
     means = table.groupby("gps")["ekf.absolute_total_rms_m"].max()
     assert means[0.1] < means[3.5]
     chosen = {}
@@ -107,8 +108,8 @@ def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None
         assert done.output.startswith("The cheapest point with a 20th percentile of ")
         assert "It takes 86 runs at each of the 4 points; there are 3, 83 " in done.output
         assert {p.name for p in out.iterdir()} >= {"front.svg", "front.png", "points.csv"}
-        points = pd.read_parquet(out / "points.parquet")
-        chosen[name] = points[points["meets"]].iloc[0]
+        campaign = pd.read_parquet(out / "points.parquet")
+        chosen[name] = campaign[campaign["meets"]].iloc[0]
     assert (chosen["strict"]["gps"], chosen["strict"]["cost"]) == (0.1, 910)
     assert (chosen["loose"]["gps"], chosen["loose"]["cost"]) == (3.5, 50)
 
@@ -184,7 +185,7 @@ def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
     assert commands.splitlines()[0] == f"sblcosim study small.toml --out {tmp_path / 'own'}"
     (tmp_path / "small.toml").write_text(file)
     again = study.load(tmp_path / "small.toml")
-    assert points.prepare(again).definition() == json.loads(
+    assert campaign.prepare(again).definition() == json.loads(
         (tmp_path / "own" / "study.json").read_text()
     )["definition"]
     assert (again.replicates, again.labels["gps"]) == (3, "GPS error")
@@ -192,7 +193,7 @@ def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
 
 def test_an_analysis_in_python_reads_as_on_the_command_line(tmp_path: Path) -> None:
     out, _ = reported(tmp_path, LABELLED)
-    found = analysis.of_study(tmp_path / "own")
+    found = workflow.of_study(tmp_path / "own")
     assert out.startswith(str(found))
     assert list(found.effects.index[:2]) == ["gps", "depth"]
     names = [text.get_text() for text in found.plot_pareto().get_yticklabels()]

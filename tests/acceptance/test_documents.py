@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from sblcosim.study import load
+from sblcosim.study.study import load
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md"))]
@@ -39,7 +39,7 @@ def test_code_in_the_readme_runs(
     monkeypatch.chdir(tmp_path)
     code = python_blocks()[number]
     if "fmus/fmi2" in code:
-        from sblcosim.fmus.factory import build
+        from sblcosim.fmus.build.factory import build
 
         folder = tmp_path / "fmus" / "fmi2"
         folder.mkdir(parents=True)

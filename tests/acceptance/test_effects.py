@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sblcosim import effects, lanes
 from sblcosim.errors import ConfigurationError
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 from sblcosim.models.platform.imu import GRADES
-from sblcosim.plan import TICK_PARAMETERS, Plan, resolve
-from sblcosim.points import _ALIKE
-from sblcosim.scenario import Scenario, load, shipped
-from sblcosim.system import System
-from sblcosim.tables import in_file_units
+from sblcosim.scenario import effects
+from sblcosim.scenario.scenario import Scenario, load, shipped
+from sblcosim.scenario.schema import in_file_units
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.plan import TICK_PARAMETERS, Plan, resolve
+from sblcosim.simulation.system import System
+from sblcosim.study.campaign import _ALIKE
 
 pytestmark = pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 Record = Mapping[str, np.ndarray]

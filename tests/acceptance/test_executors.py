@@ -16,8 +16,8 @@ from typing import Any
 import pandas as pd
 import pytest
 from distributed import LocalCluster
-from sblcosim import campaign, executors, study
 from sblcosim.errors import ConfigurationError
+from sblcosim.study import campaign, executors, runner, store, study
 
 MADE = {
     "name": "wide",
@@ -120,7 +120,7 @@ def test_a_worker_that_is_killed_costs_nothing(
 ) -> None:
     made = study.load({**MADE, "replicates": 60})
     made.run(tmp_path / "alone")
-    monkeypatch.setattr(campaign, "BATCH", 8)
+    monkeypatch.setattr(runner, "BATCH", 8)
     killed: list[int] = []
 
     def kill(share: float) -> None:
@@ -171,7 +171,7 @@ def _lives(pid: int) -> bool:
 def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reference: bytes
 ) -> None:
-    monkeypatch.setattr(campaign, "BATCH", 8)
+    monkeypatch.setattr(runner, "BATCH", 8)
     import multiprocessing
 
     def kill(share: float) -> None:
@@ -181,7 +181,7 @@ def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
 
     with pytest.raises(ConfigurationError, match=r"workers: must live until their runs are done"):
         study.load(MADE).run(tmp_path / "out", executor="processes", workers=2, progress=kill)
-    kept = campaign.table(tmp_path / "out")
+    kept = store.table(tmp_path / "out")
     assert 0 < len(kept) < 40
     assert (kept["point"].value_counts() == len(kept) / 8).all()  # balanced
     study.load(MADE).run(tmp_path / "out")
@@ -325,7 +325,7 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
     assert err.count("\n") == 1
     assert err.startswith("error: scheduler: must stay until all runs are done")
     assert err.endswith("runs that are finished are kept, the same command goes on\n")
-    assert len(campaign.table(tmp_path / "studies" / "paper-scenario-1")) >= 2048
+    assert len(store.table(tmp_path / "studies" / "paper-scenario-1")) >= 2048
 
 
 def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
@@ -345,7 +345,7 @@ def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
 def test_processes_that_draw_end_with_the_one_that_started_them(tmp_path: Path) -> None:
     script = (
         "import os, signal, multiprocessing\n"
-        "from sblcosim.report import paper\n"
+        "from sblcosim.report.paper import page as paper\n"
         "if __name__ == '__main__':\n"
         "    with paper._painters(2):\n"
         "        print(*[p.pid for p in multiprocessing.active_children()], flush=True)\n"

@@ -26,7 +26,7 @@ SCRIPT = """
 import json, os, resource, sys
 from pathlib import Path
 from sblcosim.cli import app
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
 from typer.testing import CliRunner
 
 place, commands, full = Path(sys.argv[1]), json.loads(sys.argv[2]), sys.argv[3]

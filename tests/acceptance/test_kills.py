@@ -36,7 +36,7 @@ keys = ["time.sampling_time_s"]
 levels = [0.1, 1.0]
 """
 # Small batches, so that there is much to interrupt.
-PROGRAM = "from sblcosim import campaign, cli; campaign.BATCH = 4; cli.main()"
+PROGRAM = "import sblcosim.study.runner as r; from sblcosim import cli; r.BATCH = 4; cli.main()"
 
 
 @dataclass(frozen=True)

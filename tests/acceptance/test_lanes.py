@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim import lanes
 from sblcosim.errors import ConfigurationError, FmuError
-from sblcosim.fmus import compiler, factory
-from sblcosim.master import execute
-from sblcosim.plan import Plan, resolve
-from sblcosim.reduction import responses
-from sblcosim.scenario import shipped
-from sblcosim.system import ComponentSpec, Connection, System
+from sblcosim.fmus.build import compiler, factory
+from sblcosim.results.sums import responses
+from sblcosim.scenario.scenario import shipped
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.masters.python import execute
+from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
 NOISY = ("target", "platform", "acoustics")
@@ -279,9 +279,9 @@ compiler.FLAGS = (*(f for f in compiler.FLAGS if f != "-O2"), "-O1", *checks)
 compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
 import sblcosim
 from sblcosim import lanes
-from sblcosim.plan import resolve
-from sblcosim.reduction import SUMS
-from sblcosim.system import Connection
+from sblcosim.simulation.plan import resolve
+from sblcosim.results.sums import SUMS
+from sblcosim.simulation.system import Connection
 scenario = sblcosim.load("harbour-random", {"time.duration_s": 6.0})
 plan = resolve(scenario.system(("ekf", "sequential")))
 seeds = {f"{name}.seed": np.arange(1, 12) for name in ("target", "platform", "acoustics")}

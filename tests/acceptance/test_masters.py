@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim import master, native
 from sblcosim.cli import app
-from sblcosim.plan import resolve
-from sblcosim.record import Record
-from sblcosim.scenario import shipped
-from sblcosim.system import System
+from sblcosim.scenario.scenario import shipped
+from sblcosim.simulation.masters import native, python
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.record import Record
+from sblcosim.simulation.system import System
 from typer.testing import CliRunner
 
 SHORT = {"time.duration_s": 40.0}
@@ -60,7 +60,7 @@ def same(one: Record, other: Record) -> None:
 @pytest.mark.parametrize("scenario", shipped())
 def test_native_gives_the_record_of_the_python_master(scenario: str, variant: str) -> None:
     plan = resolve(SYSTEMS[variant](scenario))
-    reference = master.execute(plan)
+    reference = python.execute(plan)
     assert len(reference) > 20
     for receiver in (*RECEIVERS, "raw"):
         assert len(reference.estimates(receiver)) > 5
@@ -96,7 +96,7 @@ def test_the_command_runs_the_master_it_is_told(
 @pytest.mark.parametrize("master", ["python", "lanes"])
 def test_a_master_that_waits_for_ever_takes_no_timeout(master: str) -> None:
     done = CliRunner().invoke(
-        app, ["run", "paper-scenario-1", "--master", master, "--step-timeout", "3"]
+        app, ["run", "paper-scenario-1", "--master", python, "--step-timeout", "3"]
     )
     assert done.exit_code == 2
-    assert f"step_timeout: must be left out with the {master} master" in done.output
+    assert f"step_timeout: must be left out with the {python} master" in done.output

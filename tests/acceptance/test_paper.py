@@ -16,10 +16,11 @@ from typing import Any
 
 import html5lib
 import pytest
-from sblcosim import analysis, campaign
+from sblcosim.analysis import workflow
+from sblcosim.analysis.fit import Factorial, tied
 from sblcosim.cli import app
-from sblcosim.factorial import Factorial, tied
-from sblcosim.report import paper
+from sblcosim.report.paper import page
+from sblcosim.study import store
 from typer.testing import CliRunner
 
 INDEPENDENT = {1: (9.283, 0.031), 2: (11.061, 0.024), 3: (11.790, 0.037)}
@@ -90,7 +91,7 @@ def finished(made: dict[str, Any]) -> tuple[Path, str]:
 @pytest.fixture(scope="module")
 def found(finished: tuple[Path, str]) -> dict[int, Factorial]:
     runs = finished[0] / "runs"
-    return {n: analysis.of_study(runs / f"paper-scenario-{n}") for n in (1, 2, 3)}
+    return {n: workflow.of_study(runs / f"paper-scenario-{n}") for n in (1, 2, 3)}
 
 
 @pytest.fixture(scope="module")
@@ -130,28 +131,28 @@ def test_it_says_the_answers_and_where_the_time_went(finished: tuple[Path, str])
 def test_the_favourable_point_gives_table_4_within_10_percent_on_every_axis(
     finished: tuple[Path, str],
 ) -> None:
-    runs = campaign.table(finished[0] / "runs" / "favourable-1")
+    runs = store.table(finished[0] / "runs" / "favourable-1")
     assert len(runs) == 50
     for axis in ("x", "y", "z", "total"):
         ours = runs[f"ekf.absolute_{axis}_rms_m"].mean()
-        assert ours == pytest.approx(paper.facts()["table4"][axis], rel=0.1), axis
+        assert ours == pytest.approx(page.facts()["table4"][axis], rel=0.1), axis
 
 
-@pytest.mark.parametrize("name", paper.SESSIONS)
+@pytest.mark.parametrize("name", page.SESSIONS)
 def test_the_ekf_s_row_of_table_2_is_met_within_10_percent(
     finished: tuple[Path, str], name: str
 ) -> None:
-    runs = campaign.table(finished[0] / "runs" / f"harbour-{name}")
+    runs = store.table(finished[0] / "runs" / f"harbour-{name}")
     assert len(runs) >= 500
-    ours = paper.pooled(runs, "ekf")
-    assert ours == pytest.approx(paper.facts()["table2"][name]["ekf"], rel=0.1)
+    ours = page.pooled(runs, "ekf")
+    assert ours == pytest.approx(page.facts()["table2"][name]["ekf"], rel=0.1)
 
 
-@pytest.mark.parametrize("n", paper.SCENARIOS)
+@pytest.mark.parametrize("n", page.SCENARIOS)
 def test_the_mean_over_all_points_is_that_of_an_independent_simulation(
     finished: tuple[Path, str], n: int
 ) -> None:
-    runs = campaign.table(finished[0] / "runs" / f"paper-scenario-{n}")
+    runs = store.table(finished[0] / "runs" / f"paper-scenario-{n}")
     assert len(runs) == 6400
     assert runs["error"].isna().all()
     mean, error = INDEPENDENT[n]
@@ -179,7 +180,7 @@ def is_close_third(a: Factorial, one: str, other: str) -> None:
     """Two main effects share places 3 and 4 and differ by less than what matters."""
     size = a.effects["effect"].abs()[a.effects["order"] == 1].sort_values(ascending=False)
     assert set(size.index[2:4]) == {one, other}
-    assert abs(size[one] - size[other]) < paper.PRACTICAL
+    assert abs(size[one] - size[other]) < page.PRACTICAL
     assert size.iloc[3] > 2.5 * size.iloc[4]
 
 
@@ -203,7 +204,7 @@ def test_sampling_time_and_range_noise_are_a_close_third_in_scenario_1(
 def test_the_printed_answer_ties_what_cannot_be_told_apart(
     found: dict[int, Factorial], finished: tuple[Path, str]
 ) -> None:
-    for n in paper.SCENARIOS:
+    for n in page.SCENARIOS:
         a = found[n].readable
         ranked = a.ranked()
         main = list(ranked.index[ranked["order"] == 1])
@@ -235,9 +236,9 @@ def test_every_table_of_the_paper_has_its_place(tree: Any, number: int) -> None:
     assert {"Quantity", "Paper", "Ours", "Ratio"} <= set(head)
     rows = table.findall(".//tbody/tr")
     paper_, ours, ratio = (head.index(word) for word in ("Paper", "Ours", "Ratio"))
-    known = paper.facts()[f"table{number}"]
+    known = page.facts()[f"table{number}"]
     if number == 2:
-        expected = [x for name in paper.SESSIONS for row in ("instrument", "ekf")
+        expected = [x for name in page.SESSIONS for row in ("instrument", "ekf")
                     for x in known[name][row]]
     else:
         expected = [*(known[axis] for axis in ("x", "y", "z", "total")), known["total"]]

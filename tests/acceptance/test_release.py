@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from sblcosim.fmus import compiler
+from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import PLATFORMS, in_folders, this_platform
 from sblcosim.models import COMPONENTS
 

@@ -19,17 +19,19 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import campaign, isolation, masters
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
-from sblcosim.fmu import ours, read
-from sblcosim.fmus.check import check_receiver
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
+from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.files import scratch, sweep
-from sblcosim.memory import Memory
+from sblcosim.fmus.host.instances import ours
+from sblcosim.fmus.read.ports import read
 from sblcosim.models.ports import BEACON_POSITIONS, ESTIMATE, REQUIRED_ESTIMATE, ports
-from sblcosim.plan import Plan
-from sblcosim.record import Record
-from sblcosim.system import ComponentSpec
+from sblcosim.simulation import execution, isolation
+from sblcosim.simulation.memory import Memory
+from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.record import Record
+from sblcosim.simulation.system import ComponentSpec
+from sblcosim.study import runner
 
 SCENARIO = "paper-scenario-1"
 SHORT = {"time.duration_s": 2.0}
@@ -215,9 +217,9 @@ def test_a_thread_that_crashes_only_beside_others_is_not_blamed_on_one(rogue: Ro
     def execute(plan: Plan) -> Record:
         if {"a", "b"} <= {c.name for c in plan.components}:
             raise error
-        return masters.execute(plan)
+        return execution.execute(plan)
 
-    outcome = masters.survive(system, ["a", "b"], execute)
+    outcome = execution.survive(system, ["a", "b"], execute)
     assert outcome.failures == {
         "b": "b: crashed; it may have been a thread of a, as none of them does so alone"
     }
@@ -287,13 +289,14 @@ def test_a_flood_of_output_is_kept_from_ours(phase: str, rogue: Rogue, tmp_path:
 def test_nothing_stays_of_a_process_that_has_died(rogue: Rogue) -> None:
     place = scratch()
     for what, phase in (("segv", "step"), ("hang", "load"), ("exit", "unload"), ("none", "none")):
-        plan = sblcosim.plan.resolve(sblcosim.load(SCENARIO, SHORT).system(rogue(what, phase)))
+        system = sblcosim.load(SCENARIO, SHORT).system(rogue(what, phase))
+        plan = sblcosim.simulation.plan.resolve(system)
         before = set(place.iterdir())
         if what != "none":
             with pytest.raises(FmuError) if phase != "unload" else warnings.catch_warnings():
-                masters.execute(plan, step_timeout=0.7)
+                execution.execute(plan, step_timeout=0.7)
         else:
-            masters.execute(plan)
+            execution.execute(plan)
         assert set(place.iterdir()) <= before
 
 
@@ -310,9 +313,11 @@ def test_a_killed_parent_leaves_neither_process_nor_files(rogue: Rogue, tmp_path
     place = tmp_path / "temporary"
     place.mkdir()
     program = (
-        "import sys; from pathlib import Path; from sblcosim import isolation, masters\n"
-        "from sblcosim.plan import resolve; from sblcosim.system import ComponentSpec, System\n"
-        "masters.execute(resolve(System({'s': ComponentSpec(Path(sys.argv[1]), 1)}, (), 9)))\n"
+        "import sys; from pathlib import Path\n"
+        "from sblcosim.simulation import execution, isolation\n"
+        "from sblcosim.simulation.plan import resolve\n"
+        "from sblcosim.simulation.system import ComponentSpec, System\n"
+        "execution.execute(resolve(System({'s': ComponentSpec(Path(sys.argv[1]), 1)}, (), 9)))\n"
     )
     for phase in ("load", "step"):
         process = subprocess.Popen(
@@ -449,13 +454,13 @@ def test_the_check_sees_a_library_that_ends_the_process(rogue: Rogue) -> None:
 
 def test_outputs_at_the_start_are_found_in_a_process_of_its_own(rogue: Rogue) -> None:
     spec = ComponentSpec(rogue("none", "none"), 100)
-    assert masters.initial_outputs(spec, ("epoch",))["epoch"] == 0
+    assert execution.initial_outputs(spec, ("epoch",))["epoch"] == 0
     spec = ComponentSpec(rogue("exit", "instantiate"), 100)
     with pytest.raises(FmuError, match=r"^exit_instantiate: .* \(exit code 0\) in fmi2Instant"):
-        masters.initial_outputs(spec, ("epoch",))
+        execution.initial_outputs(spec, ("epoch",))
     spec = ComponentSpec(rogue("hang", "initialise"), 100)
     with isolation.patience(0.7), pytest.raises(FmuError, match=r"has not returned .* for 0\.7 s"):
-        masters.initial_outputs(spec, ("epoch",))
+        execution.initial_outputs(spec, ("epoch",))
 
 
 # ---- studies ----
@@ -476,7 +481,7 @@ def study(files: list[Path], replicates: int = 2) -> sblcosim.study.Study:
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
-    return campaign.run(study([]), tmp_path_factory.mktemp("own"))
+    return runner.run(study([]), tmp_path_factory.mktemp("own"))
 
 
 @pytest.mark.parametrize("executor", ["threads", "processes"])
@@ -484,7 +489,7 @@ def test_a_study_keeps_the_healthy_receivers_columns(
     executor: str, rogue: Rogue, own: pd.DataFrame, tmp_path: Path
 ) -> None:
     files = [rogue("exit", "step"), rogue("none", "none")]
-    table = campaign.run(study(files), tmp_path / "out", executor=executor, workers=2)
+    table = runner.run(study(files), tmp_path / "out", executor=executor, workers=2)
     assert table["error"].str.startswith("exit_step: FMU").all()
     assert (table["exit_step.estimates"] == 0).all()
     assert (table["none_none.estimates"] > 70).all()
@@ -495,7 +500,7 @@ def test_a_study_keeps_the_healthy_receivers_columns(
 def test_a_study_waits_as_long_for_an_fmu_as_it_is_told(
     rogue: Rogue, own: pd.DataFrame, tmp_path: Path
 ) -> None:
-    table = campaign.run(study([rogue("hang", "step")]), tmp_path / "out", step_timeout=1.0)
+    table = runner.run(study([rogue("hang", "step")]), tmp_path / "out", step_timeout=1.0)
     assert table["error"].str.endswith("from fmi2DoStep at 0.1 s for 1 s").all()
     assert table[list(own)[:-2]].equals(own[list(own)[:-2]])
 
@@ -504,7 +509,7 @@ def test_a_study_waits_as_long_for_an_fmu_as_it_is_told(
 def test_a_study_waits_no_longer_at_its_end(phase: str, rogue: Rogue, tmp_path: Path) -> None:
     made = study([rogue("hang", phase)])
     with pytest.warns(ConfigurationWarning, match=rf"from {FUNCTIONS[phase]} for 1 s; its r"):
-        table = campaign.run(made, tmp_path / "out", workers=1, step_timeout=1.0)
+        table = runner.run(made, tmp_path / "out", workers=1, step_timeout=1.0)
     assert table["error"].isna().all()
 
 
@@ -537,7 +542,7 @@ def test_a_study_keeps_its_processes(
         original(self)
 
     monkeypatch.setattr(isolation._Child, "__init__", counted)
-    table = campaign.run(study([rogue("none", "none")], 6), tmp_path / "out", workers=2)
+    table = runner.run(study([rogue("none", "none")], 6), tmp_path / "out", workers=2)
     assert table["error"].isna().all()
     assert len(table) == 12
     assert len(started) <= 2
@@ -546,7 +551,7 @@ def test_a_study_keeps_its_processes(
 
 def test_a_failure_at_the_end_of_a_study_is_a_warning(rogue: Rogue, tmp_path: Path) -> None:
     with pytest.warns(ConfigurationWarning, match=r"exit_free: .* in fmi2FreeInstance; its resul"):
-        table = campaign.run(study([rogue("exit", "free")]), tmp_path / "out", workers=1)
+        table = runner.run(study([rogue("exit", "free")]), tmp_path / "out", workers=1)
     assert table["error"].isna().all()
 
 
@@ -557,4 +562,4 @@ def _no_process_stays() -> Iterator[None]:
         ["ps", "-o", "args=", "--ppid", str(os.getpid())], capture_output=True, text=True,
         check=False,
     )  # fmt: skip
-    assert "sblcosim.child" not in found.stdout
+    assert "sblcosim.simulation.child" not in found.stdout

@@ -14,8 +14,8 @@ import pytest
 import sblcosim
 from sblcosim.models.declaration import output
 from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
-from sblcosim.result import Result
-from sblcosim.scenario import shipped
+from sblcosim.results.result import Result
+from sblcosim.scenario.scenario import shipped
 
 SHORT = {"time.duration_s": 20.0}
 

@@ -13,7 +13,7 @@ import pytest
 import sblcosim
 from click.testing import Result
 from sblcosim.cli import app
-from sblcosim.export import export_ssp
+from sblcosim.export.ssp import export_ssp
 from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -85,7 +85,7 @@ levels = [0.1, 3.5]
     lines = dict(line.split(": ", 1) for line in done.stdout.splitlines()[1:3])
     assert "of them inconsistent" in lines["ekf"]
     assert "consistency unknown (no estimate has a covariance), " in lines["receiver"]
-    table = sblcosim.campaign.table(out)
+    table = sblcosim.study.store.table(out)
     assert table["receiver.inconsistent"].isna().all()
     assert table["ekf.inconsistent"].dtype == bool
     (tmp_path / "costs.toml").write_text("gps = [900, 40]")

@@ -30,7 +30,7 @@ levels = [0.1, 1.0]
 """
 RUNS = 600
 # Small batches, so that there is much to interrupt.
-COMMAND = "from sblcosim import campaign, cli; campaign.BATCH = 4; cli.main()"
+COMMAND = "import sblcosim.study.runner as r; from sblcosim import cli; r.BATCH = 4; cli.main()"
 
 
 def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sblcosim
-from sblcosim.master import execute
-from sblcosim.plan import resolve
-from sblcosim.system import ComponentSpec, System
+from sblcosim.simulation.masters.python import execute
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.system import ComponentSpec, System
 
 RECEIVERS = ("ekf", "sequential", "raw")
 SCENARIO = {

@@ -21,10 +21,10 @@ import pytest
 import sblcosim
 from numpy.typing import NDArray
 from sblcosim.cli import app
-from sblcosim.export import export_fmu, export_ssp
-from sblcosim.fmus.factory import build
-from sblcosim.masters import MASTERS, execute
-from sblcosim.plan import resolve
+from sblcosim.export.ssp import export_fmu, export_ssp
+from sblcosim.fmus.build.factory import build
+from sblcosim.simulation.execution import MASTERS, execute
+from sblcosim.simulation.plan import resolve
 from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.fmus import compiler, factory
-from sblcosim.fmus.generator import state_places
+from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build.generator import state_places
 from sblcosim.models.equations import Model, load
 
 DRIVER = Path(__file__).with_name("engine_driver.c")

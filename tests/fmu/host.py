@@ -14,7 +14,7 @@ import numpy as np
 from fmpy import extract, fmi2, fmi3, read_model_description
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
-from sblcosim.fmus import factory
+from sblcosim.fmus.build import factory
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
 

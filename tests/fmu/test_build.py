@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.validation import validate_fmu
-from sblcosim.fmus import compiler, factory, files
+from sblcosim.fmus import files
+from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.errors import BuildError, DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
@@ -225,7 +226,7 @@ def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_build_at_the_same_time_gives_one_good_file(fresh_cache: Path) -> None:
-    code = f"from sblcosim.fmus.factory import build; print(build({SMALL!r}, 2))"
+    code = f"from sblcosim.fmus.build.factory import build; print(build({SMALL!r}, 2))"
     builders = [
         subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         for _ in range(2)

@@ -14,8 +14,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from sblcosim.fmus import factory
-from sblcosim.fmus.compiler import FLAGS
+from sblcosim.fmus.build import factory
+from sblcosim.fmus.build.compiler import FLAGS
 from sblcosim.models import COMPONENTS
 
 HERE = Path(__file__).parent

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from sblcosim.cli import app
-from sblcosim.fmus import factory
+from sblcosim.fmus.build import factory
 from sblcosim.fmus.conformance import kit
 from sblcosim.fmus.conformance.checks import CHECKS
 from sblcosim.fmus.conformance.kit import Report, examine

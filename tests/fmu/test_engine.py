@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sblcosim.fmus import compiler
+from sblcosim.fmus.build import compiler
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component
 

@@ -17,13 +17,14 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
-from sblcosim import masters
-from sblcosim.fmu import DTYPES, Fmu
-from sblcosim.fmus import compiler, factory
+from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.platforms import folder, suffix, this_platform
+from sblcosim.fmus.read.ports import Fmu
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.plan import Plan, PlannedComponent, resolve
-from sblcosim.system import ComponentSpec, Connection, System
+from sblcosim.simulation import execution
+from sblcosim.simulation.plan import Plan, PlannedComponent, resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 HOST = Path(__file__).with_name("host.c")
 TYPES = ("Float64", "Int32", "Boolean")
@@ -132,7 +133,7 @@ def run(plan: Plan, machine: Machine, place: Path) -> tuple[NDArray[np.uint64], 
 
 def expected(plan: Plan) -> NDArray[np.uint64]:
     """The same from our own master."""
-    record = masters.execute(plan)
+    record = execution.execute(plan)
     columns: Mapping[str, list[NDArray[np.float64]]] = {kind: [] for kind in TYPES}
     for c in sorted(plan.columns, key=lambda c: c.start):
         values = record.values[c.name].reshape(len(record), -1)

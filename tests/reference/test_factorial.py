@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.factorial import TIMES, Factorial, analyse, lenth
+from sblcosim.analysis.fit import TIMES, Factorial, analyse, lenth
 
 PLASMA = (
     (550, 669, 633, 642, 1037, 749, 1075, 729),

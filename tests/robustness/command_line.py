@@ -26,8 +26,9 @@ PATIENCE = 120.0
 MEGABYTES = 1000.0
 """That a command may take."""
 LOADED = (
-    "matplotlib.pyplot", "sblcosim.analysis", "sblcosim.campaign", "sblcosim.cli",
-    "sblcosim.export", "sblcosim.fmus.check", "sblcosim.fmus.conformance.kit",
+    "matplotlib.pyplot", "sblcosim.analysis", "sblcosim.study.runner", "sblcosim.cli",
+    "sblcosim.export.ssp", "sblcosim.fmus.conformance.receiver_contract",
+    "sblcosim.fmus.conformance.kit",
     "sblcosim.report.study", "statsmodels.api",
 )  # fmt: skip
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
-from sblcosim.starter import starter
+from sblcosim.scenario.starter import starter
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -19,8 +19,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from sblcosim.fmus.check import check_receiver
 from sblcosim.fmus.conformance.facts import subject_of
+from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.read.archive import opened

@@ -6,8 +6,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from sblcosim.fmus.archive import contents, licence, write_fmu
-from sblcosim.fmus.description import Fmi
+from sblcosim.fmus.build.archive import contents, licence, write_fmu
+from sblcosim.fmus.build.description import Fmi
 from sblcosim.models.equations import load
 
 FILES = {

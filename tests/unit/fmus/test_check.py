@@ -11,10 +11,11 @@ from typing import get_args
 from xml.sax.saxutils import quoteattr
 
 import pytest
-from sblcosim.fmus import check, compiler, factory
-from sblcosim.fmus.archive import contents, write_fmu
-from sblcosim.fmus.check import Report, check_receiver
-from sblcosim.fmus.description import Fmi
+from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build.archive import contents, write_fmu
+from sblcosim.fmus.build.description import Fmi
+from sblcosim.fmus.conformance import receiver_contract
+from sblcosim.fmus.conformance.receiver_contract import Report, check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.terminals import TERMINALS
@@ -335,7 +336,8 @@ def test_a_broken_file_gives_one_line_that_names_the_file(tmp_path: Path) -> Non
 
 
 def test_checking_needs_no_casadi() -> None:
-    code = "import sys, sblcosim.fmus.check; sys.exit('casadi' in sys.modules)"
+    module = "sblcosim.fmus.conformance.receiver_contract"
+    code = f"import sys, {module}; sys.exit('casadi' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -394,7 +396,7 @@ def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None
 def test_an_fmu_that_does_not_live_to_be_instantiated_is_not_sound(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, what: str, ending: str
 ) -> None:
-    monkeypatch.setattr(check, "PATIENCE", 2.0)
+    monkeypatch.setattr(receiver_contract, "PATIENCE", 2.0)
     functions = {f for f in FUNCTIONS if f != "fmi2Instantiate"}
     rest = "".join(f"int {name}(void) {{ return 3; }}\n" for name in sorted(functions))
     if "fmi2Instantiate" not in where:

@@ -10,8 +10,8 @@ import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
-from sblcosim.fmus.archive import contents, write_fmu
-from sblcosim.fmus.description import (
+from sblcosim.fmus.build.archive import contents, write_fmu
+from sblcosim.fmus.build.description import (
     Fmi,
     base_unit,
     build_description,

@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 from typing import get_args
 
 import pytest
-from sblcosim.fmus.description import Fmi
-from sblcosim.fmus.documentation import index_html, markdown
+from sblcosim.fmus.build.description import Fmi
+from sblcosim.fmus.build.documentation import index_html, markdown
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Component
 from sblcosim.models.equations import Model, load

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 import pytest
-from sblcosim.fmus.generator import state_places, statements
+from sblcosim.fmus.build.generator import state_places, statements
 from sblcosim.models import COMPONENTS
 from sblcosim.models.equations import load
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from broken_fmus import broken, intact, packed
-from sblcosim.fmus.check import check_receiver
+from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.read import archive, description
 from sblcosim.fmus.read.archive import opened

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from sblcosim.record import Record
+from sblcosim.simulation.record import Record
 
 STEP_NS = 100_000_000
 BEACONS = np.array([[3.0, 0, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]])

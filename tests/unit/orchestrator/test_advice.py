@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import advice
-from sblcosim.advice import advise
+from sblcosim.analysis import advice
+from sblcosim.analysis.advice import advise
+from sblcosim.analysis.figures import plot_front
 from sblcosim.errors import ConfigurationError
-from sblcosim.factorial_plots import plot_front
 from scipy import stats
 
 MEAN = {"percentile": None, "contamination": 0.2}

@@ -15,28 +15,18 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import (
-    advice,
-    analysis,
-    artifacts,
-    calibrate,
-    executors,
-    export,
-    factorial,
-    factorial_plots,
-    masters,
-    metrics,
-    plots,
-    points,
-    result,
-    study,
-    style,
-    sweep,
-)
+from sblcosim import artifacts, calibrate, style
+from sblcosim.analysis import advice, fit, sweep, workflow
+from sblcosim.analysis import figures as effect_figures
 from sblcosim.errors import ConfigurationError, check_choice
+from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
 from sblcosim.report import factorial as report
-from sblcosim.report import page, paper
+from sblcosim.report import page
+from sblcosim.report.paper import page as paper
+from sblcosim.results import figures, metrics, result
+from sblcosim.simulation import execution
+from sblcosim.study import campaign, executors, study
 from synthetic_record import make_record
 
 RECORD = make_record()
@@ -44,7 +34,7 @@ TRACKS = {"ekf": metrics.track(RECORD, "ekf")}
 RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"]).assign(
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
-FOUND = factorial.analyse(RUNS, "ab", "y")
+FOUND = fit.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result("x", {}, RECORD, ["ekf"])
@@ -65,65 +55,67 @@ def of_runs(function: Any, **options: Any) -> Any:
 
 
 CALLS: dict[str, Any] = {
-    "plots.plot_path theme": partial(plots.plot_path, RECORD, TRACKS),
-    "plots.plot_path_3d theme": partial(plots.plot_path_3d, RECORD, TRACKS),
-    "plots.plot_axes theme": partial(plots.plot_axes, RECORD, TRACKS),
-    "plots.plot_errors theme": partial(plots.plot_errors, RECORD, TRACKS),
-    "plots.plot_errors frame": partial(plots.plot_errors, RECORD, TRACKS),
-    "plots.plot_inclination theme": partial(plots.plot_inclination, RECORD),
-    "plots.plot_range_test theme": partial(plots.plot_range_test, *RANGE_TEST),
-    "result.Result.plot_path theme": RESULT.plot_path,
-    "result.Result.plot_path_3d theme": RESULT.plot_path_3d,
-    "result.Result.plot_axes theme": RESULT.plot_axes,
-    "result.Result.plot_errors theme": RESULT.plot_errors,
-    "result.Result.plot_errors frame": RESULT.plot_errors,
-    "result.Result.plot_inclination theme": RESULT.plot_inclination,
+    "results.figures.plot_path theme": partial(figures.plot_path, RECORD, TRACKS),
+    "results.figures.plot_path_3d theme": partial(figures.plot_path_3d, RECORD, TRACKS),
+    "results.figures.plot_axes theme": partial(figures.plot_axes, RECORD, TRACKS),
+    "results.figures.plot_errors theme": partial(figures.plot_errors, RECORD, TRACKS),
+    "results.figures.plot_errors frame": partial(figures.plot_errors, RECORD, TRACKS),
+    "results.figures.plot_inclination theme": partial(figures.plot_inclination, RECORD),
+    "results.figures.plot_range_test theme": partial(figures.plot_range_test, *RANGE_TEST),
+    "results.result.Result.plot_path theme": RESULT.plot_path,
+    "results.result.Result.plot_path_3d theme": RESULT.plot_path_3d,
+    "results.result.Result.plot_axes theme": RESULT.plot_axes,
+    "results.result.Result.plot_errors theme": RESULT.plot_errors,
+    "results.result.Result.plot_errors frame": RESULT.plot_errors,
+    "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),
     "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
-    "result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
-    "result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
-    "metrics.error_column frame": partial(metrics.error_column, axis="x"),
-    "metrics.error_column axis": partial(metrics.error_column, "absolute"),
+    "results.result.Result.save other": partial(RESULT.save, "nowhere", figures=False),
+    "results.result.Result.save theme": partial(RESULT.save, "nowhere", figures=False),
+    "results.metrics.error_column frame": partial(metrics.error_column, axis="x"),
+    "results.metrics.error_column axis": partial(metrics.error_column, "absolute"),
     "calibrate.CalibrationResult.plot theme": CALIBRATED.plot,
     "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
     "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
     "calibrate.calibrate fmi": calibrate.calibrate,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
-    "sweep.plot_means theme": partial(sweep.plot_means, MEANS),
-    "factorial.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
-    "factorial.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
-    "analysis.of_table error": partial(of_runs, analysis.of_table),
+    "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
+    "analysis.fit.analyse seeding": partial(fit.analyse, RUNS, "ab", "y"),
+    "analysis.fit.analyse error": partial(fit.analyse, RUNS, "ab", "y"),
+    "analysis.workflow.of_table error": partial(of_runs, workflow.of_table),
     "report.factorial.find error": partial(of_runs, report.find),
-    "factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
-    "factorial_plots.plot_front theme": partial(factorial_plots.plot_front, ADVICE),
-    "analysis.of_table transform": partial(of_runs, analysis.of_table),
+    "analysis.fit.analyse transform": partial(fit.analyse, RUNS, "ab", "y"),
+    "analysis.figures.plot_front theme": partial(effect_figures.plot_front, ADVICE),
+    "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.factorial.find transform": partial(of_runs, report.find),
-    "analysis.save theme": partial(analysis.save, FOUND, "nowhere"),
-    "analysis.save_advice theme": partial(analysis.save_advice, ADVICE, "nowhere"),
+    "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),
+    "analysis.workflow.save_advice theme": partial(workflow.save_advice, ADVICE, "nowhere"),
     "report.page.inline theme": partial(page.inline, PICTURE),
-    "report.paper.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
-    "export.export_ssp version": partial(export.export_ssp, "paper-scenario-1"),
+    "report.paper.page.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
+    "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
     "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
-    "scenario.Scenario.system fmi": sblcosim.load("paper-scenario-1").system,
-    "masters.execute master": partial(masters.execute, None),
-    "points.prepare master": partial(points.prepare, STUDY),
-    "campaign.run executor": lambda executor: executors.ready(None, executor=executor).__enter__(),
+    "scenario.scenario.Scenario.system fmi": sblcosim.load("paper-scenario-1").system,
+    "simulation.execution.execute master": partial(execution.execute, None),
+    "study.campaign.prepare master": partial(campaign.prepare, STUDY),
+    "study.runner.run executor": lambda executor: executors.ready(
+        None, executor=executor
+    ).__enter__(),
 }
 CALLS |= {
     f"{where}.{name} theme": partial(getattr(module, name), *given)
     for name in ("plot_pareto", "plot_interactions", "plot_main_effects", "plot_residuals",
                  "plot_box_cox")
-    for where, module, given in (("factorial_plots", factorial_plots, (FOUND,)),
-                                 ("factorial.Factorial", FOUND, ()))
+    for where, module, given in (("analysis.figures", effect_figures, (FOUND,)),
+                                 ("analysis.fit.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
-    "analysis.of_study error": "analysis.of_table",
+    "analysis.workflow.of_study error": "analysis.of_table",
     "report.study.save error": "report.factorial.find",
-    "analysis.of_study transform": "analysis.of_table",
+    "analysis.workflow.of_study transform": "analysis.of_table",
     "report.study.save transform": "report.factorial.find",
-    "analysis.write theme": "analysis.save",
+    "analysis.workflow.write theme": "analysis.save",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 
@@ -133,7 +125,7 @@ def literals() -> set[str]:
     found = set()
     for info in pkgutil.walk_packages(sblcosim.__path__, "sblcosim."):
         name = info.name.removeprefix("sblcosim.")
-        if name.startswith(("fmus", "models", "cli", "scenarios", "studies", "__main__")):
+        if name.startswith(("fmus", "models", "cli", "__main__")):
             continue
         module = importlib.import_module(info.name)
         for word, thing in vars(module).items():
@@ -157,7 +149,7 @@ def literals() -> set[str]:
 
 def test_every_argument_that_is_a_choice_is_tried_here() -> None:
     found = literals()
-    assert "plots.plot_path theme" in found
+    assert "results.figures.plot_path theme" in found
     assert found <= CALLS.keys() | ELSEWHERE.keys(), found - CALLS.keys() - ELSEWHERE.keys()
     assert {f"{to} {name.split()[1]}" for name, to in ELSEWHERE.items()} <= CALLS.keys()
 

@@ -20,11 +20,11 @@ from zipfile import ZipFile
 import pytest
 import sblcosim.api
 import sblcosim.cli
-import sblcosim.fmus.factory
+import sblcosim.fmus.build.factory
 from sblcosim.errors import ConfigurationWarning
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.scenario import load, shipped
+from sblcosim.scenario.scenario import load, shipped
 from typer.testing import CliRunner, Result
 
 SHORT = ["--set", "time.duration_s=5", "--no-figures"]
@@ -222,7 +222,7 @@ def test_build_writes_the_fmus_of_both_versions(cli: Callable[..., Result]) -> N
 def test_build_for_all_platforms_says_so_to_the_factory_and_what_is_missing(
     cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sblcosim.fmus import compiler
+    from sblcosim.fmus.build import compiler
 
     monkeypatch.setattr(compiler, "zig", lambda *_: None)
     done = cli("build", "range_model", "--all-platforms")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sblcosim import definitions
-from sblcosim.record import Record
+from sblcosim.results import definitions
+from sblcosim.simulation.record import NEVER, Record, epochs_ns
 from scipy.stats import chi2
 from synthetic_record import make_record
 
@@ -101,19 +101,19 @@ def off_grid(step_s=0.02, **changes):
 def test_an_epoch_is_the_instant_whose_time_in_seconds_it_is_else_the_nearest_nanosecond():
     time_ns = np.arange(5) * SECOND // 10
     given = np.array([0.3, 0.1 + 0.2, 0.3 + 4e-10, 0.35, -1.25])
-    found = definitions.epochs_ns(time_ns, given)
+    found = epochs_ns(time_ns, given)
     assert found.tolist() == [300_000_000, 300_000_000, 300_000_000, 350_000_000, -1_250_000_000]
 
 
 @pytest.mark.parametrize("start_s", [0, 100, 9_000_000, 1_700_000_000, 3_999_000_000])
 def test_every_instant_is_found_by_its_time_in_seconds(start_s):
     time_ns = start_s * SECOND + np.arange(2000) * SECOND // 30
-    assert (definitions.epochs_ns(time_ns, time_ns / 1e9) == time_ns).all()
+    assert (epochs_ns(time_ns, time_ns / 1e9) == time_ns).all()
 
 
 @pytest.mark.parametrize("epoch", [np.nan, np.inf, -np.inf, 1e300])
 def test_what_is_no_time_is_never(epoch):
-    assert definitions.epochs_ns(np.array([0, 1]), np.array([epoch])) == definitions.NEVER
+    assert epochs_ns(np.array([0, 1]), np.array([epoch])) == NEVER
 
 
 @pytest.mark.parametrize("step_s", [0.0, 0.02, -0.07, 1e-9, 0.2])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sblcosim.design import LETTERS, Design, Factor, fractional, full, sweep
 from sblcosim.errors import ConfigurationError
+from sblcosim.study.design import LETTERS, Design, Factor, fractional, full, sweep
 
 
 def factors(k: int) -> list[Factor]:

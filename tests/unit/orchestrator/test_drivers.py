@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from sblcosim import drivers, lanes, native
-from sblcosim.fmus import compiler, factory, files
-from sblcosim.fmus.compiler import Compiler
+from sblcosim.fmus import files
+from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
+from sblcosim.simulation import c_libraries
+from sblcosim.simulation.masters import lanes, native
 
 BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes.DRIVER], ids=lambda d: d.name)
 
@@ -33,37 +35,37 @@ def units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sequence[fact
 
 @BOTH
 def test_each_platform_has_its_own_library(
-    driver: drivers.Driver, units: list[Sequence[factory.Unit]]
+    driver: c_libraries.Driver, units: list[Sequence[factory.Unit]]
 ) -> None:
     for _ in range(2):  # the second time they are there
         for name in PLATFORMS:
-            path = drivers.library(driver, Compiler(("cc",), "cc 1", name))
+            path = c_libraries.library(driver, Compiler(("cc",), "cc 1", name))
             assert path.name == f"{driver.name}{suffix(name)}"
             assert path.read_bytes() == name.encode()
     assert len(units) == len(PLATFORMS)
-    assert len({drivers.key(driver, name) for name in PLATFORMS}) == len(PLATFORMS)
+    assert len({c_libraries.key(driver, name) for name in PLATFORMS}) == len(PLATFORMS)
     if driver.lanes:  # 1, 2, 4 and 8 simulations at once on x86-64, 1 and 2 on ARM
         assert [len(u) for u in units] == [4 if "x86" in name else 2 for name in PLATFORMS]
 
 
 @BOTH
 def test_what_came_along_is_used_while_the_sources_are_its_own(
-    driver: drivers.Driver,
+    driver: c_libraries.Driver,
     units: list[Sequence[factory.Unit]],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
     here = this_platform()
-    ready = factory.READY / drivers.key(driver, here) / f"{driver.name}{suffix(here)}"
+    ready = factory.READY / c_libraries.key(driver, here) / f"{driver.name}{suffix(here)}"
     files.write_sealed(ready, b"")
-    assert drivers.library(driver) == ready
-    assert drivers.available(driver)
+    assert c_libraries.library(driver) == ready
+    assert c_libraries.available(driver)
     changed = tmp_path / "c"
     changed.mkdir()
-    source = (drivers.FOLDER / f"{driver.name}.c").read_text()
+    source = (c_libraries.FOLDER / f"{driver.name}.c").read_text()
     (changed / f"{driver.name}.c").write_text(source + "\n")
-    monkeypatch.setattr(drivers, "FOLDER", changed)
-    assert drivers.library(driver) != ready
+    monkeypatch.setattr(c_libraries, "FOLDER", changed)
+    assert c_libraries.library(driver) != ready
     assert len(units) == 1
 
 
@@ -73,7 +75,7 @@ def test_a_driver_is_not_available_without_a_compiler(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(compiler, "zig", lambda: None)
     compiler.find.cache_clear()
-    assert not drivers.available(native.DRIVER)
+    assert not c_libraries.available(native.DRIVER)
 
 
 def test_a_damaged_driver_is_compiled_again_and_works(
@@ -81,11 +83,11 @@ def test_a_damaged_driver_is_compiled_again_and_works(
 ) -> None:
     monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path))
     monkeypatch.setattr(factory, "READY", tmp_path / "ready")
-    path = drivers.library(native.DRIVER)
+    path = c_libraries.library(native.DRIVER)
     good = path.read_bytes()
     for damaged in (b"", good[: len(good) // 2]):
         path.unlink()
         path.write_bytes(damaged)
         with pytest.warns(DamageWarning, match="it is built again"):
-            drivers.load.__wrapped__(native.DRIVER)
+            c_libraries.load.__wrapped__(native.DRIVER)
         assert path.read_bytes() == good

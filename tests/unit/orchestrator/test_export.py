@@ -16,12 +16,13 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.export import PARAMETER_SET, export_fmu, export_ssp
-from sblcosim.master import execute
+from sblcosim.export.ssp import PARAMETER_SET, export_fmu, export_ssp
+from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
 from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
-from sblcosim.plan import resolve
-from sblcosim.system import SECOND, ComponentSpec, Connection, System
+from sblcosim.simulation.masters.python import execute
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 from typer.testing import CliRunner
 
 SCENARIO: dict[str, Any] = {
@@ -504,7 +505,7 @@ def test_an_enumeration_is_written_as_its_number(
 def test_the_toolbox_is_named_if_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sblcosim.export.find_spec", lambda name: None)
+    monkeypatch.setattr("sblcosim.export.ssp.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="pip install fmu-manipulation-toolbox"):
         export_fmu(SCENARIO, tmp_path / "x.fmu")
 

@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from sblcosim.analysis.fit import analyse, answer, box_cox, detectable, lenth
 from sblcosim.errors import ConfigurationError
-from sblcosim.factorial import analyse, answer, box_cox, detectable, lenth
 from scipy import stats
 from statsmodels.regression.linear_model import OLS
 

@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
-from sblcosim import factorial_plots as plots
-from sblcosim import style, sweep
-from sblcosim.advice import advise
-from sblcosim.factorial import Factorial, analyse
+from sblcosim import style
+from sblcosim.analysis import figures as plots
+from sblcosim.analysis import sweep
+from sblcosim.analysis.advice import advise
+from sblcosim.analysis.fit import Factorial, analyse
 
 ALL = (
     plots.plot_pareto, plots.plot_interactions, plots.plot_main_effects, plots.plot_residuals

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from sblcosim import fmu as fmus
 from sblcosim.errors import FmuError
-from sblcosim.fmu import Port, acquire, ports_of, read, release
+from sblcosim.fmus.host import instances as fmus
+from sblcosim.fmus.host.instances import acquire, release
 from sblcosim.fmus.read import description
+from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.models.declaration import parameter
 from stranger import build_stranger
 
@@ -230,7 +231,7 @@ def test_messages_of_instances_made_by_others_still_reach_fmpy(fmu, capsys):
 def test_unpacked_files_are_gone_when_the_process_has_ended(fmu, tmp_path):
     program = (
         "import sys, pathlib\n"
-        "from sblcosim.fmu import acquire, read\n"
+        "from sblcosim.fmus.host.instances import acquire, read\n"
         "acquire(read(pathlib.Path(sys.argv[1])), 'x')\n"
     )
     environment = {"TMPDIR": str(tmp_path), "TMP": str(tmp_path), "PATH": ""}

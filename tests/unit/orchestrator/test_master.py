@@ -4,12 +4,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from python_components import Arrays, Clock, Relay
-from sblcosim import master
 from sblcosim.errors import ConfigurationError, FmuError
-from sblcosim.master import execute, initial_outputs
+from sblcosim.fmus.host import instances
 from sblcosim.models.declaration import Variable, output
-from sblcosim.plan import resolve
-from sblcosim.system import ComponentSpec, Connection, System
+from sblcosim.simulation.masters import python
+from sblcosim.simulation.masters.python import execute, initial_outputs
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 from stranger import build_stranger
 
 MS = 1_000_000
@@ -214,7 +215,7 @@ def test_ctrl_c_passes_through_and_leaves_the_instances_usable(fmu: Path):
 
 def test_progress_grows_to_one_and_is_reported_rarely(monkeypatch):
     now = iter(np.arange(0.0, 1e6, 0.03))  # every look at the clock is 30 ms later
-    monkeypatch.setattr(master.time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(python.time, "monotonic", lambda: next(now))
     shares: list[float] = []
     run({"c": Clock}, stop_ns=100 * T, progress=shares.append)
     assert shares == sorted(shares)
@@ -330,13 +331,13 @@ def test_an_unknown_initial_output_is_refused_with_the_nearest_name(fmu: Path):
 
 def test_many_runs_need_one_instance(fmu: Path, monkeypatch):
     made = []
-    original = master.fmu.Instance.__init__
+    original = instances.Instance.__init__
 
     def counted(self, *arguments):
         made.append(arguments)
         original(self, *arguments)
 
-    monkeypatch.setattr(master.fmu.Instance, "__init__", counted)
+    monkeypatch.setattr(instances.Instance, "__init__", counted)
     for _ in range(20):
         run({"many": fmu}, stop_ns=T)
     assert len(made) <= 1

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import metrics
 from sblcosim.errors import FmuError
-from sblcosim.record import Record
+from sblcosim.results import metrics
+from sblcosim.simulation.record import Record
 from scipy.stats import chi2
 from synthetic_record import make_record, silent
 

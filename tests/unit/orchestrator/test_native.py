@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from python_components import Clock
-from sblcosim import fmu as fmus
-from sblcosim import isolation, master, masters, native
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
-from sblcosim.fmus import compiler as compilers
-from sblcosim.fmus.factory import Unit, build, compile_shared
-from sblcosim.plan import resolve
-from sblcosim.system import ComponentSpec, Connection, System
-from sblcosim.watch import Progress
+from sblcosim.fmus.build import compiler as compilers
+from sblcosim.fmus.build.factory import Unit, build, compile_shared
+from sblcosim.fmus.host import instances as fmus
+from sblcosim.fmus.host.watch import Progress
+from sblcosim.fmus.read import ports
+from sblcosim.simulation import c_libraries, execution, isolation
+from sblcosim.simulation.masters import native, python
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 from stranger import build_stranger
 
 MS = 1_000_000
@@ -131,7 +133,7 @@ def failing(fmu, how, at=0.35, steps=10, **options):
 
 def isolated(fmu, how, at=0.35, steps=10, **options):
     """In a process of its own, as it should be with FMUs of others."""
-    return masters.execute(with_bad(fmu, how, at, steps), master="native", **options)
+    return execution.execute(with_bad(fmu, how, at, steps), master="native", **options)
 
 
 def with_bad(fmu, how, at, steps):
@@ -150,11 +152,11 @@ def with_bad(fmu, how, at, steps):
 def test_the_record_is_that_of_the_python_master(wild, versions, intervals):
     a, b = (wild(fmi) for fmi in versions)
     plan = ring(a, b, *intervals, stop_ns=60 * max(intervals), start_ns=11)
-    assert_equal(native.execute(plan), master.execute(plan))
+    assert_equal(native.execute(plan), python.execute(plan))
 
 
 def test_the_python_masters_record_is_worth_comparing_with(wild):
-    values = master.execute(ring(wild(2), wild(3), stop_ns=30 * T)).values
+    values = python.execute(ring(wild(2), wild(3), stop_ns=30 * T)).values
     assert values["c.steps"][-1] > values["b.steps"][-1] > values["a.steps"][-1] == 30
     assert {*values["a.was_on"][2:]} == {True, False}
     assert len(np.unique(values["b.y"])) > 60
@@ -165,7 +167,7 @@ def test_all_types_of_fmi_3_reach_their_inputs(typed):
                    for a, b in (("a", "b"), ("b", "a"))]  # fmt: skip
     plan = plan_of({"a": typed, "b": typed}, *connections, stop_ns=300 * T)
     record = native.execute(plan)
-    assert_equal(record, master.execute(plan))
+    assert_equal(record, python.execute(plan))
     for kind in OTHERS:
         values = record.values[f"a.out_{kind}"]
         bits = 8 * values.dtype.itemsize if kind != "Float32" else 64
@@ -178,14 +180,14 @@ def test_booleans_cross_the_versions_of_fmi(stranger):
         {"a": stranger(2), "b": stranger(3), "c": stranger(2)},
         ("a.was_on", "b.on"), ("b.was_on", "c.on"), ("c.was_on", "a.on"),
     )  # fmt: skip
-    assert_equal(native.execute(plan), master.execute(plan))
+    assert_equal(native.execute(plan), python.execute(plan))
 
 
 @pytest.mark.parametrize("chosen", [("b.y",), ("b.was_on", "a.steps"), ("a.y", "a.now", "b.now")])
 def test_chosen_columns_are_those_of_the_whole_record(wild, chosen):
     plan = ring(wild(2), wild(3), 2 * T, 3 * T, stop_ns=60 * T)
-    whole = master.execute(plan)
-    for record in (native.execute(plan, record=chosen), master.execute(plan, record=chosen)):
+    whole = python.execute(plan)
+    for record in (native.execute(plan, record=chosen), python.execute(plan, record=chosen)):
         assert set(record.values) == set(chosen)
         for name in chosen:
             assert np.array_equal(record.values[name], whole.values[name])
@@ -195,7 +197,7 @@ def test_nothing_need_be_recorded(wild):
     assert native.execute(ring(wild(2), wild(3)), record=()).values == {}
 
 
-@pytest.mark.parametrize("execute", [master.execute, native.execute])
+@pytest.mark.parametrize("execute", [python.execute, native.execute])
 def test_an_unknown_column_is_refused_with_the_nearest_name(stranger, execute):
     with pytest.raises(ConfigurationError, match=r"^a\.step: must be an output .*'a\.steps'\?$"):
         execute(plan_of({"a": stranger(2)}), record=["a.step"])
@@ -206,7 +208,7 @@ def test_an_unknown_column_is_refused_with_the_nearest_name(stranger, execute):
 def test_a_failed_step_gives_the_python_masters_error(stranger, fmi, status, label):
     plan = plan_of({"s": ComponentSpec(stranger(fmi), T, {"fail_at": 0.35, "fail_as": status})})
     messages = []
-    for execute in (master.execute, native.execute):
+    for execute in (python.execute, native.execute):
         with pytest.raises(FmuError) as caught:
             execute(plan)
         messages.append(str(caught.value))
@@ -257,7 +259,7 @@ def test_a_crash_outside_of_a_step_names_the_call(wild):
 
 def idle(path, name):
     """The instance that the next run would use."""
-    instance = fmus.acquire(fmus.read(path), name)
+    instance = fmus.acquire(ports.read(path), name)
     fmus.release(instance)
     return instance
 
@@ -324,7 +326,7 @@ def test_progress_grows_to_one_and_is_reported_rarely(wild, run):
 
 def test_runs_in_several_threads_do_not_disturb_each_other(wild):
     plans = [ring(wild(2), wild(3), stop_ns=n * 1000 * T) for n in (1, 2, 3, 4)]
-    references = [master.execute(plan) for plan in plans]
+    references = [python.execute(plan) for plan in plans]
     results: list[object] = [None] * 8
 
     def work(i):
@@ -356,22 +358,22 @@ def test_a_python_component_is_refused_by_name(stranger):
 def test_native_is_the_default_where_it_can(stranger, monkeypatch):
     used = []
     monkeypatch.setattr(isolation, "execute", lambda *given: used.append(given[3]))
-    masters.execute(plan_of({"s": stranger(2)}))
-    masters.execute(plan_of({"s": stranger(2), "clock": Clock}))
-    masters.execute(plan_of({"s": stranger(2)}), master="python")
+    execution.execute(plan_of({"s": stranger(2)}))
+    execution.execute(plan_of({"s": stranger(2), "clock": Clock}))
+    execution.execute(plan_of({"s": stranger(2)}), master="python")
     monkeypatch.setattr(native, "available", lambda: False)
-    masters.execute(plan_of({"s": stranger(2)}))
+    execution.execute(plan_of({"s": stranger(2)}))
     assert used == ["native", "python", "python", "python"]
 
 
 def test_components_of_ours_stay_in_this_process(monkeypatch):
     used = []
-    for module, name in ((isolation, "isolated"), (master, "python"), (native, "native")):
+    for module, name in ((isolation, "isolated"), (python, "python"), (native, "native")):
         monkeypatch.setattr(module, "execute", lambda *_, n=name: used.append(n))
     ours = ComponentSpec(build("target"), T)
-    masters.execute(plan_of({"target": ours}))
-    masters.execute(plan_of({"target": ours, "clock": Clock}))
-    masters.execute(plan_of({"target": ours}), master="python")
+    execution.execute(plan_of({"target": ours}))
+    execution.execute(plan_of({"target": ours, "clock": Clock}))
+    execution.execute(plan_of({"target": ours}), master="python")
     assert used == ["native", "python", "python"]
 
 
@@ -385,7 +387,7 @@ def test_without_a_compiler_native_is_not_available(monkeypatch):
 
 def test_an_unknown_master_is_refused_with_the_nearest_name(stranger):
     with pytest.raises(ConfigurationError, match=r"^master: must be .*'nativ'; did you mean 'nat"):
-        masters.execute(plan_of({"s": stranger(2)}), master="nativ")
+        execution.execute(plan_of({"s": stranger(2)}), master="nativ")
 
 
 SANITIZED = """
@@ -407,14 +409,14 @@ def test_the_loop_compiles_with(name):
     compiler = compilers.zig() if name == "zig" else compilers.system(name)
     if compiler is None:
         pytest.skip(f"there is no {name}")
-    source = Path(native.__file__).with_name("c") / "native.c"
+    source = c_libraries.FOLDER / "native.c"
     compile_shared({"native.c": source.read_bytes()}, [Unit("native.c")], compiler)
 
 
 def test_the_loop_touches_no_memory_that_is_not_its_own(wild, tmp_path):
     """Under AddressSanitizer and UndefinedBehaviorSanitizer, with arrays owned by NumPy."""
     driver = tmp_path / "native.so"
-    source = Path(native.__file__).with_name("c") / "native.c"
+    source = c_libraries.FOLDER / "native.c"
     command = [
         "gcc",
         "-std=c11",
@@ -457,7 +459,7 @@ def test_the_loop_touches_no_memory_that_is_not_its_own(wild, tmp_path):
 
 def test_the_structures_are_those_of_the_loop(tmp_path):
     """Sizes and places of all members, as the compiler sees them."""
-    source = (Path(native.__file__).with_name("c") / "native.c").read_text()
+    source = (c_libraries.FOLDER / "native.c").read_text()
     renamed = {"source": "from", "target": "to"}
     structures = {"call": native._Call, "copy": native._Copy, "component": native._Component,
                   "progress": Progress, "run": native._Run}  # fmt: skip

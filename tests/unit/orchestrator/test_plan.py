@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from python_components import Arrays, Clock, Relay, Sampler, Source, Updater
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
-from sblcosim.plan import check_size, resolve
-from sblcosim.system import MAX_SECONDS, ComponentSpec, Connection, System
+from sblcosim.fmus.host.nanoseconds import MAX_SECONDS
+from sblcosim.simulation.plan import check_size, resolve
+from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 MS = 1_000_000
 T = 100 * MS

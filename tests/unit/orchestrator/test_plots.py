@@ -8,8 +8,10 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from sblcosim import metrics, plots, style
-from sblcosim.record import Record
+from sblcosim import style
+from sblcosim.results import figures as plots
+from sblcosim.results import metrics
+from sblcosim.simulation.record import Record
 from synthetic_record import make_record, silent
 
 pytestmark = pytest.mark.filterwarnings(

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sblcosim import master, native
 from sblcosim.errors import FmuError
-from sblcosim.plan import resolve
-from sblcosim.record import Record
-from sblcosim.system import ComponentSpec, System
+from sblcosim.simulation.masters import native, python
+from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.record import Record
+from sblcosim.simulation.system import ComponentSpec, System
 from stranger import build_stranger
 
 T = 100_000_000
 EARLY = 14
 Execute = Callable[..., Record]
-MASTERS = pytest.mark.parametrize("execute", [master.execute, native.execute])
+MASTERS = pytest.mark.parametrize("execute", [python.execute, native.execute])
 
 
 def alone(name: str, fmu: Path, execute: Execute, **parameters: float) -> Record:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim import analysis, study
+from sblcosim.analysis import workflow
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.reading import DEEPEST, LARGEST, check_values, parse
-from sblcosim.scenario import load
+from sblcosim.scenario.reading import DEEPEST, LARGEST, check_values, parse
+from sblcosim.scenario.scenario import load
+from sblcosim.study import study
 from typer.testing import CliRunner
 
 LONG = "a" * 5000
@@ -44,7 +45,7 @@ def line_of(call: Callable[[], object]) -> str:
 def test_a_text_that_is_too_much_is_refused_in_one_short_line(name: str, tmp_path: Path) -> None:
     text, message = TEXTS[name]
     for kind, read in (
-        ("scenario", load), ("study", study.load), ("costs", analysis._read),
+        ("scenario", load), ("study", study.load), ("costs", workflow._read),
     ):
         file = tmp_path / f"{kind}.toml"
         file.write_text(text)
@@ -131,7 +132,7 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without end")
 def test_a_file_without_end_is_not_read_to_it() -> None:
-    for read in (load, study.load, analysis._read):
+    for read in (load, study.load, workflow._read):
         assert line_of(lambda: read(Path("/dev/zero"))) == (  # noqa: B023
             f"/dev/zero: must have at most {LARGEST:,} bytes, got more"
         )

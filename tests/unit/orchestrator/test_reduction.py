@@ -11,13 +11,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim import lanes, metrics
 from sblcosim.errors import FmuError
-from sblcosim.masters import MASTERS, execute
-from sblcosim.plan import Plan, resolve
-from sblcosim.record import Record
-from sblcosim.reduction import SUMS, responses, sums_of
-from sblcosim.system import System
+from sblcosim.results import metrics
+from sblcosim.results.sums import SUMS, responses, sums_of
+from sblcosim.simulation.execution import MASTERS, execute
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.record import Record
+from sblcosim.simulation.system import System
 from scipy.stats import chi2
 from synthetic_record import make_record, silent
 

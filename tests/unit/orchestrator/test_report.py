@@ -10,19 +10,13 @@ import html5lib
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import factorial_plots, study, style
-from sblcosim.factorial import analyse, percent, places
-from sblcosim.report import factorial, paper
-from sblcosim.report.page import (
-    Code,
-    Page,
-    Picture,
-    Section,
-    Table,
-    Text,
-    inline,
-    render,
-)
+from sblcosim import style
+from sblcosim.analysis import figures
+from sblcosim.analysis.fit import analyse, percent, places
+from sblcosim.report import factorial
+from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
+from sblcosim.report.paper import page as paper
+from sblcosim.study import study
 
 LABELS = {"gps": "GPS error", "arm": "baseline", "loss": "packet loss"}
 
@@ -76,7 +70,7 @@ def test_common_random_numbers_have_names_for_people() -> None:
 
 def test_figures_show_labels_and_units() -> None:
     shown = analyse(table({"gps": 4}), ["gps", "arm", "loss"], "y").named(LABELS, {"gps": "m"})
-    axes = factorial_plots.plot_main_effects(shown)
+    axes = figures.plot_main_effects(shown)
     names = [text.get_text().replace("\n", " ") for text in axes.get_xticklabels(minor=True)]
     assert names == ["GPS error [m]", "baseline", "packet loss"]
 
@@ -211,7 +205,7 @@ def test_a_small_share_is_not_none(share: float, text: str) -> None:
 
 def picture(name: str = "one") -> Picture:
     shown = analysed({"gps": 8})
-    svg = style.svg(factorial_plots.plot_pareto(shown), name)
+    svg = style.svg(figures.plot_pareto(shown), name)
     return Picture(name, svg, "A caption", 'Bars, "quoted" & more')
 
 
@@ -276,5 +270,5 @@ def test_a_table_s_headers_belong_to_rows_and_columns() -> None:
 def test_a_picture_of_a_cloud_is_inside_the_page() -> None:
     runs = pd.concat([table({"gps": 4})] * 20, ignore_index=True)
     shown = analyse(runs, ["gps", "arm", "loss"], "y")
-    svg = style.svg(factorial_plots.plot_residuals(shown)[0], "cloud")
+    svg = style.svg(figures.plot_residuals(shown)[0], "cloud")
     assert 'href="data:image/png;base64,' in inline(Picture("cloud", svg, "c", "a"))

@@ -10,9 +10,9 @@ import pytest
 from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
-from sblcosim.record import Record
-from sblcosim.result import Result
-from sblcosim.scenario import shipped
+from sblcosim.results.result import Result
+from sblcosim.scenario.scenario import shipped
+from sblcosim.simulation.record import Record
 from synthetic_record import make_record, silent
 
 FIGURES = ("path_xy", "path_xyz", "axes", "errors", "inclination")

@@ -13,9 +13,9 @@ from sblcosim.errors import ConfigurationError, NoEffectWarning
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
-from sblcosim.scenario import load, shipped, shipped_text
-from sblcosim.starter import starter
-from sblcosim.tables import PRESETS, in_si
+from sblcosim.scenario.scenario import load, shipped, shipped_text
+from sblcosim.scenario.schema import PRESETS, in_si
+from sblcosim.scenario.starter import starter
 
 FIXED = ("target", "platform", "acoustics")
 

@@ -6,9 +6,9 @@ import re
 import tomllib
 
 import pytest
-from sblcosim.scenario import load, shipped
-from sblcosim.starter import starter
-from sblcosim.tables import Acoustics, Platform, Receiver, Target, Time
+from sblcosim.scenario.scenario import load, shipped
+from sblcosim.scenario.schema import Acoustics, Platform, Receiver, Target, Time
+from sblcosim.scenario.starter import starter
 
 TABLES = {
     "time": Time, "target": Target, "platform": Platform, "acoustics": Acoustics,

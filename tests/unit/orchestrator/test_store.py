@@ -16,15 +16,15 @@ from typing import Any
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
-from sblcosim import campaign, store, study
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
+from sblcosim.study import campaign, runner, store, study
 
 FLIPS = 300
 
 
 def test_a_part_without_its_columns_is_one_line(tmp_path: Path) -> None:
-    campaign.run(small(), tmp_path)
+    runner.run(small(), tmp_path)
     (part, *_) = store._parts(tmp_path)
     short = parquet.read_table(part).drop_columns(["replicate"])
     stream = pa.BufferOutputStream()
@@ -55,7 +55,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results in two parts."""
     out = tmp_path_factory.mktemp("whole") / "out"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(campaign, "BATCH", 2)
+        patch.setattr(runner, "BATCH", 2)
         small().run(out)
     assert len(list((out / "parts").iterdir())) == 2
     return out
@@ -91,7 +91,7 @@ def test_every_flipped_bit_of_a_part_is_found(out: Path) -> None:
         path.write_bytes(content)
         assert store._parquet(path) is None
         assert len(store.finished(out)) == 2
-    for refused in (store.table, lambda place: campaign.replay(place, "a")):
+    for refused in (store.table, lambda place: runner.replay(place, "a")):
         with pytest.raises(ConfigurationError) as caught:
             refused(out)
         assert str(caught.value) == (
@@ -111,7 +111,7 @@ def test_a_damaged_part_is_set_aside_and_its_runs_are_done_again(
     bad = {"flipped": flip(good, 8 * len(good) - 77), "torn": good[:1000], "empty": b""}[damage]
     path.write_bytes(bad)
     with pytest.warns(DamageWarning) as told:
-        missing = campaign.missing(campaign.prepare(small()), out, tell=True)
+        missing = runner.missing(campaign.prepare(small()), out, tell=True)
     assert (missing.runs, missing.by_point) == (2, (1, 1))
     assert [str(w.message) for w in told] == [
         f"{path}: must be as it was written, got other bytes; its runs count as missing"
@@ -156,9 +156,9 @@ def test_every_flipped_bit_of_what_the_folder_says_is_found_or_means_nothing(out
 def test_damaged_but_valid_json_is_refused_in_one_line(out: Path, text: str) -> None:
     (out / "study.json").write_bytes(text.encode("utf-8", "surrogateescape"))
     for refused in (
-        store.table, campaign.study_of, small().run,
-        lambda place: campaign.missing(campaign.prepare(small()), place),
-        lambda place: campaign.replay(place, "a"),
+        store.table, store.study_of, small().run,
+        lambda place: runner.missing(campaign.prepare(small()), place),
+        lambda place: runner.replay(place, "a"),
     ):
         with pytest.raises(ConfigurationError, match=r"study\.json: must ") as caught:
             refused(out)
@@ -188,7 +188,7 @@ def test_fewer_replicates_leave_the_number_in_the_folder(out: Path, whole: Path)
     for number in (1, 2):
         assert len(small(replicates=number).run(out)) == 2 * number
         assert json.loads((out / "study.json").read_text())["replicates"] == 2
-        assert campaign.study_of(out).replicates == 2
+        assert store.study_of(out).replicates == 2
         assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
@@ -203,7 +203,7 @@ def test_runs_that_two_processes_did_count_once(
     assert table["run_id"].is_unique
     assert len(table) == len(store.finished(out)) == 4
     assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
-    missing = campaign.missing(campaign.prepare(small(replicates=3)), out)
+    missing = runner.missing(campaign.prepare(small(replicates=3)), out)
     assert (missing.runs, missing.by_point) == (2, (1, 1))
 
 
@@ -212,16 +212,16 @@ def test_a_run_of_a_changed_fmu_of_the_same_name_is_not_replayed(tmp_path: Path)
     shutil.copy(build("ekf"), mine)
     table = small(receivers=[str(mine)], replicates=1).run(tmp_path / "out")
     run_id = table["run_id"][0]
-    assert campaign.replay(tmp_path / "out", run_id).receivers[0] == "mine"
+    assert runner.replay(tmp_path / "out", run_id).receivers[0] == "mine"
     with zipfile.ZipFile(mine, "a") as archive:
         archive.writestr("documentation/note.txt", "changed")
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
-        campaign.replay(tmp_path / "out", run_id)
+        runner.replay(tmp_path / "out", run_id)
 
 
 def test_another_process_at_work_is_told(out: Path) -> None:
     script = (
-        "import sys\nfrom pathlib import Path\nfrom sblcosim import store\n"
+        "import sys\nfrom pathlib import Path\nfrom sblcosim.study import store\n"
         "with store.at_work(Path(sys.argv[1])):\n    print(flush=True)\n    sys.stdin.read()\n"
     )
     process = subprocess.Popen(
@@ -243,19 +243,19 @@ def test_any_number_of_replicates_is_counted_at_once(
     out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
-    original = campaign.batch
+    original = runner.batch
 
     def counted(*arguments: Any) -> Any:
         runs = original(*arguments)
         made.append(len(runs))
         return runs
 
-    monkeypatch.setattr(campaign, "batch", counted)
+    monkeypatch.setattr(runner, "batch", counted)
     huge = campaign.prepare(small(replicates=530_000_000))
-    missing = campaign.missing(huge, out)
+    missing = runner.missing(huge, out)
     assert missing.runs == huge.runs - 4 == 1_059_999_996
     assert missing.steps == huge.steps - 4 * 20
-    low, high = campaign.estimate(huge, missing, workers=1)
+    low, high = runner.estimate(huge, missing, workers=1)
     assert 1e3 < low < high
     assert sum(made) < 100_000
 
@@ -268,7 +268,7 @@ class Clock:
         self.wall = self.processor = 0.0
 
     def simulate(self, made: Any, runs: Any, *_: object) -> None:
-        seconds = 1e-6 * sum(campaign.steps_of(made, runs))
+        seconds = 1e-6 * sum(runner.steps_of(made, runs))
         self.processor += 2 * seconds
         self.wall += seconds * (self.loads.pop(0) if self.loads else 1.0)
 
@@ -286,16 +286,16 @@ def test_an_estimate_is_a_range_that_no_stall_moves(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, loads: list[float], busiest: float
 ) -> None:
     made = campaign.prepare(small(replicates=1_000_000))
-    missing = campaign.missing(made, tmp_path / "out")
+    missing = runner.missing(made, tmp_path / "out")
     clock = Clock(loads)
-    monkeypatch.setattr(campaign, "simulate", clock.simulate)
-    monkeypatch.setattr(campaign.time, "perf_counter", lambda: clock.wall)
-    monkeypatch.setattr(campaign.time, "process_time", lambda: clock.processor)
-    monkeypatch.setattr(campaign.os, "cpu_count", lambda: 2)
-    low, high = campaign.estimate(made, missing)
+    monkeypatch.setattr(runner, "simulate", clock.simulate)
+    monkeypatch.setattr(runner.time, "perf_counter", lambda: clock.wall)
+    monkeypatch.setattr(runner.time, "process_time", lambda: clock.processor)
+    monkeypatch.setattr(runner.os, "cpu_count", lambda: 2)
+    low, high = runner.estimate(made, missing)
     true = 1e-6 * missing.steps
-    assert low == pytest.approx(true / campaign.MARGIN)
-    assert high == pytest.approx(true * campaign.MARGIN * busiest)
+    assert low == pytest.approx(true / runner.MARGIN)
+    assert high == pytest.approx(true * runner.MARGIN * busiest)
 
 
 @pytest.mark.parametrize(
@@ -311,14 +311,14 @@ def test_another_study_is_told_by_what_differs(
     out: Path, changes: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        campaign.missing(campaign.prepare(small(**changes)), out)
+        runner.missing(campaign.prepare(small(**changes)), out)
     assert set(str(caught.value).partition(" with other ")[2].split(", ")) == set(words.split(", "))
 
 
 def test_a_file_is_no_folder_of_results(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("precious")
     with pytest.raises(ConfigurationError, match="out: must be a folder or not exist yet, got a"):
-        campaign.missing(campaign.prepare(small()), tmp_path / "out")
+        runner.missing(campaign.prepare(small()), tmp_path / "out")
 
 
 def test_a_folder_knows_its_whole_study(tmp_path: Path) -> None:

@@ -12,9 +12,11 @@ import pandas as pd
 import pytest
 import sblcosim
 from pyarrow import parquet
-from sblcosim import campaign, executors, lanes, plan, points, simulation, study
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
-from sblcosim.reduction import SUMS
+from sblcosim.results.sums import SUMS
+from sblcosim.simulation import plan
+from sblcosim.simulation.masters import lanes
+from sblcosim.study import batch, campaign, executors, runner, store, study
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
@@ -93,7 +95,7 @@ def test_times_of_a_study_are_whole_nanoseconds_where_only_rounding_says_no() ->
         settling_time_s=0.21 / 5,
     )
     assert middle.plan.points[-1] == ((0.1 + 0.2) / 2,) != (0.15,)
-    _, system, _ = points.resolved(middle, 3)
+    _, system, _ = campaign.resolved(middle, 3)
     assert system.components["acoustics"].parameters["sampling_time"] == 0.15
     assert (middle.settling_time_s, middle.settling_ns) == (0.042, 42_000_000)
 
@@ -179,7 +181,7 @@ def test_a_factor_may_have_no_effect_at_some_points() -> None:
     share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        points.prepare(small(factors={"size": mean, "share": share}))
+        campaign.prepare(small(factors={"size": mean, "share": share}))
     with pytest.raises(ConfigurationError, match="must have an effect, got none, as outlier_prob"):
         small(factors={"size": mean, "arm": ARM})
 
@@ -187,7 +189,7 @@ def test_a_factor_may_have_no_effect_at_some_points() -> None:
 @pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
     sea = small(factors={"sea": {"keys": ["platform.beaufort"], "levels": [0, 6]}})
-    calm, rough = (points.resolved(sea, n)[0].platform for n in (1, 2))
+    calm, rough = (campaign.resolved(sea, n)[0].platform for n in (1, 2))
     assert calm.roll_amplitude_deg == calm.heave_amplitude_m == 0.0
     assert rough.roll_amplitude_deg > 8.0
     assert rough.heave_amplitude_m > 1.0
@@ -196,7 +198,7 @@ def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
 
 
 def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = points.resolved
+    original = campaign.resolved
 
     def resolved(made: study.Study, number: int) -> Any:
         warnings.warn("of the first kind", ConfigurationWarning, stacklevel=1)
@@ -204,12 +206,12 @@ def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPa
             warnings.warn("of the second kind", ConfigurationWarning, stacklevel=1)
         return original(made, number)
 
-    monkeypatch.setattr(points, "resolved", resolved)
+    monkeypatch.setattr(campaign, "resolved", resolved)
     fixed = {"time.duration_s": 5.0, "target.side_m": 3.0, "acoustics.outlier_mean_m": 2.0}
     share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        points.prepare(small(fixed=fixed, factors={"arm": ARM, "share": share}))
+        campaign.prepare(small(fixed=fixed, factors={"arm": ARM, "share": share}))
     assert [str(w.message) for w in caught] == [
         "of the first kind (at 4 of 4 points)",
         "of the second kind (at 2 of 4 points)",
@@ -301,9 +303,9 @@ def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
         fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
     )  # fmt: skip
     alone = []
-    original = simulation._one_by_one
+    original = batch._one_by_one
     monkeypatch.setattr(
-        simulation, "_one_by_one", lambda *a: alone.append(a) or original(*a)
+        batch, "_one_by_one", lambda *a: alone.append(a) or original(*a)
     )
     reference = made.run(tmp_path / "lanes")
     assert bool(alone) == short
@@ -319,8 +321,8 @@ def test_flags_that_are_unknown_stay_so_in_the_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As of a receiver without covariance; in one part of two."""
-    monkeypatch.setattr(campaign, "BATCH", 4)
-    original = simulation.responses
+    monkeypatch.setattr(runner, "BATCH", 4)
+    original = batch.responses
 
     def unknown(sums: Any, duration: Any) -> Any:
         sums = sums.copy()
@@ -330,7 +332,7 @@ def test_flags_that_are_unknown_stay_so_in_the_folder(
         return original(sums, duration)
 
     unknown.calls = 0
-    monkeypatch.setattr(simulation, "responses", unknown)
+    monkeypatch.setattr(batch, "responses", unknown)
     table = small().run(tmp_path / "out")
     assert unknown.calls == 2
     assert table["ekf.inconsistent"].isna().tolist() == [True] * 2 + [False] * 6
@@ -383,7 +385,7 @@ def counting(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def test_a_missing_part_is_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "BATCH", 4)
+    monkeypatch.setattr(runner, "BATCH", 4)
     table = small().run(tmp_path / "out")
     whole = (tmp_path / "out" / "runs.parquet").read_bytes()
     parts = sorted((tmp_path / "out" / "parts").iterdir())
@@ -449,7 +451,7 @@ def test_components_that_are_not_ours_run_one_by_one(
 ) -> None:
     small().run(tmp_path / "lanes")
     monkeypatch.setattr(lanes, "foreign", lambda plan: "ekf")
-    monkeypatch.setattr(campaign, "_PART", 1)
+    monkeypatch.setattr(runner, "_PART", 1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
     assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (
@@ -520,7 +522,7 @@ def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:
 def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     table = small(scenario="paper-scenario-3").run(tmp_path / "out")
     row = table.iloc[6]
-    result = campaign.replay(tmp_path / "out", row["run_id"])
+    result = runner.replay(tmp_path / "out", row["run_id"])
     assert result.seeds["acoustics"] == row["seed"]
     assert result.errors.loc["ekf", "absolute", "total"].rms_m == pytest.approx(
         row["ekf.absolute_total_rms_m"], rel=1e-12
@@ -528,19 +530,19 @@ def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     assert "acoustics.range" in "".join(result.record.columns)
     for wrong in ("", "zz"):
         with pytest.raises(ConfigurationError, match="none of them"):
-            campaign.replay(tmp_path / "out", wrong)
+            runner.replay(tmp_path / "out", wrong)
     with pytest.raises(ConfigurationError, match="must be a folder of a study's results"):
-        campaign.replay(tmp_path, row["run_id"])
+        runner.replay(tmp_path, row["run_id"])
 
 
 def test_a_run_of_other_fmus_is_not_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = small().run(tmp_path / "out")
-    original = points.digest_of
-    monkeypatch.setattr(campaign, "digest_of", lambda *args: original(*args)[::-1])
+    original = campaign.digest_of
+    monkeypatch.setattr(runner, "digest_of", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
-        campaign.replay(tmp_path / "out", table["run_id"][0])
+        runner.replay(tmp_path / "out", table["run_id"][0])
 
 
 def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
@@ -548,7 +550,7 @@ def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "out" / "study.json").read_text())
     assert content["definition"]["fmus"].keys() == {"target", "platform", "acoustics", "ekf"}
     assert "numpy" in content["software"]
-    again = campaign.study_of(tmp_path / "out")
+    again = store.study_of(tmp_path / "out")
     assert again.title == "Small one"
     assert again.plan == small().plan
     assert campaign.prepare(again).definition() == content["definition"]
@@ -584,7 +586,7 @@ def test_another_label_is_not_another_study(tmp_path: Path) -> None:
     before = small(replicates=1, factors={"arm": ARM}).run(tmp_path / "s")
     named = {"arm": {**ARM, "label": "baseline", "unit": "m"}}
     pd.testing.assert_frame_equal(small(replicates=1, factors=named).run(tmp_path / "s"), before)
-    kept = campaign.study_of(tmp_path / "s")
+    kept = store.study_of(tmp_path / "s")
     assert (kept.labels, kept.units) == ({"arm": "baseline"}, {"arm": "m"})
 
 

@@ -2,7 +2,7 @@ import random
 
 import numpy as np
 import pytest
-from sblcosim.system import SECOND, is_whole_ns, nanoseconds, settled, text_of
+from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds, settled, text_of
 
 
 @pytest.mark.parametrize(

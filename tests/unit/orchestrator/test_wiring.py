@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
-from sblcosim.fmus.factory import build
+from sblcosim.fmus.build.factory import build
 from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import input_, parameter
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
-from sblcosim.scenario import load
-from sblcosim.system import System
-from sblcosim.wiring import applied
+from sblcosim.scenario.scenario import load
+from sblcosim.scenario.wiring import applied
+from sblcosim.simulation.system import System
 
 PAPER = load("paper-scenario-1")
 

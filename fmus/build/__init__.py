@@ -1,0 +1,1 @@
+"""FMUs from the components' declarations and equations."""

@@ -1,0 +1,168 @@
+"""The C compiler: the system's, else the one that the package ``ziglang`` brings.
+
+The latter compiles for every platform.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from ..errors import BuildError
+from ..platforms import PLATFORMS, ZIG_TARGETS, this_platform
+
+VARIABLE = "SBLCOSIM_CC"
+"""Environment variable that names the compiler to use, e.g. ``clang`` or ``zig``."""
+
+# No contraction to fused multiply-adds and no errno: the same bits on every machine. Nothing but
+# the functions of the standard is exported, and nothing of ours can be replaced from outside.
+FLAGS = (
+    "-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden",
+    "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
+)
+LINK_FLAGS = ("-shared", "-s")
+# zig compiles for the processor it runs on unless told otherwise, and builds the runtime of a
+# sanitizer for each platform although nothing uses it.
+_ZIG_FLAGS = ("-mcpu=baseline", "-fno-sanitize=undefined")
+_LINUX_FLAGS = ("-Wl,-Bsymbolic", "-Wl,--build-id=none")
+
+
+@dataclass(frozen=True, slots=True)
+class Compiler:
+    """A command that compiles C.
+
+    Attributes
+    ----------
+    command
+        Program and first arguments.
+    identity
+        Changes when the compiler changes; part of what a cached FMU is known by.
+    platform
+        What it compiles for; a name of `sblcosim.fmus.platforms`.
+    """
+
+    command: tuple[str, ...]
+    identity: str
+    platform: str = field(default_factory=this_platform)
+
+    def compile(
+        self, source: str, output: str, include: Sequence[Path], flags: Sequence[str], folder: Path
+    ) -> None:
+        """Compile a file to an object; both are names in ``folder``.
+
+        Raises
+        ------
+        BuildError
+            The compiler cannot be started or reports an error; the message holds its output.
+        """
+        # Relative names: the path of the folder must not get into the object.
+        places = [f"-I{place}" for place in (".", *include)]
+        self._run([*FLAGS, *flags, *places, "-c", source, "-o", output], folder)
+
+    def link(self, objects: Sequence[str], output: str, folder: Path) -> None:
+        """Link objects to a shared library; all are names in ``folder``.
+
+        Raises
+        ------
+        BuildError
+            As `compile`.
+        """
+        system = _LINUX_FLAGS if self.platform.endswith("-linux") else ()
+        self._run([*LINK_FLAGS, *system, *objects, "-o", output], folder)
+
+    def _run(self, arguments: Sequence[str], folder: Path) -> None:
+        try:
+            done = subprocess.run(
+                [*self.command, *arguments],
+                cwd=folder,
+                env={**os.environ, "SOURCE_DATE_EPOCH": "315532800"},  # 1980: DLLs have a date
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        except OSError as error:
+            raise BuildError(
+                f"the compiler {self.command[0]!r} cannot be started: {error}"
+            ) from None
+        if done.returncode != 0:
+            raise BuildError(f"{' '.join(self.command)} failed:\n{done.stderr.strip()}")
+
+
+def zig(platform: str | None = None) -> Compiler | None:
+    """The compiler of the package ``ziglang``, if it is installed.
+
+    Parameters
+    ----------
+    platform
+        What to compile for; None: this machine as it is.
+    """
+    spec = importlib.util.find_spec("ziglang")
+    if spec is None:
+        return None
+    command = (sys.executable, "-m", "ziglang", "cc", *_ZIG_FLAGS)
+    identity = f"zig {version('ziglang')}"
+    if platform is None:
+        return Compiler(command, identity)
+    return Compiler((*command, "-target", ZIG_TARGETS[platform]), identity, platform)
+
+
+def for_every_platform() -> tuple[Compiler, ...]:
+    """A compiler for each platform.
+
+    Raises
+    ------
+    BuildError
+        The package ``ziglang`` is not installed.
+    """
+    found = tuple(compiler for name in PLATFORMS if (compiler := zig(name)) is not None)
+    if not found:
+        raise BuildError(
+            "building for all platforms needs the package ziglang: pip install 'sblcosim[zig]'"
+        )
+    return found
+
+
+def system(name: str) -> Compiler | None:
+    """A compiler on the search path, if it is there."""
+    path = shutil.which(name)
+    if path is None:
+        return None
+    stat = os.stat(path)
+    return Compiler((path,), f"{os.path.realpath(path)} {stat.st_size} {stat.st_mtime_ns}")
+
+
+@cache
+def find() -> Compiler:
+    """The compiler to use: ``SBLCOSIM_CC``, else the system's, else zig.
+
+    Raises
+    ------
+    BuildError
+        There is none, or the one asked for is missing.
+    """
+    wanted = os.environ.get(VARIABLE)
+    if wanted:
+        compiler = zig() if wanted == "zig" else system(wanted)
+        if compiler is None:
+            raise BuildError(
+                f"{VARIABLE}: must name a compiler, got {wanted!r}, which is not there"
+            )
+        return compiler
+    for name in ("cc", "gcc", "clang"):
+        compiler = system(name)
+        if compiler is not None:
+            return compiler
+    compiler = zig()
+    if compiler is None:
+        raise BuildError(
+            "building FMUs needs a C compiler: install gcc or clang, or pip install 'sblcosim[zig]'"
+        )
+    return compiler

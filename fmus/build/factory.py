@@ -1,0 +1,413 @@
+"""From the name of a component to a finished FMU, built at most once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import uuid
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache as remember
+from importlib import metadata, resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from platformdirs import user_cache_path
+from sblcosim.models import COMPONENTS, module_of
+
+from ..errors import BuildError, DamageWarning, nearest
+from ..files import SEAL, intact, scratch, sha256_of, write_sealed
+from ..platforms import suffix, this_platform
+from . import compiler as compilers
+
+if TYPE_CHECKING:
+    from sblcosim.models.declaration import Component
+    from sblcosim.models.equations import Model
+
+    from .description import Fmi
+
+CACHE_VARIABLE = "SBLCOSIM_CACHE"
+"""Environment variable that names the folder for built FMUs, in place of the user's cache."""
+
+READY = Path(__file__).parents[1] / "ready"
+"""The folder for what a release brings ready-made: in folders named after what it is made from."""
+
+_SHELLS = {2: "fmi2.c", 3: "fmi3.c"}
+_LANES = ("lanes.h", "lanes.c", "dispatch.c")
+_HEADERS = ("engine.h", "elementary.h", "instance.h", "noise.h", "philox.h", "real.h")
+
+
+def build(
+    name: str, fmi: Fmi = 2, all_platforms: bool = False, baked: Component | None = None
+) -> Path:
+    """Return the FMU of a component; it is built if it has changed.
+
+    Parameters
+    ----------
+    name
+        A key of `sblcosim.models.COMPONENTS`.
+    fmi
+        Version of the standard, 2 or 3.
+    all_platforms
+        Whether it is to run on all of `sblcosim.fmus.platforms.PLATFORMS`, not only on this one.
+    baked
+        The component's declaration with start values and a default experiment of one's own. Such
+        an FMU is for other tools: it has no engine for many simulations.
+
+    Returns
+    -------
+    Path
+        ``NAME.fmu``: the one that came along with the package, or one in the user's cache, in a
+        folder named after everything it was made from.
+
+    Raises
+    ------
+    BuildError
+        There is no such component, CasADi or a compiler is missing, or the compiler fails.
+    """
+    if name not in COMPONENTS:
+        raise BuildError(
+            f"a component must be one of {', '.join(COMPONENTS)}; got {name!r}"
+            f"{nearest(name, COMPONENTS)}"
+        )
+    if fmi not in _SHELLS:
+        raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
+    found = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
+    if found is not None:
+        return found
+    _versions()  # without CasADi no compiler helps
+    ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
+    path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
+    if not _usable(path):
+        _make_folder(path)
+        write(path, name, fmi, ccs, baked)
+    return path
+
+
+def write(
+    path: Path,
+    name: str,
+    fmi: Fmi,
+    ccs: Sequence[compilers.Compiler],
+    baked: Component | None = None,
+) -> None:
+    """Build the FMU of a component, with its SHA-256 in a file beside it.
+
+    Equal sources and compilers give equal bytes.
+
+    Parameters
+    ----------
+    ccs
+        A compiler for each platform.
+    """
+    # CasADi and the XML are loaded only when something has to be built.
+    from sblcosim.models.equations import load
+
+    from .archive import contents, pack
+
+    model = load(name)
+    if baked is not None:
+        model = replace(model, component=baked)
+    sources = _sources(model, fmi)
+    token = _token(model, sources, fmi)
+    sources["tables.h"] = _tables(model, token)
+    shell = [Unit(_SHELLS[fmi])]
+    binaries = {}
+    for cc in ccs:
+        lanes = _lane_objects(name, cc) if baked is None else ()
+        binaries[cc.platform] = compile_shared(sources, shell, cc, lanes)
+    with _caching():
+        write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
+
+
+def _ready(of: str, file: str) -> Path | None:
+    """A file that came along ready-made from the same sources, unless a compiler is asked for."""
+    path = READY / of / file
+    if not path.is_file() or os.environ.get(compilers.VARIABLE):
+        return None
+    if intact(path):
+        return path
+    _warn(f"{path}: must be as it came with sblcosim, got other bytes; until it is installed again "
+          "(pip install --force-reinstall --no-deps sblcosim) it has to be built")
+    return None
+
+
+def _usable(path: Path) -> bool:
+    """Whether a file is in the cache and as it was written."""
+    if not path.is_file():
+        return False
+    if intact(path):
+        return True
+    _warn(f"{path}: must be as it was written, got other bytes; it is built again")
+    return False
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, DamageWarning, stacklevel=4)
+
+
+def is_build(identifier: str, sha256: str) -> bool:
+    """Whether a file is among the FMUs that came along or are cached.
+
+    Parameters
+    ----------
+    identifier
+        Of its model.
+    sha256
+        Of its content.
+    """
+    return any(
+        intact(path) and sha256_of(path) == sha256
+        for name, component in COMPONENTS.items()
+        if component.name == identifier
+        for folder in (READY, cache())
+        for path in folder.glob(f"*/{name}.fmu")
+    )
+
+
+def cache() -> Path:
+    """The folder that holds built FMUs."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    return Path(chosen) if chosen else user_cache_path("sblcosim") / "fmus"
+
+
+def _make_folder(path: Path) -> None:
+    """Make the folder of a file in the cache, before time is spent on its content."""
+    with _caching():
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def _caching() -> Iterator[None]:
+    """Say what is wrong if the cache cannot be written to."""
+    try:
+        yield
+    except OSError as error:
+        raise BuildError(
+            f"{CACHE_VARIABLE}: must be a folder that can be written to, got {cache()} "
+            f"({error.strerror or error})"
+        ) from error
+
+
+def engine_headers() -> dict[str, bytes]:
+    """The headers of the engine and of its lanes, by file name."""
+    return _c_files([*_HEADERS, "lanes.h"])
+
+
+def engine_sources(model: Model) -> dict[str, bytes]:
+    """The C sources of a component's equations and their engine, by file name."""
+    from .generator import model_source
+
+    return {**_c_files(_HEADERS), "model.h": model_source(model).encode()}
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A source file to compile, perhaps one of several times with other flags."""
+
+    source: str
+    flags: tuple[str, ...] = ()
+
+
+def lane_units(source: str, platform: str) -> tuple[Unit, ...]:
+    """One build of a source per number of lanes worth having on a platform."""
+    sets: dict[int, tuple[str, ...]] = {1: (), 2: ()}
+    if platform.startswith("x86_64-"):
+        sets |= {4: ("-mavx2",), 8: ("-mavx512f", "-mavx512dq")}
+    return tuple(Unit(source, (f"-DLANES={n}", *flags)) for n, flags in sets.items())
+
+
+def library(
+    name: str,
+    sources: Mapping[str, bytes],
+    lanes: bool = False,
+    compiler: compilers.Compiler | None = None,
+) -> Path:
+    """Return the shared library of ``NAME.c``; it is compiled if it has changed.
+
+    Parameters
+    ----------
+    sources
+        All C files by name, those that are only included, too.
+    lanes
+        Whether it is compiled once per number of lanes.
+    compiler
+        By default one for this process, if the library did not come along with the package.
+
+    Raises
+    ------
+    BuildError
+        There is no compiler, or it fails.
+    """
+    platform = this_platform() if compiler is None else compiler.platform
+    file = f"{name}{suffix(platform)}"
+    made_from = library_key(name, sources, lanes, platform)
+    found = _ready(made_from, file) if compiler is None else None
+    if found is not None:
+        return found
+    compiler = compiler or compilers.find()
+    folder = _digest([made_from, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
+    path = cache() / folder / file
+    if not _usable(path):
+        _make_folder(path)
+        binary = compile_shared(sources, _library_units(name, lanes, platform), compiler)
+        with _caching():
+            write_sealed(path, binary)
+    return path
+
+
+def _library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
+    return lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
+
+
+def compile_shared(
+    sources: Mapping[str, bytes],
+    units: Sequence[Unit],
+    compiler: compilers.Compiler,
+    objects: Sequence[bytes] = (),
+) -> bytes:
+    """Compile C sources into a shared library.
+
+    Parameters
+    ----------
+    sources
+        All files by name, those that are only included, too.
+    objects
+        Further objects to link.
+
+    Raises
+    ------
+    BuildError
+        The compiler fails.
+    """
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        folder = Path(name)
+        parts = [*compile_objects(sources, units, compiler), *objects]
+        names = [f"{i}.o" for i in range(len(parts))]
+        for file, content in zip(names, parts, strict=True):
+            (folder / file).write_bytes(content)
+        compiler.link(names, "library", folder)
+        return (folder / "library").read_bytes()
+
+
+def compile_objects(
+    sources: Mapping[str, bytes], units: Sequence[Unit], compiler: compilers.Compiler
+) -> list[bytes]:
+    """Compile C sources into objects, one per unit, on all cores."""
+    include = [fmi_headers()]
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        folder = Path(name)
+        for file, text in sources.items():
+            (folder / file).write_bytes(text)
+
+        def compiled(number: int, unit: Unit) -> bytes:
+            output = f"{number}.o"
+            compiler.compile(unit.source, output, include, unit.flags, folder)
+            return (folder / output).read_bytes()
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(compiled, range(len(units)), units))
+
+
+@remember
+def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
+    """The engines for many simulations; the same for both versions of FMI."""
+    from sblcosim.models.equations import load
+
+    sources = {**engine_sources(load(name)), **_c_files(_LANES)}
+    units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
+    return compile_objects(sources, units, compiler)
+
+
+def fmi_headers() -> Path:
+    """The folder with the FMI headers that come with FMPy."""
+    import fmpy
+
+    return Path(fmpy.__file__).parent / "c-code"
+
+
+def _sources(model: Model, fmi: Fmi) -> dict[str, bytes]:
+    return {**engine_sources(model), **_c_files([_SHELLS[fmi]])}
+
+
+def _tables(model: Model, token: str) -> bytes:
+    from .description import value_references
+    from .generator import table_source
+
+    return table_source(model.component, token, value_references(model.component)).encode()
+
+
+def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
+    """GUID or instantiation token: the same for the same interface and equations."""
+    digest = hashlib.sha256(_tables(model, ""))
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file])
+    return f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}" if fmi == 2 else str(
+        uuid.UUID(bytes=digest.digest()[:16])
+    )
+
+
+def _c_files(names: Sequence[str]) -> dict[str, bytes]:
+    folder = resources.files("sblcosim.fmus") / "c"
+    return {name: (folder / name).read_bytes() for name in names}
+
+
+def key(name: str, fmi: Fmi) -> str:
+    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
+    return _digest([name, fmi, _read(name)]).hexdigest()[:32]
+
+
+@remember
+def _read(name: str) -> str:
+    """Hash of a component's sources. They are read once: those in Python have been imported."""
+    digest = hashlib.sha256()
+    models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
+    for place in (models, models / module_of(name)[0], fmus, fmus / "build", fmus / "c"):
+        for file in _files(place):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
+    """A name for everything that a `library` is made from, but the compiler."""
+    units = [(unit.source, unit.flags) for unit in _library_units(name, lanes, platform)]
+    digest = _digest([platform, units])
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file] + b"\0")
+    return digest.hexdigest()[:32]
+
+
+def _fingerprint(
+    name: str, fmi: Fmi, ccs: Sequence[compilers.Compiler], baked: Component | None = None
+) -> str:
+    """A name for everything that an FMU is made from, with the tools."""
+    tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
+    return _digest([key(name, fmi), tools, _versions(), repr(baked)]).hexdigest()[:32]
+
+
+@remember
+def _versions() -> list[str]:
+    try:
+        return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
+    except metadata.PackageNotFoundError as error:
+        why = f", as {compilers.VARIABLE} asks for" if os.environ.get(compilers.VARIABLE) else ""
+        raise BuildError(
+            f"building FMUs{why} needs the package {error.name}: pip install 'sblcosim[models]'"
+        ) from None
+
+
+def _digest(facts: object) -> hashlib._Hash:
+    flags = [compilers.FLAGS, compilers.LINK_FLAGS]
+    return hashlib.sha256(json.dumps([facts, flags]).encode())
+
+
+def _files(folder: Traversable) -> Iterator[Traversable]:
+    for file in sorted(folder.iterdir(), key=lambda file: file.name):
+        if file.name.endswith((".py", ".c", ".h", ".md", ".jinja")):
+            yield file

@@ -1,0 +1,1 @@
+"""FMUs as a program uses them: their functions, and instances of them."""

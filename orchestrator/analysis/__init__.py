@@ -1,0 +1,26 @@
+"""What a study's table says: effects, intervals, advice, and their figures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .. import lazy
+
+if TYPE_CHECKING:
+    from .advice import Advice, advise
+    from .fit import Factorial, analyse
+    from .workflow import advice_on_study, of_study, of_table, save, save_advice
+
+__all__ = [
+    "Advice", "Factorial", "advice_on_study", "advise", "analyse", "of_study", "of_table", "save",
+    "save_advice",
+]  # fmt: skip
+
+__getattr__, __dir__ = lazy.names(
+    __name__,
+    {
+        "Advice": "advice", "Factorial": "fit", "advice_on_study": "workflow", "advise": "advice",
+        "analyse": "fit", "of_study": "workflow", "of_table": "workflow", "save": "workflow",
+        "save_advice": "workflow",
+    },
+)  # fmt: skip

@@ -1,0 +1,462 @@
+"""Which design is the cheapest that is good enough: costs of levels against a requirement.
+
+A point of a design *meets* a requirement if that is sure by its runs. Whoever takes the cheapest of
+many points takes one of the lucky ones; so all bounds hold for all m points at once (Bonferroni:
+each at risk = α/m), which is valid for common random numbers, too. A run that is lost, or has no
+finite response, is worse than any limit. There are two requirements:
+
+- *So many percent of the runs are within the limit.* Compared with the limit is an upper bound of
+  the percentile q: the smallest of the ordered runs x₍ₖ₎ with P(Binomial(n, q) < k) ≥ 1 − risk,
+  whatever the distribution (Hahn and Meeker, Statistical Intervals, chapter 5). It exists from
+  n = ln(risk)/ln(q) runs on. This is the question to ask first, for it assumes nothing.
+- *The mean is within the limit.* No bound of a mean holds against bad runs that were never seen. So
+  this is a statement for a stated share c of contamination: bad runs that are at least this share
+  have been seen at every point, for which n = ln(risk)/ln(1 − c) runs are needed, as
+  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them two bounds are made: of the mean of the
+  runs that are not lost, which is compared with the limit, and, exact, of the share of those that
+  are (Clopper and Pearson), which is compared with c.
+
+The bound of the mean holds for skewed runs. For runs that are all at most B, it is the quantile
+1 − risk of Σ wᵢ xᵢ, where the n runs and B have weights from the flat Dirichlet distribution
+(N. Gaffke, Math. Methods Statist. 14, 2005, 451–467; Learned-Miller and Thomas, arXiv:1905.06208);
+for runs of two values it is Clopper and Pearson's. B is not known. It is taken to be twice as far
+from the median as the worst run seen. With wᵢ = Eᵢ/ΣE for exponential E, P(Σ wᵢ xᵢ > t) is
+P(Σ Eᵢ (xᵢ − t) > 0), by Lugannani and Rice's saddlepoint formula (Adv. Appl. Prob. 12, 1980,
+475–490).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from math import ceil, inf, log
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import optimize, special, stats
+
+from ..errors import ConfigurationError, nearest
+from .fit import check_columns
+
+Floats = NDArray[np.float64]
+TOLERANCE = 1e-9
+"""How far, relatively, a level may be from the one that a cost is given for."""
+LEAST_RUNS = 3
+"""Runs that a mean needs for its bound, whatever the contamination."""
+REACH = 2.0
+"""How far from the median, in units of the worst run's distance, runs are taken to be possible."""
+PERCENTILE = 90.0
+"""Which percentile is offered where nobody said."""
+
+
+def ordinal(number: float) -> str:
+    """``90th``, ``91st``, ``97.5th``."""
+    last, tens = number % 10, number % 100 // 10
+    endings: dict[float, str] = {1: "st", 2: "nd", 3: "rd"}
+    ending = endings.get(last, "th") if tens != 1 else "th"
+    return f"{number:g}{ending}"
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """The design points by cost.
+
+    Attributes
+    ----------
+    response, unit, factors
+        What was asked about, and the factors of the design.
+    limit
+        The requirement; None if there is none.
+    percentile
+        Which percentile of the runs is to meet it; None for their mean.
+    contamination
+        Share of bad runs that a statement about a mean takes into account.
+    confidence
+        That no point is said to meet the requirement that does not.
+    points
+        One row per point, the cheapest first: factors, ``cost``, ``runs``, ``lost`` (runs that are
+        lost or have no finite response), ``lost_upper`` (bound of their share), ``estimate`` and
+        ``upper`` (of the percentile, or of the mean of the runs that are not lost; infinite where
+        there is no bound), ``front`` (no point is cheaper and better, by the estimates) and
+        ``meets``.
+    chosen
+        The cheapest point that meets the requirement, as its place in `points`; None if none does.
+    runs_needed
+        Runs per point from which on there can be a bound.
+    free
+        Factors that no cost was given for.
+    beside
+        The other question, answered from the same runs; None without a limit.
+    """
+
+    response: str
+    unit: str
+    factors: tuple[str, ...]
+    limit: float | None
+    percentile: float | None
+    contamination: float
+    confidence: float
+    points: pd.DataFrame
+    chosen: int | None
+    runs_needed: int
+    free: tuple[str, ...] = ()
+    beside: Advice | None = None
+
+    @property
+    def statistic(self) -> str:
+        """The mean or the percentile, in words."""
+        if self.percentile is None:
+            return f"mean of {self.response}"
+        return f"{ordinal(self.percentile)} percentile of {self.response}"
+
+    def named(self, labels: Mapping[str, str], response: str) -> Advice:
+        """The same for people to read: other names for factors and response."""
+        names = {name: labels.get(name, name) for name in self.factors}
+        return replace(
+            self,
+            response=response,
+            factors=tuple(names.values()),
+            free=tuple(names[name] for name in self.free),
+            points=self.points.rename(columns=names),
+            beside=None if self.beside is None else self.beside.named(labels, response),
+        )
+
+    @property
+    def missing(self) -> int:
+        """Runs that are missing, at the point with the fewest, for there to be a bound."""
+        return max(0, self.runs_needed - int(self.points["runs"].min()))
+
+    def answer(self) -> str:
+        """What to buy, in a few sentences: by a percentile first, then by the mean."""
+        return " ".join(self._answers())
+
+    def _answers(self) -> list[str]:
+        both = [self] if self.beside is None else [self, self.beside]
+        return [a._own_answer() for a in sorted(both, key=lambda a: a.percentile is None)]
+
+    def _own_answer(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if self.limit is None:
+            front = int(self.points["front"].sum())
+            return f"{front} of {len(self.points)} points are worth their cost."
+        wish = f"{self.statistic} of at most {self.limit:g}{unit}"
+        if self.chosen is not None:
+            row: Any = self.points.loc[self.chosen]
+            text = (
+                f"The cheapest point with a {wish}: {self._levels(self.chosen)}, at a cost of "
+                f"{row.cost:g}; {row.estimate:.4g}{unit}, at most {row.upper:.4g}{unit}."
+            )
+            if self.percentile is not None:
+                return text
+            return (
+                f"{text} That is of the runs that are not lost: {row.lost:g} of {row.runs:g} are, "
+                f"surely at most {100 * row.lost_upper:.2g} %."
+            )
+        if (self.points["runs"] < self.runs_needed).all():
+            return f"{self._too_few()} {self._missing()}"
+        text = f"No point is sure to have a {wish}."
+        possible = self.points[self._tolerable(self.points)]
+        hopeful = possible.index[possible["estimate"] <= self.limit]
+        if len(hopeful):
+            return (
+                f"{text} By its estimate {self._levels(int(hopeful[0]))} has; more replicates "
+                "may decide it." + (f" {self._missing()}" if self.missing else "")
+            )
+        if possible.empty:
+            return (
+                f"{text} At every point more than {100 * self.contamination:.4g} % of the runs are "
+                "lost."
+            )
+        best = possible.sort_values(["upper", "estimate"], kind="stable").iloc[0]
+        bound = f", at most {best['upper']:.4g}{unit}" if np.isfinite(best["upper"]) else ""
+        return f"{text} The best has {best['estimate']:.4g}{unit}{bound}."
+
+    def _too_few(self) -> str:
+        if self.percentile is not None:
+            return f"Nothing sure can be said about the {self.statistic}: there are too few runs."
+        return (
+            f"Nothing sure can be said about the {self.statistic}: if "
+            f"{100 * self.contamination:.4g} % of the runs are bad ones, some point may well have "
+            "shown none."
+        )
+
+    def _missing(self) -> str:
+        few = self.points["runs"]
+        have = f"{few.min()}" if few.min() == few.max() else f"{few.min()} or more"
+        return (
+            f"It takes {self.runs_needed} runs at each of the {len(few)} points; there are {have}, "
+            f"{self.missing} are missing."
+        )
+
+    def _tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
+        """Which points have no more lost runs, by what was seen, than a mean may leave out."""
+        if self.percentile is not None:
+            return pd.Series(True, points.index)
+        return points["lost"] <= self.contamination * points["runs"]
+
+    def _levels(self, place: int) -> str:
+        levels = self.points.loc[place, list(self.factors)].astype(float)
+        return ", ".join(f"{name} {level:g}" for name, level in levels.items())
+
+    def __str__(self) -> str:
+        lines = [
+            *self._answers(),
+            "",
+            f"By the {self.statistic}, points that no other one beats in cost and estimate"
+            + (", and the chosen one:" if self.chosen is not None else ":"),
+            self._shown().to_string(index=False, float_format=_figure),
+            "",
+            *self._notes(),
+        ]
+        return "\n".join(lines)
+
+    def _notes(self) -> list[str]:
+        """What the numbers mean."""
+        lines = [
+            f"Each run counts with one number, its {self.response}: means and percentiles are "
+            "over runs, not over the instants of a run.",
+            f"The upper bounds hold for all {len(self.points)} points at once, with a confidence "
+            f"of {self.confidence:g}.",
+        ]
+        if self.percentile is None:
+            lines.append(
+                "A point meets the requirement if the bound of the mean over the runs that are not "
+                f"lost is within the limit, and surely no more than {100 * self.contamination:.4g} "
+                "% of its runs are lost. Worse runs that are rarer than that may never have been "
+                "seen; no bound of a mean holds against them. A percentile assumes nothing."
+            )
+        elif self.points["lost"].any():
+            lines.append("A run that is lost is worse than any limit.")
+        if self.free:
+            lines.append(f"No cost was given for {', '.join(self.free)}: taken as free.")
+        return lines
+
+    def _shown(self) -> pd.DataFrame:
+        """The points worth their cost, for people."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        statistic = "mean" if self.percentile is None else f"{ordinal(self.percentile)} percentile"
+        shown = self.points[self.points["front"] | (self.points.index == self.chosen)]
+        idle = ["front", *(["meets"] if self.limit is None else [])]
+        if self.percentile is not None:
+            idle += ["lost_upper"] if self.points["lost"].any() else ["lost", "lost_upper"]
+        return shown.drop(columns=idle).rename(
+            columns={
+                "estimate": f"{statistic}{unit}", "upper": f"upper bound{unit}",
+                "lost_upper": "share lost, at most",
+            }
+        )
+
+    def _repr_html_(self) -> str:
+        table = self._shown().to_html(index=False, float_format=_figure)
+        return f"<p>{escape(self.answer())}</p>{table}"
+
+
+def _figure(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "none"
+
+
+def advise(
+    table: pd.DataFrame,
+    factors: Sequence[str],
+    response: str,
+    costs: Mapping[str, Mapping[float, float]],
+    *,
+    limit: float | None = None,
+    percentile: float | None = PERCENTILE,
+    contamination: float = 0.05,
+    confidence: float = 0.95,
+    unit: str = "",
+    lost: str | None = None,
+) -> Advice:
+    """Find the cost–accuracy front of a design, and the cheapest point that meets a requirement.
+
+    Parameters
+    ----------
+    table
+        One row per run, with the factors' levels and the response; less of it is better.
+    factors, response
+        Columns. The factors may have any number of levels.
+    costs
+        Cost of each level of a factor, in any currency. A factor that is not here costs nothing;
+        the cost of a point is the sum over its factors.
+    limit
+        Largest value that will do, in the unit of the response.
+    percentile
+        Between 0 and 100: so many percent of the runs are to be within the limit. None: the limit
+        is for their mean.
+    contamination
+        Above 0 and below 1: the share of bad runs that a statement about a mean takes into
+        account. The smaller, the more runs it needs.
+    confidence
+        That the point which is named meets the requirement.
+    unit
+        Of the response, for texts.
+    lost
+        Column that is not zero for runs that are lost, whatever their response.
+
+    Raises
+    ------
+    ConfigurationError
+        A column, a cost or a number is not as it must be.
+    """
+    factors = tuple(factors)
+    check_columns(table, factors, response)
+    if percentile is not None and not 0 < percentile < 100:
+        raise ConfigurationError(f"percentile: must be between 0 and 100, got {percentile}")
+    for name, value in (("confidence", confidence), ("contamination", contamination)):
+        if not 0 < value < 1:
+            raise ConfigurationError(f"{name}: must be between 0 and 1, got {value}")
+    if limit is not None and not np.isfinite(limit):
+        raise ConfigurationError(f"limit: must be finite, got {limit}")
+    if table.empty:
+        raise ConfigurationError("table: must have at least one run, got none")
+    if lost is not None and lost not in table:
+        raise ConfigurationError(
+            f"lost: must be a column of the table, got {lost!r}"
+            + nearest(lost, map(str, table.columns))
+        )
+    for name in costs:
+        if name not in factors:
+            raise ConfigurationError(
+                f"costs: must be of the factors, got {name!r}" + nearest(name, factors)
+            )
+    values = table[response].to_numpy(np.float64)
+    gone = ~np.isfinite(values)
+    if lost is not None:
+        gone |= table[lost].to_numpy(np.float64, na_value=0.0) != 0
+    runs = table[list(factors)].assign(value=np.where(gone, inf, values))
+    found = _weighed(runs, factors, response, costs, limit, percentile, contamination, confidence)
+    found = replace(found, unit=unit)
+    if limit is None:
+        return found
+    other = PERCENTILE if percentile is None else None
+    beside = _weighed(runs, factors, response, costs, limit, other, contamination, confidence)
+    return replace(found, beside=replace(beside, unit=unit))
+
+
+def _weighed(
+    runs: pd.DataFrame,
+    factors: tuple[str, ...],
+    response: str,
+    costs: Mapping[str, Mapping[float, float]],
+    limit: float | None,
+    percentile: float | None,
+    contamination: float,
+    confidence: float,
+) -> Advice:
+    """One of the two questions; `runs` has the factors and ``value``, infinite if lost."""
+    groups = runs.groupby(list(factors), sort=True)["value"]
+    risk = (1 - confidence) / groups.ngroups
+    share = 1 - contamination if percentile is None else percentile / 100
+    needed = ceil(log(risk) / log(share) - TOLERANCE)
+    if percentile is None:
+        needed = max(needed, LEAST_RUNS)
+    rows = []
+    for _, values in groups:
+        y = np.sort(values.to_numpy(np.float64))
+        n, lost = len(y), int(np.isinf(y).sum())
+        estimate, upper = (
+            _mean(y[: n - lost], risk) if percentile is None else _percentile(y, share, risk)
+        )
+        if n < needed:
+            upper = inf
+        rows.append((n, lost, _share(lost, n, risk), estimate, upper))
+    points = groups.size().reset_index()[list(factors)]
+    points["cost"] = sum((_cost(points[name], costs[name]) for name in costs), np.zeros(len(rows)))
+    columns = ["runs", "lost", "lost_upper", "estimate", "upper"]
+    points[columns] = pd.DataFrame(rows, columns=columns)
+    points = points.sort_values(["cost", "estimate"], kind="stable", ignore_index=True)
+    advice = Advice(
+        response=response,
+        unit="",
+        factors=factors,
+        limit=limit,
+        percentile=percentile,
+        contamination=contamination,
+        confidence=confidence,
+        points=points,
+        chosen=None,
+        runs_needed=needed,
+        free=tuple(name for name in factors if name not in costs),
+    )
+    # cheapest first: a point is on the front if it is better than all before it
+    rank = points["estimate"].where(advice._tolerable(points), inf)
+    points["front"] = rank < rank.cummin().shift(fill_value=inf)
+    meets = pd.Series(False, points.index) if limit is None else points["upper"] <= limit
+    if percentile is None:
+        meets &= points["lost_upper"] <= contamination
+    points["meets"] = meets
+    meeting = points.index[meets]
+    return replace(advice, chosen=int(meeting[0]) if len(meeting) else None)
+
+
+def _mean(y: Floats, risk: float) -> tuple[float, float]:
+    """Mean of the runs, in ascending order, and its upper bound."""
+    if len(y) == 0:
+        return inf, inf
+    mean, median = float(y.mean()), float(np.median(y))
+    if len(y) < LEAST_RUNS:
+        return mean, inf
+    least, worst = float(y[0]), median + REACH * float(y[-1] - median)
+    if least == worst:
+        return mean, mean
+    x = (np.append(y, worst) - least) / (worst - least)
+    # θ = 0 is the mean of x, θ = 1 the worst run
+    ends = (0.0, 1 - 1e-12) if risk < 0.5 else (-1e9, 0.0)
+    theta = float(optimize.brentq(lambda theta: _weights(x, theta)[1] - risk, *ends, xtol=1e-15))
+    return mean, least + (worst - least) * _weights(x, theta)[0]
+
+
+def _weights(x: Floats, theta: float) -> tuple[float, float]:
+    """A value t between the least and the largest x, and P(Σ Eᵢ (xᵢ − t) > 0).
+
+    With dᵢ = xᵢ − t, K(s) = −Σ ln(1 − s dᵢ) has its saddlepoint K′(s) = 0 at s = θ/(1 − θ t) for
+    t = Σ vᵢ xᵢ / Σ vᵢ, vᵢ = 1/(1 − θ xᵢ): θ gives both without solving anything.
+    """
+    v = 1 / (1 - theta * x)
+    t = float((v * x).sum() / v.sum())
+    scale = 1 - theta * t
+    w = float(np.sign(theta)) * float(np.sqrt(max(0.0, -2 * np.log(v * scale).sum())))
+    u = theta * float(np.sqrt((((x - t) * v) ** 2).sum()))
+    if abs(w) < 1e-4:
+        return t, 0.5
+    return t, float(special.ndtr(-w) + np.exp(-w * w / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w))
+
+
+def _share(count: int, runs: int, risk: float) -> float:
+    """Clopper and Pearson's upper bound of a share."""
+    return 1.0 if count == runs else float(stats.beta.isf(risk, count + 1, runs - count))
+
+
+def _percentile(y: Floats, share: float, risk: float) -> tuple[float, float]:
+    """The run that so many of the others are not above, and an upper bound of the percentile.
+
+    The runs are in ascending order.
+    """
+    n = len(y)
+    estimate = float(y[ceil(share * n - TOLERANCE) - 1])
+    # of k = 1 … n the smallest with P(Binomial(n, share) ≥ k) ≤ risk
+    enough = stats.binom.sf(np.arange(n), n, share) <= risk
+    return estimate, float(y[enough.argmax()]) if enough.any() else inf
+
+
+def _cost(levels: pd.Series[float], costs: Mapping[float, float]) -> Floats:
+    """Cost of each level in a column."""
+    known = np.array([float(level) for level in costs])
+    prices = np.array([float(price) for price in costs.values()])
+    if not (np.isfinite(prices) & (prices >= 0)).all():
+        raise ConfigurationError(
+            f"costs.{levels.name}: must be finite and not negative, got {list(costs.values())}"
+        )
+    values = levels.to_numpy(np.float64)
+    same = np.isclose(values[:, None], known, rtol=TOLERANCE, atol=0)
+    if not same.any(axis=1).all():
+        missing = values[~same.any(axis=1)][0]
+        raise ConfigurationError(
+            f"costs.{levels.name}: must have every level of the design, got none for {missing:g}"
+        )
+    found: Floats = prices[same.argmax(axis=1)]
+    return found

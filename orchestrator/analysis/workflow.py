@@ -1,0 +1,291 @@
+"""From a study's results to the answer: which factor matters, as tables and pictures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .. import artifacts, style
+from ..errors import ConfigurationError, nearest, quoted
+from ..scenario.reading import parse, read_text, shown
+from ..study import store
+from ..study.study import Study
+from . import figures
+from .advice import PERCENTILE, Advice, advise
+from .fit import Error, Factorial, Transform, analyse
+
+RESPONSE = "absolute_total_rms_m"
+"""The paper's: RMS of the total error."""
+
+
+def of_study(
+    results: str | Path,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+    error: Error = "pure",
+    practical: float | None = None,
+) -> Factorial:
+    """Analyse the runs in a folder of results; see `sblcosim.analysis.fit.analyse`.
+
+    The tables have the columns' names; what is printed or drawn has the study's labels.
+
+    Parameters
+    ----------
+    response
+        A column of the table of runs, without the receiver's name.
+    receiver
+        Whose; default: the first.
+
+    Raises
+    ------
+    ConfigurationError
+        There are no runs, no such receiver or response, or the design cannot be analysed so.
+    """
+    return of_table(
+        store.study_of(results), store.table(results), response, receiver=receiver,
+        order=order, transform=transform, error=error, practical=practical,
+    )
+
+
+def of_table(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+    error: Error = "pure",
+    practical: float | None = None,
+) -> Factorial:
+    """As `of_study`, of a study and its runs."""
+    if study.design.kind not in FACTORIAL:
+        raise ConfigurationError(
+            f"{study.name}: must be a two-level factorial design ({' or '.join(FACTORIAL)}) for an "
+            f"analysis of effects, got kind {study.design.kind!r}"
+        )
+    column = column_of(table, response, receiver)
+    found = analyse(
+        in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
+        error=error,
+        practical=practical, seeding=study.seeding, unit=unit_of(column),
+    )
+    return replace(
+        found, units=study.units, labels=study.labels, label=words(column, table)
+    )
+
+
+FACTORIAL = ("full", "fraction")
+"""Kinds of designs that have effects."""
+
+
+def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | None = None) -> str:
+    """Column of a response in a table of runs.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such receiver or response, or it is unknown in all runs.
+    """
+    responses = [c for c in table.columns if "." in c]
+    receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
+    owner, _, own = response.partition(".")
+    if own and owner in receivers and receiver in (None, owner):
+        receiver, response = owner, own  # named as in the table
+    chosen = receivers[0] if receiver is None else receiver
+    if chosen not in receivers:
+        raise ConfigurationError(
+            f"receiver: must be {', '.join(receivers)}, got {quoted(chosen)}"
+            + nearest(chosen, receivers)
+        )
+    known = [c.partition(".")[2] for c in responses if c.startswith(f"{chosen}.")]
+    if response not in known:
+        raise ConfigurationError(
+            f"response: must be one of {', '.join(known)}, got {quoted(response)}"
+            f"{nearest(response, known)}"
+        )
+    column = f"{chosen}.{response}"
+    if table[column].isna().all():
+        why = f"; no estimate of {chosen} has a covariance" if response in _OF_COVARIANCE else ""
+        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
+    return column
+
+
+_OF_COVARIANCE = ("inconsistent", "nees_position")
+
+
+def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The same with a column as numbers, NaN where it is missing."""
+    return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
+
+
+def unit_of(column: str) -> str:
+    """Unit of a response."""
+    return "m" if column.endswith("_m") else ""
+
+
+def words(column: str, table: pd.DataFrame) -> str:
+    """A response for people to read; its receiver is named where there are several."""
+    receiver, _, response = column.partition(".")
+    match = re.fullmatch(r"(absolute|relative)_(x|y|z|total)_(mean|rms)_m", response)
+    if match:
+        frame, axis, statistic = match.groups()
+        how = {"mean": "mean", "rms": "RMS"}[statistic]
+        what = f"{how} total error" if axis == "total" else f"{how} error in {axis}"
+        text = what + (" relative to the platform" if frame == "relative" else "")
+    else:
+        text = WORDS.get(response, response.replace("_", " "))
+    several = len({c.partition(".")[0] for c in table.columns if "." in c}) > 1
+    return f"{text} of {receiver}" if several else text
+
+
+WORDS = {
+    "nees_position": "NEES of the position", "nis": "NIS",
+    "inconsistent": "share of inconsistent runs", "lost": "share of lost runs",
+}
+
+
+def readable_advice(advice: Advice, results: str | Path) -> Advice:
+    """The same with the labels of the study in a folder of results."""
+    text = words(advice.response, store.table(results))
+    return advice.named(store.study_of(results).labels, text)
+
+
+def advice_on_study(
+    results: str | Path,
+    costs: str | Path | Mapping[str, Sequence[float]],
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    limit: float | None = None,
+    percentile: float | None = PERCENTILE,
+    contamination: float = 0.05,
+    confidence: float = 0.95,
+) -> Advice:
+    """Which design is the cheapest that is good enough; see `sblcosim.analysis.advice.advise`.
+
+    Runs in which the receiver is *lost* count as such.
+
+    Parameters
+    ----------
+    costs
+        By factor: the cost of each of its levels, in the order of the study; a TOML file
+        (``gps = [900, 40]``) or a mapping.
+
+    Raises
+    ------
+    ConfigurationError
+        As `of_study`; or the costs do not fit the study.
+    """
+    study, table = store.study_of(results), store.table(results)
+    where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
+    prices = {}
+    for name, values in given.items():
+        if name not in study.factors:
+            raise ConfigurationError(
+                f"{where}: must be costs of factors of the study, got {quoted(name)}"
+                f"{nearest(str(name), study.factors)}"
+            )
+        levels = study.factors[name].levels
+        if not isinstance(values, Sequence) or isinstance(values, str):
+            raise ConfigurationError(
+                f"{where}: {name}: must be an array of costs, got {quoted(values)}"
+            )
+        if len(values) != len(levels):
+            raise ConfigurationError(
+                f"{where}: {name}: must have a cost for each of the levels "
+                f"{', '.join(f'{x:g}' for x in levels)}, got {len(values)}"
+            )
+        for value in values:
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
+        prices[name] = dict(zip(levels, values, strict=True))
+    points = table[~table["point"].isin(_centre(study))]
+    column = column_of(table, response, receiver)
+    lost = f"{column.partition('.')[0]}.lost"
+    return advise(
+        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
+        percentile=percentile, contamination=contamination, confidence=confidence,
+        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
+    )
+
+
+def _centre(study: Study) -> list[int]:
+    """Points that have none of the levels."""
+    return [number for number, centre in enumerate(study.plan.centre, 1) if centre]
+
+
+def _read(path: Path) -> tuple[str, dict[str, Any]]:
+    return shown(path), parse(shown(path), read_text(path, (), "costs"))
+
+
+def save_advice(
+    advice: Advice,
+    directory: str | Path,
+    theme: style.ThemeName = "light",
+    shown: Advice | None = None,
+) -> Path:
+    """Write the table of points, the figure of cost and accuracy, and a manifest.
+
+    `shown` is the same for people, for the figure.
+    """
+    about = {
+        "advice": {
+            "response": advice.response, "limit": advice.limit, "percentile": advice.percentile,
+            "contamination": advice.contamination, "confidence": advice.confidence,
+        }
+    }
+    with artifacts.folder(directory, about) as folder:
+        artifacts.write_table(advice.points, folder, "points")
+        axes = figures.plot_front(advice if shown is None else shown, theme=theme)
+        style.save(axes, folder, "front")
+    return Path(directory)
+
+
+def save(
+    analysis: Factorial,
+    directory: str | Path,
+    theme: style.ThemeName = "light",
+) -> Path:
+    """Write the tables, the paper's four pictures (Figures 15 to 18) and a manifest."""
+    with artifacts.folder(directory, about(analysis)) as folder:
+        write(analysis, folder, theme)
+    return Path(directory)
+
+
+def about(analysis: Factorial) -> dict[str, object]:
+    """For the manifest."""
+    return {
+        "analysis": {
+            "response": analysis.response, "factors": list(analysis.factors),
+            "method": analysis.method, "error": analysis.error,
+        }
+    }
+
+
+def write(
+    analysis: Factorial,
+    folder: Path,
+    theme: style.ThemeName = "light",
+) -> None:
+    """As `save`, into a folder that there is."""
+    for name in ("effects", "anova", "main_effects", "interactions"):
+        artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
+    shown = analysis.readable
+    style.save(figures.plot_pareto(shown, theme=theme), folder, "pareto")
+    style.save(figures.plot_main_effects(shown, theme=theme), folder, "main_effects")
+    for name, axes in (
+        ("interactions", figures.plot_interactions(shown, theme=theme)),
+        ("residuals", figures.plot_residuals(shown, theme=theme)),
+    ):
+        if axes:
+            style.save(axes[0], folder, name)

@@ -1,0 +1,1 @@
+"""What a record says: errors, consistency, tables and figures of a run."""

@@ -1,0 +1,258 @@
+"""How good a run's estimates are: tables of errors against the truth, availability, consistency.
+
+What an error is, and everything else that is said of an estimate, is defined in
+`sblcosim.results.definitions`. Everything here is a pure function of records and tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import FmuError, check_choice
+from ..simulation.record import NEVER
+from .definitions import (
+    AXES,
+    FRAMES,
+    POSITION_STATES,
+    Judged,
+    Nanoseconds,
+    chi_square_band,
+    in_order,
+    inconsistent,
+    judge,
+    nees,
+    of_position,
+)
+from .definitions import lost as lost_by
+
+if TYPE_CHECKING:
+    from ..simulation.record import Record
+
+
+def verdict(mean: float, band: tuple[float, float]) -> str:
+    """What a mean NEES or NIS says about a filter's covariance.
+
+    Returns
+    -------
+    str
+        ``optimistic``: errors are larger than the filter claims; ``pessimistic``: smaller;
+        ``consistent``: inside the band; ``unknown``: there is no mean.
+    """
+    if np.isnan(mean) or not np.isfinite(band).all():
+        return "unknown"
+    if mean > band[1]:
+        return "optimistic"
+    return "pessimistic" if mean < band[0] else "consistent"
+
+
+def track(record: Record, receiver: str) -> pd.DataFrame:
+    """A receiver's valid estimates beside the truth, one row per estimate.
+
+    Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
+    and ``relative_error_{x,y,z,total}_m``; where the receiver tells them, ``std_{x,y,z}_m``,
+    ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
+    ``relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
+
+    Raises
+    ------
+    FmuError
+        An estimate's epoch lies outside the run, or its position is not finite.
+    """
+    judged = judge(record, receiver)
+    if judged.broken.any():
+        raise _problem(record, receiver, judged)
+    estimates = judged.estimates
+    columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
+    columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
+    columns |= {f"true_{axis}_m": judged.true_position[:, i] for i, axis in enumerate(AXES)}
+    for prefix, error, square in (
+        ("", judged.error, judged.square),
+        ("relative_", judged.relative, judged.relative_square),
+    ):
+        columns |= {f"{prefix}error_{axis}_m": error[:, i] for i, axis in enumerate(AXES)}
+        columns[f"{prefix}error_total_m"] = np.sqrt(square)
+    std, P = estimates.position_std, estimates.covariance
+    if std is None and P is not None:
+        std = np.sqrt(P[:, POSITION_STATES, POSITION_STATES])
+    if std is not None:
+        columns |= {f"std_{axis}_m": std[:, i] for i, axis in enumerate(AXES)}
+    if P is not None:
+        columns["nees_position"] = judged.nees
+        columns["relative_nees_position"] = nees(judged.relative, of_position(P))
+        if estimates.velocity is not None:
+            # the paper's order: each axis' position, then its velocity
+            pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
+            columns["nees_state"] = nees(pairs.reshape(-1, 6), P)
+    if estimates.nis is not None:
+        columns["nis"] = estimates.nis
+    if estimates.nis_degrees is not None:
+        columns["nis_degrees"] = estimates.nis_degrees
+    return pd.DataFrame(columns)
+
+
+def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
+    """What is wrong with the first broken estimate."""
+    i = int(judged.broken.argmax())
+    start, stop, epoch = record.time_ns[0], record.time_ns[-1], judged.estimates.epoch_ns[i]
+    if not start <= epoch <= stop:
+        got = "no time" if epoch == NEVER else f"{judged.epoch_s[i]:g} s"
+        return FmuError(
+            f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
+            f"got {got}"
+        )
+    named = (
+        (f"{receiver}.position", judged.estimates.position[i]),
+        ("target.position", judged.true_position[i]),
+        ("platform.reported_beacon_position", judged.platform_error[i]),
+    )
+    # Without any, the error is too large to be squared.
+    name, values = next((n for n in named if not np.isfinite(n[1]).all()), named[0])
+    return FmuError(
+        f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
+        f"at epoch {judged.epoch_s[i]:g} s"
+    )
+
+
+def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Statistics of the errors over all valid estimates, as in the paper's Tables 4 to 6.
+
+    Parameters
+    ----------
+    tracks
+        What `track` returns, by receiver.
+
+    Returns
+    -------
+    table
+        Index: receiver, frame (``absolute``, ``relative``), axis (``x``, ``y``, ``z``,
+        ``total``). Columns: ``mean_m`` (signed for an axis; of the length of the error for
+        ``total``), ``rms_m``, ``std_m`` about that mean, so that rms² = mean² + std², and ``n``,
+        the number of estimates. The RMS of the total squared is the sum of the axes' squares.
+    """
+    rows = {}
+    for receiver, estimates in tracks.items():
+        for frame in FRAMES:
+            for axis in (*AXES, "total"):
+                e = estimates[error_column(frame, axis)].to_numpy()
+                some = len(e) > 0
+                rows[receiver, frame, axis] = {
+                    "mean_m": e.mean() if some else np.nan,
+                    "rms_m": np.sqrt((e * e).mean()) if some else np.nan,
+                    "std_m": e.std() if some else np.nan,
+                    "n": len(e),
+                }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "axis"])
+    return table
+
+
+def error_column(frame: str, axis: str) -> str:
+    """Column of a `track` that holds an error.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame or axis.
+    """
+    check_choice("frame", frame, FRAMES)
+    check_choice("axis", axis, (*AXES, "total"))
+    return f"{'relative_' if frame == 'relative' else ''}error_{axis}_m"
+
+
+def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:
+    """Share of the run's time during which a fix was available.
+
+    What ``valid`` says at an instant holds until the next recorded one.
+    """
+    steps = np.diff(time_ns)
+    return float(steps[valid[:-1]].sum() / steps.sum())
+
+
+def update_share(
+    time_ns: Nanoseconds, update_count: NDArray[np.int64], update_interval_ns: int
+) -> float:
+    """Share of a receiver's updates that gave a new estimate.
+
+    Update k is due at k U after the start and shows at the next recorded instant.
+    """
+    due = (time_ns[-1] - time_ns[0] - 1) // update_interval_ns
+    return float((update_count[-1] - update_count[0]) / due) if due > 0 else np.nan
+
+
+def lost(record: Record, receiver: str) -> bool:
+    """Whether the RMS error of the last quarter of the run exceeds the distance to the platform.
+
+    The distance is the RMS of the true one at the same epochs. A receiver without an estimate in
+    the last quarter is lost, too.
+    """
+    judged = judge(record, receiver)
+    late = judged.late & ~judged.broken
+    return bool(
+        lost_by(
+            late.sum(), in_order(judged.square[late]), in_order(judged.distance_square[late])
+        )
+    )
+
+
+def summary(
+    record: Record,
+    tracks: Mapping[str, pd.DataFrame],
+    update_interval_ns: int | None = None,
+) -> pd.DataFrame:
+    """Availability and consistency of each receiver; one row per receiver.
+
+    Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
+    ``update_share`` (NaN if the update interval is not given), and for each of
+    ``nees_position``, ``relative_nees_position``, ``nees_state`` and ``nis`` the time mean,
+    ``…_expected`` (the mean degrees of freedom), ``…_low`` and ``…_high`` of its band
+    (`definitions.chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES
+    above its band; missing without any NEES) and ``lost``.
+    """
+    rows = {}
+    for receiver, estimates in tracks.items():
+        count = record.values[f"{receiver}.update_count"].astype(np.int64)
+        row: dict[str, Any] = {
+            "estimates": len(estimates),
+            "first_fix_s": estimates["epoch_s"].iloc[0] if len(estimates) else np.nan,
+            "availability": availability(record.time_ns, record.valid(receiver)),
+            "update_share": (
+                np.nan if update_interval_ns is None
+                else update_share(record.time_ns, count, update_interval_ns)
+            ),
+        }
+        n = len(estimates)
+        degrees = {
+            "nees_position": np.full(n, 3),
+            "relative_nees_position": np.full(n, 3),
+            "nees_state": np.full(n, 6),
+            "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
+        }
+        for name, dof in degrees.items():
+            values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
+            used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
+            mean = float(values[used].mean()) if used.any() else np.nan
+            band = chi_square_band(float(dof[used].sum()), int(used.sum()))
+            row |= {
+                name: mean,
+                f"{name}_expected": (
+                    float(dof[used].mean()) if np.isfinite(band).all() else np.nan
+                ),
+                f"{name}_low": band[0],
+                f"{name}_high": band[1],
+                f"{name}_verdict": verdict(mean, band),
+            }
+        claims = estimates.get("nees_position", pd.Series(dtype=float)).dropna().to_numpy()
+        flag, known = inconsistent(in_order(claims) / max(len(claims), 1), len(claims))
+        row["inconsistent"] = bool(flag) if known else pd.NA
+        row["lost"] = lost(record, receiver)
+        rows[receiver] = row
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    if table["inconsistent"].isna().any():
+        table = table.astype({"inconsistent": "boolean"})
+    table.index.name = "receiver"
+    return table

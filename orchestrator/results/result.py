@@ -1,0 +1,407 @@
+"""What a run gives: tables, statistics, figures, and a folder with all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from .. import artifacts, style
+from ..scenario.wiring import RAW
+from . import figures as plots
+from . import metrics
+from .definitions import AXES, FRAMES, judge
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+    from ..simulation.record import Record
+
+_STATISTICS = ("mean_m", "rms_m", "std_m")
+_CONSISTENCY = {
+    "nees_position": "NEES of the position",
+    "relative_nees_position": "relative NEES of the position",
+    "nees_state": "NEES of the state",
+    "nis": "NIS",
+}
+_VERDICTS = {
+    "optimistic": "optimistic, errors larger than claimed",
+    "pessimistic": "pessimistic, errors smaller than claimed",
+}
+_NOTES = (
+    "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
+    "Relative to the platform: less the mean beacon error (reported − true) at the estimate's "
+    "epoch.",
+)
+_RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
+_CONSISTENCY_NOTES = (
+    "NEES and NIS are errors and innovations, squared and in units of the filter's own covariance.",
+    "NEES is of the absolute error, so an error of GPS common to all beacons counts; relative NEES "
+    "leaves it out.",
+    "95 % is for independent samples; the errors of one run follow each other, so even a "
+    "consistent filter leaves",
+    "the band more often. A test takes the mean over many runs.",
+)
+
+
+def manifest(
+    scenario_name: str,
+    scenario: Any,
+    receivers: Sequence[str],
+    fmus: Mapping[str, Any],
+    seeds: Mapping[str, int],
+    origins: Mapping[str, Mapping[str, Any]],
+    remarks: Sequence[str],
+) -> dict[str, Any]:
+    """What a folder of results says about its run; equal for equal runs. See `Result`."""
+    if hasattr(scenario, "model_dump"):
+        scenario = scenario.model_dump(mode="json")
+        for table in scenario.values():
+            if isinstance(table, dict) and table.get("fmu"):
+                table["fmu"] = Path(table["fmu"]).name
+    return {
+        "scenario_name": scenario_name,
+        "receivers": [
+            {"label": name, **artifacts.plain(origins.get(name, {}))} for name in receivers
+        ],
+        "remarks": list(remarks),
+        "seeds": artifacts.plain(seeds),
+        "fmus": artifacts.plain(fmus),
+        "scenario": artifacts.plain(scenario),
+    }
+
+
+class Result:
+    """A finished run.
+
+    Parameters
+    ----------
+    scenario_name
+        What the run is called.
+    scenario
+        The scenario as it was run, defaults filled in: a pydantic model, or plain data.
+    record
+        Everything that was recorded.
+    receivers
+        Names of the receivers, the main one first.
+    fmus
+        What identifies each component's FMU (its SHA-256), by component.
+    seeds
+        Seeds by component.
+    update_interval_ns
+        Time between updates of the receivers; without it `summary` leaves ``update_share`` open.
+    origins
+        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
+    remarks
+        What else there is to know about the run, in sentences.
+    failures
+        Messages of receivers that have failed. Those of which there is no record have not reached
+        the end, and are left out of `receivers`; the others have failed after it.
+
+    Attributes
+    ----------
+    data
+        The `Record`, as arrays.
+
+    Examples
+    --------
+    >>> result = sblcosim.run("paper-scenario-1")            # doctest: +SKIP
+    >>> result.errors.loc["ekf", "absolute", "total"].rms_m  # doctest: +SKIP
+    >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        scenario_name: str,
+        scenario: Any,
+        record: Record,
+        receivers: Sequence[str],
+        fmus: Mapping[str, Any] | None = None,
+        seeds: Mapping[str, int] | None = None,
+        update_interval_ns: int | None = None,
+        origins: Mapping[str, Mapping[str, Any]] | None = None,
+        remarks: Sequence[str] = (),
+        failures: Mapping[str, str] | None = None,
+    ) -> None:
+        self.scenario_name = scenario_name
+        self.scenario = scenario
+        self.data = record
+        self.asked = tuple(receivers)
+        self.failures = dict(failures or {})
+        self.receivers = tuple(
+            name
+            for name in receivers
+            if name not in self.failures or f"{name}.update_count" in record.values
+        )
+        self.fmus = dict(fmus or {})
+        self.seeds = dict(seeds or {})
+        self.update_interval_ns = update_interval_ns
+        self.origins = dict(origins or {})
+        self.remarks = tuple(remarks)
+
+    @cached_property
+    def record(self) -> pd.DataFrame:
+        """Everything that was recorded; one row per communication instant (see `Record`)."""
+        return self.data.to_frame()
+
+    @cached_property
+    def estimates(self) -> dict[str, pd.DataFrame]:
+        """Each receiver's estimates beside the truth (see `metrics.track`)."""
+        return {receiver: metrics.track(self.data, receiver) for receiver in self.receivers}
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Mean, RMS and standard deviation of the errors [m] (see `metrics.error_table`)."""
+        return metrics.error_table(self.estimates)
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
+
+        If receivers have failed there is a column ``failure`` with their messages, and a row for
+        each.
+        """
+        if not self.failures:
+            return self._judged
+        missing = [name for name in self.failures if name not in self.receivers]
+        table = self._judged.astype(object).reindex([*self.receivers, *missing]).infer_objects()
+        return table.assign(failure=table.index.map(self.failures)).rename_axis("receiver")
+
+    @cached_property
+    def _judged(self) -> pd.DataFrame:
+        """`summary` of the receivers that have reached the end."""
+        return metrics.summary(self.data, self.estimates, self.update_interval_ns)
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for each receiver that has failed or has no estimate, but for the raw fix."""
+        return [*self.failures.values()] + [
+            f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
+            for receiver in self.receivers
+            if receiver != RAW and self.estimates[receiver].empty
+        ]
+
+    @property
+    def title(self) -> str:
+        """What the scenario calls itself, else its name."""
+        return getattr(self.scenario, "title", "") or self.scenario_name
+
+    def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
+        """Path and estimates from above; see `plots.plot_path`."""
+        return plots.plot_path(self.data, self.estimates, ax, theme)
+
+    def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
+        """Path and estimates in space; see `plots.plot_path_3d`."""
+        return plots.plot_path_3d(self.data, self.estimates, ax, theme)
+
+    def plot_axes(
+        self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
+    ) -> Sequence[Axes]:
+        """Coordinates over time, three axes; see `plots.plot_axes`."""
+        return plots.plot_axes(self.data, self.estimates, axes, theme)
+
+    def plot_errors(
+        self,
+        axes: Sequence[Axes] | None = None,
+        frame: str = "absolute",
+        theme: style.ThemeName = "light",
+    ) -> Sequence[Axes]:
+        """Errors over time with ±2σ, four axes; see `plots.plot_errors`."""
+        return plots.plot_errors(self.data, self.estimates, axes, frame, theme)
+
+    def plot_inclination(
+        self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
+    ) -> Sequence[Axes]:
+        """Roll, pitch and yaw of the platform, three axes; see `plots.plot_inclination`."""
+        return plots.plot_inclination(self.data, axes, theme=theme)
+
+    def save(
+        self,
+        directory: str | Path,
+        *,
+        figures: bool = True,
+        theme: style.ThemeName = "light",
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write record, estimates, errors, summary, manifest and figures into a folder.
+
+        The folder appears when it is complete. An earlier result of the very same run is replaced.
+
+        Parameters
+        ----------
+        other
+            What is done about the result of another run under that name: ``"refuse"``,
+            ``"replace"``, or ``"number"``, which takes the next number that is free.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        ConfigurationError
+            There is something else under that name, or no such theme.
+        """
+        style.named(theme)
+        with artifacts.draft(directory, self._manifest(), other) as made:
+            folder = made.folder
+            artifacts.write_table(self.record, folder, "record")
+            tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
+            estimates = pd.concat(tables, ignore_index=True)
+            estimates.insert(0, "receiver", estimates.pop("receiver"))
+            artifacts.write_table(estimates, folder, "estimates")
+            artifacts.write_table(self.errors.reset_index(), folder, "errors")
+            artifacts.write_table(self.summary.reset_index(), folder, "summary")
+            if hasattr(self.scenario, "dump_toml"):
+                (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
+            if figures:
+                self._save_figures(folder, theme)
+        return Path(directory).with_name(made.path.name)
+
+    def _scenario_file(self, directory: str | Path) -> str:
+        text: str = self.scenario.dump_toml(Path(directory))
+        python = next(iter(self.origins.values()), {}).get("python")
+        if python is None:
+            return text
+        return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
+
+    def _save_figures(self, folder: Path, theme: style.ThemeName) -> None:
+        style.save(self.plot_path(theme=theme), folder, "path_xy")
+        style.save(self.plot_path_3d(theme=theme), folder, "path_xyz")
+        style.save(self.plot_axes(theme=theme)[0], folder, "axes")
+        style.save(self.plot_errors(theme=theme)[0], folder, "errors")
+        style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
+
+    def _manifest(self) -> dict[str, Any]:
+        about = manifest(
+            self.scenario_name, self.scenario, self.asked, self.fmus, self.seeds,
+            self.origins, self.remarks,
+        )
+        return {**about, "failures": self.failures} if self.failures else about
+
+    def to_json(self) -> dict[str, Any]:
+        """Errors and summary as plain data; a number that does not exist is None."""
+        errors: dict[str, Any] = {}
+        for row in self.errors.reset_index().to_dict(orient="records"):
+            receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
+            errors.setdefault(receiver, {}).setdefault(frame, {})[axis] = row
+        result: dict[str, Any] = artifacts.plain(
+            {
+                "scenario_name": self.scenario_name,
+                "seeds": self.seeds,
+                "remarks": self.remarks,
+                **({"failures": self.failures} if self.failures else {}),
+                "errors": errors,
+                "summary": self.summary.to_dict(orient="index"),
+            }
+        )
+        return result
+
+    def __str__(self) -> str:
+        width = max(16, *(len(receiver) + 2 for receiver in self.receivers))
+        lines = [
+            self.title,
+            *self.remarks,
+            *(f"failed: {message}" for message in self.failures.values()),
+            "",
+            f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
+            f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
+        ]
+        for receiver in self.receivers:
+            for axis in (*AXES, "total"):
+                cells = "   ".join(
+                    "".join(
+                        _cell(value)
+                        for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
+                    )
+                    for frame in FRAMES
+                )
+                lines.append(f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}")
+        for receiver in self.receivers:
+            lines += ["", *self._about(receiver)]
+        return "\n".join([*lines, "", *self._notes()])
+
+    def _about(self, receiver: str) -> list[str]:
+        """Availability and consistency of a receiver in words."""
+        row: Any = self._judged.loc[receiver]
+        if not row.estimates:
+            return [f"{receiver}: no estimate; {self._silence(receiver)}"]
+        first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
+        lines = [
+            f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
+            f"{100 * row.availability:.1f} % of the time"
+        ]
+        if pd.notna(row.update_share):
+            lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
+        for name, words in _CONSISTENCY.items():
+            if pd.notna(row[name]):
+                lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+        if pd.isna(row.inconsistent):
+            claims = f"{receiver}.covariance" in self.data.values
+            why = "its covariance is never positive definite" if claims else "no covariance"
+            lines.append(f"  consistency unknown: {why}")
+        if row.lost:
+            silent = not judge(self.data, receiver).late.any()
+            lines.append(
+                "  lost: no estimate in the last quarter"
+                if silent
+                else "  lost: in the last quarter its error exceeds the distance to the platform"
+            )
+        return lines
+
+    def _silence(self, receiver: str) -> str:
+        """Why there may be no estimate, and where to look."""
+        values = self.data.values
+        count = values[f"{receiver}.update_count"].astype(int)
+        look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
+        look = [name for name in look if name in values]
+        text = (
+            f"update_count reached {count.max()}, but there was no valid fix when it changed"
+            if count.any()
+            else "update_count stayed 0"
+        )
+        heard = values.get("acoustics.reception_count")
+        if heard is not None:
+            look.append("acoustics.reception_count")
+            beacons = ", ".join(str(n) for n in heard[-1].tolist())
+            text += f"; packets received from each beacon: {beacons}"
+        return f"{text}; look at {', '.join(look)} in the record"
+
+    def _notes(self) -> list[str]:
+        """What the printed numbers mean."""
+        raw = [_RAW_NOTE] if RAW in self.receivers else []
+        claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
+        return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
+
+    def _repr_html_(self) -> str:
+        wide = pd.concat(
+            {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
+        )
+        lines = [line for name in self.receivers for line in self._about(name)]
+        failed = [f"failed: {message}" for message in self.failures.values()]
+        notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
+        return (
+            f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
+            f"<pre>{escape(notes)}</pre>"
+        )
+
+
+def _cell(value: Any) -> str:
+    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
+
+
+def _compared(row: Any, name: str) -> str:
+    """A mean NEES or NIS of a `metrics.summary` row against what a consistent filter has."""
+    if pd.isna(row[f"{name}_expected"]):
+        return "of unknown degrees of freedom"
+    low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))
+    return (
+        f"expected {row[f'{name}_expected']:.2f} (95 %: {low:.2f} to {high:.2f}): "
+        f"{_VERDICTS.get(word, word)}"
+    )

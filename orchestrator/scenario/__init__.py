@@ -1,0 +1,1 @@
+"""Scenario files, and the systems that are made of them."""

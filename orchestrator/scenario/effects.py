@@ -1,0 +1,158 @@
+"""Which keys of a scenario have no effect, and why.
+
+A parameter of ours has one if the conditions of its declaration hold (`Variable.needs`); a key that
+only sets others has one if one of them is left to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Component, Condition
+
+from .schema import PRESETS, in_si, preset, toml
+
+if TYPE_CHECKING:
+    from .scenario import Scenario
+
+Key = tuple[str, ...]
+"""A key's table and its name, or its name alone."""
+Ours = Mapping[str, Collection[str]]
+"""Names of our components that take the keys of a table."""
+FIXED = ("target", "platform", "acoustics")
+_SHOWN = 3  # names in a reason
+
+
+def components_of(scenario: Scenario) -> Ours:
+    """Our components that a scenario itself chooses, by table."""
+    receiver = scenario.receiver
+    return {
+        **{name: (name,) if getattr(scenario, name).fmu is None else () for name in FIXED},
+        "receiver": (receiver.type,) if receiver.fmu is None else (),
+    }
+
+
+def idle(scenario: Scenario, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
+    """Those of some keys that have no effect in a scenario, and why."""
+    reasons = {key: _why(scenario, ours, key) for key in keys}
+    return {key: why for key, why in reasons.items() if why is not None}
+
+
+def in_vain(scenario: Scenario, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
+    """As `idle`, and those that only set keys that are given."""
+    reasons = {
+        key: _all_given(scenario, governed, key)
+        for key, governed in _governors(scenario).items()
+        if key in keys
+    }
+    found = {key: why for key, why in reasons.items() if why is not None}
+    return found | idle(scenario, ours, keys)
+
+
+def given(scenario: Scenario) -> Iterator[Key]:
+    """Keys of parameters and presets that were given by hand."""
+    for name in (*FIXED, "receiver"):
+        table = getattr(scenario, name)
+        for key in type(table).model_fields:
+            if key in table.model_fields_set and (key in table.variables or key in PRESETS):
+                yield name, key
+
+
+def conditions(key: Key) -> Iterator[Key]:
+    """Keys on which it depends whether a key has an effect."""
+    table, name = key[0], key[-1]
+    for component in _takers(table, RECEIVERS if table == "receiver" else (table,), name):
+        for condition in _conditions(component, name):
+            yield table, component[condition.parameter].key
+
+
+def _why(scenario: Scenario, ours: Ours, key: Key) -> str | None:
+    """Why a key of a component of ours has no effect; of several components, in none of them."""
+    name, table = key[-1], getattr(scenario, key[0])
+    if name in PRESETS:
+        unused = getattr(table, name) is None or ours["platform"]
+        return None if unused else "the platform is another component"
+    reasons = [
+        next(
+            (_text(component, group, table) for group in _groups(component, name)
+             if not any(c.holds(_value(component, c, table)) for c in group)),
+            None,
+        )
+        for component in _takers(key[0], ours.get(key[0], ()), name)
+    ]
+    return reasons[0] if reasons and None not in reasons else None
+
+
+def _takers(table: str, names: Iterable[str], key: str) -> Iterator[Component]:
+    """Components that have a key."""
+    for name in names if table in (*FIXED, "receiver") else ():
+        if any(v.key == key and v.causality == "parameter" for v in COMPONENTS[name]):
+            yield COMPONENTS[name]
+
+
+def _groups(component: Component, key: str) -> tuple[tuple[Condition, ...], ...]:
+    return next(v.needs for v in component.of("parameter") if v.key == key)
+
+
+def _conditions(component: Component, key: str) -> Iterator[Condition]:
+    return (condition for group in _groups(component, key) for condition in group)
+
+
+def _value(component: Component, condition: Condition, table: Any) -> Any:
+    variable = component[condition.parameter]
+    value = getattr(table, variable.key)
+    if value is None:  # another receiver of the run has it
+        return variable.starts if variable.shape else variable.starts[0]
+    return in_si(variable, value)
+
+
+def _text(component: Component, group: Iterable[Condition], table: Any) -> str:
+    """What is not as it would have to be."""
+    names: dict[str, list[str]] = {}
+    for condition in group:
+        variable = component[condition.parameter]
+        value = _value(component, condition, table)
+        if variable.choices is not None:
+            value = variable.choices[value]
+        elif not condition.values:
+            value = 0
+        names.setdefault(toml(value), []).append(variable.key)
+    return " and ".join(f"{_listed(keys)} {value}" for value, keys in names.items())
+
+
+def _listed(keys: list[str]) -> str:
+    """``a is``, ``a and b are``, ``a, b, c and 4 others are``."""
+    if len(keys) == 1:
+        return f"{keys[0]} is"
+    if len(keys) <= _SHOWN:
+        return f"{', '.join(keys[:-1])} and {keys[-1]} are"
+    return f"{', '.join(keys[: _SHOWN - 1])} and {len(keys) - _SHOWN + 1} others are"
+
+
+# --- Keys that only set others -------------------------------------------------------------------
+
+
+def _governors(scenario: Scenario) -> dict[Key, list[Key]]:
+    """Keys that only set other keys, which rule if they are given."""
+    ticks = [(name, "sampling_time_s") for name in FIXED]
+    update = ("receiver", "update_interval_s")
+    governors: dict[Key, list[Key]] = {
+        ("seed",): [(name, "seed") for name in FIXED],
+        ("time", "sampling_time_s"): [*ticks, update],
+        ("time", "ekf_ratio"): [update],
+    }
+    for name in PRESETS:
+        value = getattr(scenario.platform, name)
+        if value is not None:
+            governors["platform", name] = [("platform", key) for key in preset(name, value)]
+    return governors
+
+
+def _all_given(scenario: Scenario, governed: Iterable[Key], key: Key) -> str | None:
+    governed = list(governed)
+    if any(name not in getattr(scenario, table).model_fields_set for table, name in governed):
+        return None
+    inside = key[0] if len(key) > 1 else ""
+    return f"{_listed([n if t == inside else f'{t}.{n}' for t, n in governed])} given"

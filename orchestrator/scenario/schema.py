@@ -1,0 +1,298 @@
+"""The tables of a scenario file, generated from the declarations of the components.
+
+A key is the name of a parameter with its unit as suffix; angles are in degrees, choices are given
+by name, arrays row by row. Bounds and descriptions are those of the declaration.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic_core import PydanticCustomError
+from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Component, Variable
+from sblcosim.models.platform.beaufort import LEVELS, sea_state
+from sblcosim.models.platform.imu import GRADES, grade
+
+PATH: Final = "path"
+"""Value of ``duration_s``: until the end of the target's path."""
+TRUE: Final = "true"
+"""Value of ``prior``: the true start, at rest."""
+ANYWHERE = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
+"""Parameters that a foreign component gets without being asked, if it has them."""
+PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
+_TICKS = frozenset(c.interval for c in COMPONENTS.values())
+
+
+def preset(name: str, value: Any) -> dict[str, Any]:
+    """Keys of ``[platform]`` that a preset sets, and their values."""
+    platform = COMPONENTS["platform"]
+    values = sea_state(value) if name == "beaufort" else grade(value)
+    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
+
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"\w[^/\\\x00-\x1f\x7f]*", value):
+        raise PydanticCustomError(
+            "name", "must begin with a letter or digit and have no slash or control character"
+        )
+    if len(value.encode("utf-8", "replace")) > LONGEST_NAME:
+        raise PydanticCustomError(
+            "name", "must have at most {most} bytes in UTF-8", {"most": LONGEST_NAME}
+        )
+    return value
+
+
+LONGEST_NAME = 200
+"""Bytes in the name of a scenario or study: it becomes the name of a folder, with a suffix."""
+Name = Annotated[str, AfterValidator(_name)]
+
+
+class Table(BaseModel):
+    """One table of a scenario file."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, revalidate_instances="always"
+    )
+    variables: ClassVar[Mapping[str, Variable]] = {}
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, key: str) -> Any: ...
+
+    def fill(self, values: Mapping[str, Any]) -> None:
+        """Set what was not given. Only for a table that is being validated."""
+        # The table is frozen, and keys filled in here must not count as given.
+        self.__dict__.update({k: v for k, v in values.items() if k not in self.model_fields_set})
+
+
+def in_file_units(variable: Variable, value: float) -> float:
+    """A number as it stands in a scenario file: radians become degrees."""
+    if variable.unit is None or not variable.unit.startswith("rad"):
+        return value
+    return float(f"{math.degrees(value):.12g}")
+
+
+def in_si(variable: Variable, value: Any) -> Any:
+    """A value of a scenario file as the FMU takes it; arrays row by row and complete."""
+    if variable.shape:
+        elements = tuple(_scalar_in_si(variable, v) for v in value)
+        return elements + variable.starts[len(elements) :]
+    return _scalar_in_si(variable, value)
+
+
+def _scalar_in_si(variable: Variable, value: Any) -> Any:
+    if variable.choices is not None:
+        return next(number for number, name in variable.choices.items() if name == value)
+    if variable.unit is not None and variable.unit.startswith("rad"):
+        return math.radians(value)
+    return value
+
+
+def default(component: Component, variable: Variable) -> Any:
+    """Start value of a parameter as it stands in a scenario file."""
+    if variable.choices is not None:
+        return variable.choices[int(variable.starts[0])]
+    if variable.type != "Float64":
+        return variable.starts if variable.shape else variable.starts[0]
+    if _is_list(component.variables, variable):
+        return ()
+    elements = tuple(in_file_units(variable, float(x)) for x in variable.starts)
+    return elements if variable.shape else elements[0]
+
+
+def _is_list(variables: Iterable[Variable], variable: Variable) -> bool:
+    """Whether an array has a fixed capacity and a count beside it."""
+    return any(v.name == f"{variable.name}_count" for v in variables)
+
+
+def _flat(shape: tuple[int, ...], partial_rows: bool, value: Any) -> Any:
+    """Flatten rows and check the number of elements."""
+    if not isinstance(value, list | tuple):
+        return value  # refused later: not an array
+    parts = [row if isinstance(row, list | tuple) else [row] for row in value]
+    flat = tuple(x for row in parts for x in row)
+    width = math.prod(shape[1:])
+    if partial_rows:
+        fits = len(flat) % width == 0 and len(flat) <= math.prod(shape)
+        wanted = f"at most {shape[0]} rows of {width} numbers"
+    else:
+        fits = len(flat) == math.prod(shape)
+        wanted = " x ".join(map(str, shape)) + " numbers"
+    nested = {len(row) for row in parts}
+    if not fits or (nested and nested != {1} and nested != {width}):
+        raise PydanticCustomError("shape", "must be an array of {wanted}", {"wanted": wanted})
+    return flat
+
+
+def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
+    """Type of a key, with the bounds of the declaration."""
+    low, high = (
+        None if bound is None else in_file_units(variable, bound)
+        for bound in (variable.min, variable.max)
+    )
+    annotation: Any
+    if variable.choices is not None:
+        annotation = Literal[tuple(variable.choices.values())]
+    elif variable.type == "Boolean":
+        annotation = bool
+    elif variable.type == "Int32":
+        annotation = Annotated[int, Field(ge=low, le=high)]
+    else:
+        annotation = Annotated[float, Field(ge=low, le=high, allow_inf_nan=False)]
+        if variable.name in _TICKS:
+            annotation = Annotated[annotation, AfterValidator(settled)]
+    if variable.shape:
+        check = partial(_flat, variable.shape, _is_list(variables, variable))
+        annotation = Annotated[tuple[annotation, ...], BeforeValidator(check)]
+    return annotation
+
+
+def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
+    """Make the class of a table: its own keys first, then one per parameter."""
+    parameters = {v.key: v for v in variables if v.causality == "parameter"}
+    keys: dict[str, Any] = dict(extra)
+    for key, variable in parameters.items():
+        annotation = _annotation(parameters.values(), variable)
+        keys[key] = (annotation | None, Field(None, description=variable.description))
+    table: type[Table] = create_model(name, __base__=Table, __module__=__name__, **keys)
+    table.variables = parameters
+    return table
+
+
+_Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(settled)]
+COMMON: Mapping[str, Any] = {
+    "fmu": (
+        str | None,
+        Field(None, description="File of another FMU to use; relative to the scenario's file"),
+    ),
+    "fmi": (Literal[2, 3] | None, Field(None, description="FMI version of this component")),
+    "interval_s": (_Seconds | None, Field(None, description="Communication interval")),
+    "parameters": (
+        dict[str, Any] | None,
+        Field(None, description="Further parameters of the other FMU: its names, its units"),
+    ),
+}
+
+if TYPE_CHECKING:
+    # A type checker cannot know the keys: they are made from the declarations.
+    class Target(Table):
+        """Table ``[target]``."""
+
+    class Platform(Table):
+        """Table ``[platform]``."""
+
+    class Acoustics(Table):
+        """Table ``[acoustics]``."""
+
+    class Receiver(Table):
+        """Table ``[receiver]``: keys of all our receivers."""
+
+else:
+    Target = _table("Target", COMPONENTS["target"], COMMON)
+    Platform = _table(
+        "Platform",
+        COMPONENTS["platform"],
+        {
+            **COMMON,
+            "beaufort": (
+                Annotated[int, Field(ge=min(LEVELS), le=max(LEVELS))] | None,
+                Field(None, description="Sea state, 0 to 6: sets the keys of waves not given"),
+            ),
+            "imu_grade": (
+                Literal[tuple(GRADES)] | None,
+                Field(None, description=f"Sets keys of the IMU not given: {', '.join(GRADES)}"),
+            ),
+        },
+    )
+    Acoustics = _table("Acoustics", COMPONENTS["acoustics"], COMMON)
+    Receiver = _table(
+        "Receiver",
+        {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
+        {
+            "type": (
+                Literal[tuple(RECEIVERS)] | None,
+                Field(None, description=f"One of ours: {', '.join(RECEIVERS)}"),
+            ),
+            **COMMON,
+            "prior": (
+                Literal[TRUE] | None,
+                Field(None, description="'true': the prior is the true start, at rest"),
+            ),
+        },
+    )
+
+
+PRESETS: Mapping[str, frozenset[str]] = {
+    name: frozenset(key for value in values for key in preset(name, value))
+    for name, values in (("beaufort", LEVELS), ("imu_grade", GRADES))
+}
+"""Keys of ``[platform]`` that set others, and all that they may set."""
+
+
+def _duration(value: Any) -> Any:
+    if value == PATH:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        problem = "must be a number or 'path'"
+    elif not 0.0 < value < math.inf:
+        problem = "must be more than 0"
+    elif value >= MAX_SECONDS:
+        problem = f"must be less than {MAX_SECONDS:g}"
+    else:
+        return settled(float(value))
+    raise PydanticCustomError("duration", problem)
+
+
+_TICK = COMPONENTS["acoustics"]["sampling_time"]
+SEED = COMPONENTS["acoustics"]["seed"]
+
+
+class Time(Table):
+    """When things happen."""
+
+    sampling_time_s: Annotated[
+        float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
+    ] = Field(
+        default=float(_TICK.starts[0]),
+        description="Time between samples of all sensors and between pings: the paper's T",
+    )
+    ekf_ratio: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=1, description="Updates of the receiver come every ekf_ratio sampling times"
+    )
+    duration_s: Annotated[float | Literal["path"], BeforeValidator(_duration)] = Field(
+        default=PATH, description="Length of the run; 'path': until the end of the target's path"
+    )
+
+
+def divides(part: float, whole: float) -> bool:
+    """Whether one time is a whole multiple of another."""
+    return nanoseconds(part) > 0 and nanoseconds(whole) % nanoseconds(part) == 0
+
+
+def rows(variable: Variable | None, value: Any) -> Any:
+    """Nest the elements of a two-dimensional array."""
+    if variable is None or len(variable.shape) != 2:
+        return value
+    width = variable.shape[1]
+    return [value[i : i + width] for i in range(0, len(value), width)]
+
+
+def toml(value: Any) -> str:
+    """A value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
+    return str(value)

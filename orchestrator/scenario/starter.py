@@ -1,0 +1,120 @@
+"""A commented scenario file to begin with, generated from the declarations."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sblcosim.models.declaration import Variable
+
+from .scenario import load
+from .schema import COMMON, PATH, TRUE, in_file_units, rows, toml
+
+_IN_USE: Mapping[str, Any] = {
+    "time": {"sampling_time_s": 0.1, "ekf_ratio": 1, "duration_s": PATH},
+    "target": {
+        "trajectory": "semicircle",
+        "speed_m_s": 0.5,
+        "radius_m": 15.0,
+        "depth_start_m": 5.0,
+        "depth_end_m": 5.0,
+        "depth_std_m": 0.05,
+    },
+    "platform": {
+        "beaufort": 2,
+        "arm_length_m": 3.0,
+        "gps_horizontal_std_m": 0.1,
+        "gps_horizontal_markov_std_m": 1.0,
+        "imu_tilt_std_deg": 1.0,
+        "imu_heading_std_deg": 1.0,
+    },
+    "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
+    "receiver": {"type": "ekf"},
+}
+_TITLES = {
+    "time": "When things happen",
+    "target": "The diver and the depth sensor",
+    "platform": "The platform: beacons, waves, GPS and IMU",
+    "acoustics": "The acoustic channel",
+    "receiver": "The receiver that computes the position",
+}
+_EXAMPLES: Mapping[str, Any] = {
+    "fmu": "other.fmu",
+    "fmi": 2,
+    "parameters": {"gain": 2.0},
+    "prior": TRUE,
+    "beaufort": 2,
+    "waypoint_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
+}
+"""Values for keys that hold nothing unless they are given."""
+
+
+def starter(name: str, source: str | Path | None = None) -> str:
+    """Text of a new scenario file: all keys with their meaning, the unused ones commented out.
+
+    Parameters
+    ----------
+    name
+        Name of the new scenario.
+    source
+        A scenario whose given keys are in use; None for a plain one.
+
+    Raises
+    ------
+    ConfigurationError
+        `source` cannot be loaded.
+    """
+    scenario = load(_IN_USE if source is None else source)
+    given = scenario.given()
+    lines = [
+        "# A scenario for sblcosim. Keys end with their unit; angles are in degrees.",
+        "# What is commented out shows what holds without it, or an example.",
+        "",
+        f"name = {toml(name)}",
+        f"title = {toml(scenario.title)}",
+        f"seed = {scenario.seed}  # of all random numbers",
+        f"fmi = {scenario.fmi}  # version of the standard that the components follow: 2 or 3",
+    ]
+    for table_name, title in _TITLES.items():
+        table = getattr(scenario, table_name)
+        fields = type(table).model_fields
+        in_use = given.get(table_name, {})
+        lines += ["", "", f"# {title}.", f"[{table_name}]"]
+        for key in sorted(fields, key=lambda key: key in COMMON):
+            variable = table.variables.get(key)
+            value = getattr(table, key) if in_use.get(key) is None else in_use[key]
+            if value is None or value == ():
+                value = _example(key, fields[key].annotation, variable)
+            text = f"{fields[key].description}{_range(variable)}."
+            lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#   ")
+            lines.append(f"{'' if key in in_use else '# '}{key} = {toml(rows(variable, value))}")
+    return "\n".join(lines) + "\n"
+
+
+def _range(variable: Variable | None) -> str:
+    """Choices or bounds."""
+    if variable is None:
+        return ""
+    if variable.choices is not None:
+        return ": " + ", ".join(variable.choices.values())
+    if variable.type == "Boolean":
+        return ""
+    low, high = (
+        None if bound is None else f"{in_file_units(variable, bound):g}"
+        for bound in (variable.min, variable.max)
+    )
+    if high is None:
+        return "" if low is None else f"; at least {low}"
+    return f"; at most {high}" if low is None else f"; {low} to {high}"
+
+
+def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
+    if key in _EXAMPLES:
+        value = _EXAMPLES[key]
+        return tuple(x for row in value for x in row) if variable is not None else value
+    if variable is not None:
+        return variable.starts[0]
+    # An optional choice: its first name.
+    return annotation.__args__[0].__args__[0]

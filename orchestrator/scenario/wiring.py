@@ -1,0 +1,436 @@
+"""From a scenario to a system: which FMUs, their parameters, and the standard connections."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.fmus.read.ports import Port, ports_of, read
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Variable
+from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
+
+from ..errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    NoEffectWarning,
+    check_choice,
+    instance,
+    nearest,
+    quoted,
+    shortened,
+)
+from ..simulation.execution import initial_outputs
+from ..simulation.plan import variables_of
+from ..simulation.system import ComponentSpec, Connection, PythonComponent, System, Value
+from . import effects
+from .reading import shown
+from .scenario import Receivers, Scenario, Source, load
+from .schema import ANYWHERE, PATH, TRUE, in_si
+
+FIXED = effects.FIXED
+"""Names of the components that every system has."""
+RAW = "raw"
+"""Name of the raw fix that runs beside the receivers for comparison."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A component of the system to be, the names of its variables, and which are foreign inputs."""
+
+    spec: ComponentSpec
+    names: frozenset[str]
+    foreign_inputs: frozenset[str] = frozenset()
+
+
+def connect(
+    scenario: Scenario,
+    receivers: Receivers = (),
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+) -> System:
+    """Choose and connect the components of a scenario; missing FMUs are built.
+
+    Parameters
+    ----------
+    receivers
+        Names, FMU files or makers of Python components, side by side on the same noise; a mapping
+        gives them labels. None: the scenario's own. The raw fix is always there, as ``raw``,
+        unless ``multilateration`` is asked for.
+    fmi
+        FMI version (2 or 3) of all our components, in place of the scenario's.
+    components
+        FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
+
+    Raises
+    ------
+    ConfigurationError
+        A receiver, a file or a key is unknown, or the path has no end.
+    FmuError
+        An FMU could not be built or read.
+
+    Warns
+    -----
+    ConfigurationWarning
+        Nothing feeds an input of a foreign component; a key that was given has no effect.
+    """
+    if fmi is not None:
+        check_choice("fmi", fmi, (2, 3))
+    replaced = _replaced(components)
+    parts: dict[str, _Part] = {}
+    for name in FIXED:
+        table = getattr(scenario, name)
+        source = replaced.get(name, table.fmu)
+        if source is None:
+            parts[name] = _ours(name, table, fmi or table.fmi or scenario.fmi)
+        else:
+            own = name not in replaced
+            parts[name] = _foreign(name, table, source, own, scenario.where)
+    table = scenario.receiver
+    chosen = choose(scenario, receivers)
+    _refuse_idle_keys(scenario, chosen)
+    for label, source in chosen.items():
+        if isinstance(source, str):
+            parts[label] = _ours(source, table, fmi or table.fmi or scenario.fmi)
+        else:
+            _check_contract(label, source)
+            own = table.fmu is not None and source == Path(table.fmu)
+            parts[label] = _foreign("receiver", table, source, own, scenario.where)
+    if scenario.true_prior:
+        _hand_over_start(parts, chosen)
+    connections = tuple(_connections(parts, chosen))
+    _warn_of_idle_inputs(parts, {connection.target for connection in connections})
+    idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
+    for line in no_effect(scenario, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=3)
+    return System(
+        components={name: part.spec for name, part in parts.items()},
+        connections=connections,
+        stop_ns=_stop_ns(scenario, parts["target"]),
+    )
+
+
+def applied(
+    scenario: Scenario,
+    receivers: Receivers = (),
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+) -> Scenario:
+    """The scenario with the arguments of `connect` written into it, as far as a file can say it.
+
+    Of several receivers it gets the first one, and keys that this one does not have are left out. A
+    Python component stays as the scenario has it.
+    """
+    tables = scenario.given()
+    if fmi is not None:
+        tables["fmi"] = fmi
+        for name in (*FIXED, "receiver"):
+            tables.get(name, {}).pop("fmi", None)
+    sources = _replaced(components)
+    sources["receiver"] = next(iter(choose(scenario, receivers).values()))
+    for name, source in sources.items():
+        if not isinstance(source, str | Path):
+            continue
+        table = getattr(scenario, name)
+        given = tables.setdefault(name, {})
+        if isinstance(source, str) and name == "receiver":
+            known = {v.name for v in RECEIVERS[source].of("parameter")}
+            choice = {"type": source}
+        else:
+            known = {*read(Path(source)).ports, *ANYWHERE}
+            choice = {"fmu": str(Path(source).absolute())}
+        for key in given.keys() & table.variables.keys():
+            if table.variables[key].name not in known:
+                del given[key]
+        if choice.items() <= table.model_dump().items():
+            continue
+        for key in ("type", "fmu", "parameters"):
+            given.pop(key, None)
+        given |= choice
+    return load(tables)
+
+
+def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
+    if components is not None and not isinstance(components, Mapping):
+        raise ConfigurationError(
+            f"components: must be a mapping with {', '.join(FIXED)}, got {instance(components)}"
+        )
+    replaced = dict(components or {})
+    for name in replaced:
+        if name not in FIXED:
+            raise ConfigurationError(
+                f"components: must be {', '.join(FIXED)}, got {quoted(name)}"
+                f"{nearest(str(name), FIXED)}"
+            )
+    return replaced
+
+
+def _ours(name: str, table: Any, fmi: int) -> _Part:
+    from sblcosim.fmus.build.factory import build
+
+    component = COMPONENTS[name]
+    spec = ComponentSpec(
+        build(name, cast(Literal[2, 3], fmi)),  # anything else is refused there
+        nanoseconds(table.interval_s),
+        _values(component.of("parameter"), table),
+    )
+    return _Part(spec, frozenset(v.name for v in component))
+
+
+def _foreign(
+    table_name: str, table: Any, source: Source, own: bool, where: Callable[[str, str], str]
+) -> _Part:
+    """Somebody else's component: of the table, it gets what it has.
+
+    If the scenario itself names the FMU (``own``), whatever the scenario gives must be there.
+    """
+    fmu = Path(source) if isinstance(source, str | Path) else source
+    ports = _ports(table_name, fmu)
+    has = {port.name for port in ports.values() if port.causality == "parameter"}
+    given = {
+        table.variables[key].name: key for key in table.variables if key in table.model_fields_set
+    }
+    if own:
+        for name, key in given.items():
+            if name not in has and name not in ANYWHERE:
+                raise ConfigurationError(
+                    f"{where(table_name, key)}: must be a parameter of {fmu}, "
+                    f"got {name!r}{nearest(name, has)}"
+                )
+    wanted = {*ANYWHERE, *given}
+    if getattr(table, "prior", None) == TRUE:
+        wanted.add("initialisation")
+    parameters = {
+        name: value
+        for name, value in _values(table.variables.values(), table).items()
+        if name in has and name in wanted
+    }
+    if own:
+        parameters |= {k: _flat(v) for k, v in (table.parameters or {}).items()}
+    inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
+    spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
+    return _Part(spec, frozenset(ports), inputs)
+
+
+def _ports(where: str, source: Path | Callable[[], PythonComponent]) -> Mapping[str, Port]:
+    if isinstance(source, Path):
+        return read(source).ports
+    return ports_of(variables_of(where, source))
+
+
+def _check_contract(label: str, source: Source) -> None:
+    """Refuse what cannot be a receiver."""
+    from sblcosim.fmus.conformance.receiver_contract import check_receiver, check_variables
+
+    hint = ""
+    if isinstance(source, str | Path):
+        findings: Iterable[Any] = check_receiver(source).findings
+        label, hint = str(source), f"; see 'sblcosim check {source}'"
+    else:
+        findings = check_variables(variables_of(label, source))
+    problems = [f"{f.variable}: {f.message}" for f in findings if f.severity == "error"]
+    if problems:
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ConfigurationError(
+            f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
+        )
+
+
+def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:
+    for label, part in parts.items():
+        ports = {v.name for v in (*RECEPTION, *DEPTH)} - part.names
+        for name in sorted(part.foreign_inputs):
+            if f"{label}.{name}" not in fed:
+                warnings.warn(
+                    f"{label}.{name}: nothing feeds this input, it keeps its start value"
+                    f"{nearest(name, ports)}",
+                    ConfigurationWarning,
+                    stacklevel=3,
+                )
+
+
+def ours(
+    scenario: Scenario, chosen: Mapping[str, Source], replaced: Collection[str] = ()
+) -> effects.Ours:
+    """Our components by table, if no other component takes the keys of that table, too."""
+    found = {
+        name: () if name in replaced else names
+        for name, names in effects.components_of(scenario).items()
+    }
+    strangers = any(not isinstance(source, str) for source in chosen.values())
+    found["receiver"] = () if strangers else [s for s in chosen.values() if isinstance(s, str)]
+    return found
+
+
+def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[str]:
+    """Messages about keys without effect, together what has the same place and the same reason."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for (table, key), why in idle.items():
+        place = scenario.where(table, key)
+        before, same, _ = place.rpartition(f"[{table}] {key}")
+        places.setdefault((f"{before}[{table}]" if same else place, why), []).append(key)
+    for (place, why), keys in places.items():
+        named = place if place.startswith("override ") else f"{place} {shortened(', '.join(keys))}"
+        yield f"{named}: {'has' if len(keys) == 1 else 'have'} no effect, as {why}"
+
+
+def _values(variables: Iterable[Variable], table: Any) -> dict[str, Value]:
+    """What a table says about some parameters: FMI names and SI values."""
+    values = {v.name: (v, getattr(table, v.key)) for v in variables}
+    return {name: in_si(v, value) for name, (v, value) in values.items() if value is not None}
+
+
+def _flat(value: Any) -> Value:
+    if not isinstance(value, list | tuple):
+        return value  # type: ignore[no-any-return]
+    return tuple(x for row in value for x in (row if isinstance(row, list | tuple) else [row]))
+
+
+def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
+    """Receivers by label, the raw fix included."""
+    chosen: dict[str, Source] = {}
+    if isinstance(receivers, Mapping):
+        chosen = {label: _source(source) for label, source in receivers.items()}
+    else:
+        if isinstance(receivers, str | Path) or not isinstance(receivers, Iterable):
+            receivers = () if receivers is None else (receivers,)
+        table = scenario.receiver
+        own = Path(table.fmu) if table.fmu else table.type
+        sources = [_source(source) for source in receivers] or [_source(own)]
+        # Ours keep their names, wherever they stand.
+        taken = {*FIXED, RAW, *(source for source in sources if isinstance(source, str))}
+        for source in sources:
+            if source not in chosen.values():
+                chosen[_label(source, {*chosen, *taken})] = source
+    for label in chosen:
+        if not isinstance(label, str) or label in FIXED or not label or "." in label:
+            raise ConfigurationError(
+                f"receiver: label must be a name without a dot and not {', '.join(FIXED)}, "
+                f"got {quoted(label)}"
+            )
+    if "multilateration" not in chosen.values() and RAW not in chosen:
+        chosen[RAW] = "multilateration"
+    return chosen
+
+
+def _source(source: Source) -> Source:
+    """Tell names of receivers from files."""
+    if not isinstance(source, str | Path):
+        if not callable(source):
+            raise ConfigurationError(
+                "receiver: must be a name, an FMU file, or a class or function that makes the "
+                f"component, got {instance(source)}"
+            )
+        return source
+    if source in RECEIVERS:
+        return source
+    path = Path(source)
+    if os.path.isfile(path):
+        return path
+    if path.suffix == ".fmu":
+        got = "a folder" if os.path.isdir(path) else "no such file"
+        raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
+    raise ConfigurationError(
+        f"receiver: must be {', '.join(RECEIVERS)} or an .fmu file, got "
+        f"{quoted(str(source))}"
+        + nearest(str(source), RECEIVERS)
+    )
+
+
+def _label(source: Source, taken: Iterable[str]) -> str:
+    """Name of one of ours, or one that is not taken."""
+    if isinstance(source, str):
+        return source
+    name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")
+    label = stem = re.sub(r"\W", "_", name)
+    number = 2
+    while label in taken:
+        label = f"{stem}_{number}"
+        number += 1
+    return label
+
+
+def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
+    """Refuse keys that no receiver of the run has: they would do nothing."""
+    table = scenario.receiver
+    if table.fmu is not None:
+        return  # the FMU itself is asked
+    names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
+    known = {v.key for name in names for v in RECEIVERS[name].of("parameter")}
+    for label, source in chosen.items():
+        if not isinstance(source, str):
+            has = _ports(label, source)
+            known |= {key for key, v in table.variables.items() if v.name in has}
+    for key in table.variables:
+        if key in table.model_fields_set and key not in known:
+            have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]
+            raise ConfigurationError(
+                f"{scenario.where('receiver', key)}: must be a key of a receiver of this run "
+                f"({', '.join(names)}), got one of {', '.join(have)}"
+            )
+
+
+def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
+    """Write the true start, at rest, into the receivers' priors."""
+    position = _at_start(parts["target"].spec, "position")
+    start: dict[str, Value] = {
+        "prior_position": position,
+        "prior_velocity": (0.0, 0.0, 0.0),
+    }
+    for label in labels:
+        part = parts[label]
+        known = {name: value for name, value in start.items() if name in part.names}
+        spec = replace(part.spec, parameters={**part.spec.parameters, **known})
+        parts[label] = replace(part, spec=spec)
+
+
+def _at_start(spec: ComponentSpec, name: str) -> tuple[float, ...]:
+    """An output of a component at the start, its elements row by row."""
+    if isinstance(spec.fmu, Path):
+        known = tuple(sorted(spec.parameters.items()))
+        return _fmu_at_start(spec.fmu, read(spec.fmu).sha256, spec.interval_ns, known, name)
+    return tuple(map(float, initial_outputs(spec, (name,))[name].flat))
+
+
+@lru_cache(64)
+def _fmu_at_start(
+    fmu: Path, sha256: str, interval_ns: int, parameters: tuple[tuple[str, Value], ...], name: str
+) -> tuple[float, ...]:
+    """`_at_start` of an FMU, remembered: the points of a study share it."""
+    outputs = initial_outputs(ComponentSpec(fmu, interval_ns, dict(parameters)), (name,))
+    return tuple(map(float, outputs[name].flat))
+
+
+def _stop_ns(scenario: Scenario, target: _Part) -> int:
+    duration = scenario.time.duration_s
+    if duration == PATH:
+        duration = 0.0
+        if "path_duration" in target.names:
+            (duration,) = _at_start(target.spec, "path_duration")
+        if not 0.0 < duration < math.inf:
+            raise ConfigurationError(
+                f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
+                f"not tell when its path ends, got 'path'"
+            )
+    return nanoseconds(duration)
+
+
+def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterator[Connection]:
+    """The standard wiring by name; a receiver is connected where it has the input."""
+    for variable in MOTION:
+        yield Connection(f"target.{variable.name}", f"acoustics.target_{variable.name}")
+    for variable in BEACON_POSITIONS:
+        yield Connection(f"platform.{variable.name}", f"acoustics.{variable.name}")
+    for label in receivers:
+        for source, variables in (("acoustics", RECEPTION), ("target", DEPTH)):
+            for variable in variables:
+                if variable.name in parts[label].names:
+                    yield Connection(f"{source}.{variable.name}", f"{label}.{variable.name}")

@@ -1,1 +1,0 @@
-"""Scenario files that come with the project."""

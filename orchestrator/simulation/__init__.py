@@ -1,0 +1,1 @@
+"""Systems, plans, and the masters that execute them."""

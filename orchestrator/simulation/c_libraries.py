@@ -1,0 +1,79 @@
+"""The loops in C: as they came with the package, or compiled when they are first needed."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from sblcosim.fmus.build import factory
+from sblcosim.fmus.build.compiler import Compiler
+from sblcosim.fmus.errors import BuildError
+
+FOLDER = Path(__file__).with_name("c")
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """What a driver is made from.
+
+    Attributes
+    ----------
+    name
+        Of its source in ``c/``, without the suffix.
+    lanes
+        Whether it is built once per number of lanes, with the engine's headers.
+    header
+        Text of its generated header, of the same name.
+    """
+
+    name: str
+    lanes: bool = False
+    header: str = ""
+
+
+def library(driver: Driver, compiler: Compiler | None = None) -> Path:
+    """Return a driver's shared library: for this process, or by a compiler for any platform.
+
+    Raises
+    ------
+    BuildError
+        It has to be compiled, and there is no compiler or it fails.
+    """
+    return factory.library(driver.name, _sources(driver), driver.lanes, compiler)
+
+
+def key(driver: Driver, platform: str) -> str:
+    """A name for everything that a driver is made from, but the compiler."""
+    return factory.library_key(driver.name, _sources(driver), driver.lanes, platform)
+
+
+def _sources(driver: Driver) -> dict[str, bytes]:
+    file = f"{driver.name}.c"
+    sources = {file: (FOLDER / file).read_bytes()}
+    if driver.header:
+        sources[f"{driver.name}.h"] = driver.header.encode()
+    if driver.lanes:
+        sources |= factory.engine_headers()
+    return sources
+
+
+@cache
+def load(driver: Driver) -> ctypes.CDLL:
+    """Load a driver.
+
+    Raises
+    ------
+    BuildError
+        As `library`.
+    """
+    return ctypes.CDLL(str(library(driver)))
+
+
+def available(driver: Driver) -> bool:
+    """Whether a driver is there or can be compiled."""
+    try:
+        return bool(library(driver))
+    except BuildError:
+        return False

@@ -1,0 +1,362 @@
+"""The process in which FMUs of strangers run; its parent, `isolation`, gives it tasks.
+
+What it is doing is in the shared memory, where it outlives the process. Tasks come over the
+standard input and answers go over the standard output; the FMUs get neither of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import pickle
+import queue
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import IO, Any, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host import instances as lending
+from sblcosim.fmus.host.watch import Progress, Watch, install
+
+from ..errors import BuildError, ConfigurationError, SblcosimError, one_line
+from .masters import native, python
+from .memory import Memory, up
+from .plan import Plan
+from .record import Record
+from .state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
+from .system import ComponentSpec
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+@dataclass(frozen=True)
+class Start:
+    """The first message.
+
+    Attributes
+    ----------
+    folder
+        For all files that are needed for a while.
+    memory
+        Handle of the shared memory.
+    """
+
+    folder: str
+    memory: int | str
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is common to all tasks.
+
+    Attributes
+    ----------
+    here
+        The parent's working directory, if it has one.
+    components
+        Names, to be told by their numbers.
+    strangers
+        Those that are watched.
+    """
+
+    here: str | None
+    components: tuple[str, ...]
+    strangers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Execute(Task):
+    """Run a plan, with a master."""
+
+    plan: Plan
+    record: tuple[str, ...] | None
+    master: str
+
+
+@dataclass(frozen=True)
+class InitialOutputs(Task):
+    """Find outputs at the start."""
+
+    spec: ComponentSpec
+    names: tuple[str, ...]
+    start_ns: int
+
+
+@dataclass(frozen=True)
+class End(Task):
+    """Free and unload everything."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """The loop starts: its calls, and where in the memory each array of the record is."""
+
+    labels: tuple[tuple[str, str], ...]
+    places: tuple[Place, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """An array in the shared memory, and the views of it that are the values of variables."""
+
+    start: int
+    size: int
+    dtype: str
+    values: tuple[tuple[str, tuple[int, ...], tuple[int, ...], int], ...]
+    """Name, shape, strides and offset."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The end of a task.
+
+    Attributes
+    ----------
+    value
+        Outputs, or nothing: a record is in the memory.
+    error
+        What was raised instead.
+    late
+        Failures after the last instant, by component.
+    habits
+        Component, function, and bits of c/native.c.
+    """
+
+    value: Any = None
+    error: Exception | None = None
+    late: tuple[tuple[str, str], ...] = ()
+    habits: tuple[tuple[str, str, int], ...] = ()
+
+
+class _Telling(Watch):
+    """Tells the parent."""
+
+    direct = True
+
+    def __init__(self, memory: Memory, answers: IO[bytes]) -> None:
+        self._memory = memory
+        self._answers = answers
+        self._page = memory.part(0, SIZE)
+        self._state = State.from_buffer(self._page)
+        self._settle: Callable[[], int] | None = None
+        try:
+            library = native.library()
+            library.native_remember()
+            self._settle = library.native_settle
+        except BuildError as error:
+            print(
+                "warning: what an FMU does to the processor's floating-point state or the locale "
+                f"is not seen and not undone, as the native master cannot be built: {error}",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+        self.take(Task(None, (), ()))
+
+    def take(self, task: Task) -> None:
+        """A task begins."""
+        self._numbers = {name: i for i, name in enumerate(task.components)}
+        self._strangers = frozenset(task.strangers)
+        self._labels: list[tuple[str, str]] = []
+        # Those of the task before are kept until now: on Windows memory goes with its last user.
+        self._arrays: list[tuple[int, mmap.mmap, NDArray[Any]]] = []
+        self._end = SIZE
+        self.failures: dict[str, str] = {}
+        self.habits: dict[tuple[str, str], int] = {}
+        state = self._state
+        state.where, state.component, state.saying, state.said = OUTSIDE, -1, -1, b""
+        state.progress.row = state.progress.at = 0
+
+    @contextlib.contextmanager
+    def calling(self, component: str, function: str) -> Iterator[None]:
+        state = self._state
+        state.component = self._numbers.get(component, -1)
+        state.function = function.encode()[:60]
+        state.calls += 1
+        state.where = CALLING
+        try:
+            yield
+        finally:
+            state.calls += 1
+            state.where = OUTSIDE
+            if component in self._strangers and self._settle is not None:
+                self.habit(component, function, self._settle())
+
+    def said(self, component: str, text: str) -> None:
+        self._state.saying = self._numbers.get(component, -1)
+        self._state.said = text.encode()[: State.said.size - 1]
+
+    def watches(self, component: str) -> bool:
+        return component in self._strangers and self._settle is not None
+
+    def habit(self, component: str, function: str, habits: int) -> None:
+        if habits and component not in {name for name, _ in self.habits}:
+            self.habits[component, function] = habits
+
+    def progress(self) -> Progress:
+        progress: Progress = self._state.progress
+        return progress
+
+    def bound(
+        self, component: str, function: str, call: Callable[_P, _R]
+    ) -> Callable[_P, _R]:
+        number = len(self._labels)
+        self._labels.append((component, function))
+        progress, settle = self._state.progress, self._settle
+        if settle is None or component not in self._strangers:
+
+            def noted(*arguments: _P.args, **named: _P.kwargs) -> _R:
+                progress.at = number
+                return call(*arguments, **named)
+
+            return noted
+
+        def watched(*arguments: _P.args, **named: _P.kwargs) -> _R:
+            progress.at = number
+            result = call(*arguments, **named)
+            habits = settle()
+            if habits:
+                self.habit(component, function, habits)
+            return result
+
+        return watched
+
+    def array(self, shape: Sequence[int], dtype: Any) -> NDArray[Any]:
+        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        if not size:
+            return np.empty(shape, dtype)
+        self._memory.grow(self._end + up(size))
+        part = self._memory.part(self._end, size)
+        array: NDArray[Any] = np.frombuffer(part, dtype).reshape(shape)
+        self._arrays.append((self._end, part, array))
+        self._end += up(size)
+        return array
+
+    def begin(self, record: Record, labels: Sequence[tuple[str, str]]) -> None:
+        places = []
+        for start, part, array in self._arrays:
+            first = array.ctypes.data
+            values = tuple(
+                (name, v.shape, v.strides, v.ctypes.data - first)
+                for name, v in record.values.items()
+                if first <= v.ctypes.data < first + len(part)
+            )
+            places.append(Place(start, len(part), array.dtype.str, values))
+        self._state.where = LOOP
+        send(self._answers, Begun(tuple(labels) or tuple(self._labels), tuple(places)))
+
+    def late(self, component: str, error: SblcosimError) -> None:
+        self.failures[component] = str(error)
+
+
+def main() -> None:
+    """Work until the parent ends or asks for the end."""
+    tasks, answers = _streams()
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource  # a crash is what we are for: its core is of no use
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # our parent gets it, too
+    first = receive(tasks)
+    if first is None:
+        return
+    start: Start = pickle.loads(first)
+    tempfile.tempdir = start.folder
+    todo: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_follow, args=(tasks, todo, start.folder), daemon=True).start()
+    telling = _Telling(Memory(start.memory), answers)
+    install(telling)
+    send(answers, Answer())
+    while True:
+        ended, answer = _done(todo.get(), telling)
+        send(answers, answer)
+        if ended:  # what the FMUs do at the end of a process is not asked
+            os._exit(0)
+
+
+def _streams() -> tuple[IO[bytes], IO[bytes]]:
+    """Tasks and answers; what the FMUs write goes where errors go, and there is nothing to read."""
+    tasks, answers = (os.fdopen(os.dup(fd), mode) for fd, mode in ((0, "rb"), (1, "wb")))
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+    return tasks, answers
+
+
+def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> None:
+    """Take tasks; end with the parent, however it ends."""
+    while (task := receive(tasks)) is not None:
+        todo.put(task)
+    shutil.rmtree(folder, ignore_errors=True)
+    if sys.platform != "win32":
+        os.killpg(0, signal.SIGKILL)  # the FMUs may have started processes, too
+    os._exit(1)
+
+
+def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
+    """Do a task; whether it was the last one, and the answer."""
+    ended, value = False, None
+    error: Exception | None = None
+    try:
+        task = _unpacked(content)
+        ended = isinstance(task, End)
+        if task.here is not None:
+            os.chdir(task.here)
+        telling.take(task)
+        value = _value(task)
+    except SblcosimError as problem:
+        error = problem
+    except MemoryError:
+        error = MemoryError()
+    except Exception:  # a mistake of ours
+        error = RuntimeError(traceback.format_exc())
+    return ended, Answer(
+        value,
+        error,
+        tuple(telling.failures.items()),
+        tuple((*call, habits) for call, habits in telling.habits.items()),
+    )
+
+
+def _unpacked(content: bytes) -> Task:
+    try:
+        task: Task = pickle.loads(content)
+    except Exception as error:
+        raise ConfigurationError(
+            "a Python component beside an FMU of somebody else: must be importable in another "
+            f"process, got {type(error).__name__}: {one_line(error)}"
+        ) from error
+    return task
+
+
+def _value(task: Task) -> Any:
+    if isinstance(task, Execute):
+        run = native.execute if task.master == "native" else python.execute
+        run(task.plan, None, task.record)
+        return None
+    if isinstance(task, InitialOutputs):
+        return python.initial_outputs(task.spec, task.names, task.start_ns)
+    _free_all(task.strangers)
+    return None
+
+
+def _free_all(strangers: Sequence[str]) -> None:
+    """Free all instances of strangers, and unload their libraries."""
+    libraries: dict[str, list[lending.Instance]] = {}
+    for instance in lending.idle():
+        if instance.name in strangers:
+            libraries.setdefault(instance.fmu.sha256, []).append(instance)
+    for instances in libraries.values():
+        for instance in instances:
+            instance.free()
+    for instances in libraries.values():
+        lending.unload(instances)

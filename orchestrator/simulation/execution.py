@@ -1,0 +1,203 @@
+"""The masters, of which one runs a plan. All give the same record, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
+from . import isolation
+from .isolation import Children
+from .masters import lanes, native, python
+from .plan import Plan, resolve
+from .record import Record
+from .system import ComponentSpec, System
+
+MASTERS = ("python", "native", "lanes")
+"""Their names."""
+
+
+def execute(
+    plan: Plan,
+    progress: Callable[[float], None] | None = None,
+    record: Sequence[str] | None = None,
+    *,
+    master: str | None = None,
+    step_timeout: float | None = None,
+    children: Children | None = None,
+    apart: bool = False,
+) -> Record:
+    """Run a plan from its start to its stop.
+
+    A plan with an FMU that is not ours runs in a process of its own, see
+    `sblcosim.simulation.isolation`.
+
+    Parameters
+    ----------
+    progress, record
+        As in `sblcosim.simulation.masters.python.execute`.
+    master
+        ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for components
+        of ours, meant for many runs (`sblcosim.simulation.masters.lanes`). None: native if all
+        components are FMUs and there is a C compiler, else python.
+    step_timeout
+        A call of an FMU that has not returned after so many seconds is given up; None: after a
+        minute. That needs a process of its own: where there is none, our components return, and
+        one in Python is waited for.
+    children
+        Processes to use that live longer than this run.
+    apart
+        Whether to use a process of its own in any case, but for lanes.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As the master's own function; and if there is no such master. An FMU has crashed, has ended
+        its process or does not return. The exception has the component's name.
+    """
+    if master is not None:
+        check_choice("master", master, MASTERS)
+    else:
+        master = "native" if native.foreign(plan) is None and native.available() else "python"
+    isolation.check_patience(step_timeout)
+    if master == "lanes":
+        _refuse_timeout(master, step_timeout)
+        return _one_lane(plan, progress, record)
+    if apart or isolation.strangers(plan):
+        return isolation.execute(plan, progress, record, master, step_timeout, children)
+    if master == "native":
+        return native.execute(plan, progress, record)
+    _refuse_timeout(master, step_timeout)
+    return python.execute(plan, progress, record)
+
+
+def _refuse_timeout(master: str, step_timeout: float | None) -> None:
+    if step_timeout is not None:
+        raise ConfigurationError(
+            f"step_timeout: must be left out with the {master} master and no FMU of others, as it "
+            f"waits for ever, got {step_timeout}"
+        )
+
+
+def initial_outputs(
+    spec: ComponentSpec,
+    names: Sequence[str],
+    start_ns: int = 0,
+    children: Children | None = None,
+) -> dict[str, NDArray[Any]]:
+    """As `masters.python.initial_outputs`; an FMU that is not ours in a process of its own."""
+    if isolation.strangers(python.alone(spec, start_ns)):
+        return isolation.initial_outputs(spec, names, start_ns, children)
+    return python.initial_outputs(spec, names, start_ns)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a system of which some components may fail.
+
+    Attributes
+    ----------
+    plan
+        Without those that have failed before the end.
+    failures
+        Messages by component. One that has failed after the last instant is in the record, too.
+    """
+
+    plan: Plan
+    record: Record
+    failures: dict[str, str]
+
+
+def survive(
+    system: System, receivers: Collection[str], execute: Callable[[Plan], Record]
+) -> Outcome:
+    """Run a system; if receivers fail, once more without them.
+
+    Nothing depends on a receiver, so the others give what they would have given beside it.
+
+    Parameters
+    ----------
+    receivers
+        Components that may fail, as long as one is left.
+    execute
+        Runs a plan.
+
+    Raises
+    ------
+    SblcosimError
+        Something else has failed, or all receivers have.
+    """
+    failures: dict[str, SblcosimError] = {}
+    while True:
+        plan = resolve(_without(system, failures), again=True)
+        try:
+            record = execute(plan)
+        except BuildError:
+            raise
+        except SblcosimError as error:
+            found = dict(_failing(system, receivers, failures, error, execute))
+            if not found or not found.keys() <= set(receivers):
+                raise
+            failures |= found
+            if failures.keys() >= set(receivers):
+                if len(failures) == 1:
+                    raise
+                raise type(error)("\n".join(map(str, failures.values()))) from error
+            continue
+        messages = {name: str(error) for name, error in failures.items()}
+        return Outcome(plan, record, messages | dict(record.failures))
+
+
+def _failing(
+    system: System,
+    receivers: Collection[str],
+    failed: Collection[str],
+    error: SblcosimError,
+    execute: Callable[[Plan], Record],
+) -> Iterator[tuple[str, SblcosimError]]:
+    """Whose failure it was; if that is not certain, each suspect is tried without the others."""
+    suspects = [name for name in error.suspects if name in receivers]
+    if len(error.suspects) > 1 and suspects:
+        found = False
+        for tried in ([], *([name] for name in suspects)):
+            if not tried and len(suspects) == len(error.suspects):
+                continue
+            rest = {*failed, *suspects} - set(tried)
+            try:
+                execute(resolve(_without(system, rest), again=True))
+            except SblcosimError as own:
+                if not tried:
+                    raise  # it was none of them
+                found = True
+                yield tried[0], own
+        if found:
+            return
+        if error.component is not None:
+            others = ", ".join(name for name in error.suspects if name != error.component)
+            yield error.component, FmuError(
+                f"{error}; it may have been a thread of {others}, as none of them does so alone"
+            )
+            return
+    if error.component is not None:
+        yield error.component, error
+
+
+def _without(system: System, names: Collection[str]) -> System:
+    """The system without some components that nothing depends on."""
+    return replace(
+        system,
+        components={k: v for k, v in system.components.items() if k not in names},
+        connections=tuple(
+            c for c in system.connections if c.target.partition(".")[0] not in names
+        ),
+    )
+
+
+def _one_lane(
+    plan: Plan, progress: Callable[[float], None] | None, record: Sequence[str] | None
+) -> Record:
+    columns = [c.name for c in plan.columns] if record is None else record
+    return lanes.execute(plan, {}, record=columns, lanes=1, progress=progress).record(0)

@@ -1,0 +1,545 @@
+"""The lanes master: one plan, many runs side by side, for components of ours.
+
+Each FMU of ours carries its equations for 2, 4 or 8 simulations at once (its exported symbol
+``sblcosim_lanes``). Runs of a plan differ in parameters and seeds only, so a group of them goes
+through the plan together, one run per lane, and gives the same bits as each on its own. What is
+kept of a run are the sums of `sblcosim.results.sums`, or a record on request.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host.instances import binary_of, ours
+from sblcosim.fmus.read.ports import Fmu
+
+from ...errors import ConfigurationError, FmuError, nearest
+from .. import c_libraries
+from ..plan import Plan, PlannedComponent
+from ..record import Record
+from ..system import Connection
+
+Floats = NDArray[np.float64]
+SUMS = (
+    "estimates",
+    "error_x", "error_y", "error_z", "error_total",
+    "square_x", "square_y", "square_z",
+    "relative_x", "relative_y", "relative_z", "relative_total",
+    "relative_square_x", "relative_square_y", "relative_square_z",
+    "nees", "nees_estimates",
+    "nis", "nis_degrees", "nis_estimates",
+    "late_estimates", "late_error_square", "late_distance_square",
+    "available_ns",
+    "updates",
+    "broken",
+    "unjudged",
+)
+"""Sums over the estimates of a run; ``enum sum`` of the C driver is made of these names.
+
+``unjudged`` counts estimates whose truth the driver does not know while the run goes on: of an
+epoch older than it remembers, or ahead. It is for whoever has the record to judge such a run.
+"""
+
+ENTRY = "sblcosim_lanes"
+_MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16
+_GROUPS_PER_CALL = 16
+_MOMENT = 13  # values that the driver remembers of an instant
+DRIVER = c_libraries.Driver(
+    "lanes_master",
+    lanes=True,
+    header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
+    " /* sums per receiver and run */\n"
+    f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS}, "
+    f"MOMENT = {_MOMENT} }};\n",
+)
+
+
+class _Lanes(ctypes.Structure):
+    """``struct lanes`` of lanes.h."""
+
+    _fields_ = (
+        ("version", ctypes.c_uint32),
+        ("lanes", ctypes.c_uint32),
+        ("parameters", ctypes.c_uint32),
+        ("inputs", ctypes.c_uint32),
+        ("outputs", ctypes.c_uint32),
+        ("block_size", ctypes.c_uint32),
+        ("initial", ctypes.c_void_p),
+        ("step", ctypes.c_void_p),
+    )
+
+
+def _integers(name: str, fields: Sequence[str]) -> Any:
+    """A C structure of 32-bit integers."""
+    return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_int32) for f in fields]})
+
+
+_Link = _integers("_Link", ("source", "from_", "target", "to", "count"))
+_RECEIVER_PORTS = (
+    "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
+)
+_Receiver = _integers("_Receiver", ("component", *_RECEIVER_PORTS))
+_Truth = _integers(
+    "_Truth",
+    ("target", "target_position", "target_velocity", "platform", "platform_position", "beacon",
+     "reported", "beacons"),
+)
+_Span = _integers("_Span", ("component", "from_", "count"))
+
+
+class _Plan(ctypes.Structure):
+    """``struct plan`` of c/lanes_master.c."""
+
+    _fields_ = (
+        *((n, ctypes.c_int32) for n in ("n_components", "n_links", "n_handovers", "n_receivers",
+                                        "n_spans", "n_instants", "remembered", "sparse")),
+        *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
+                                         "receivers", "truth", "spans", "instants_ns")),
+        ("settling_ns", ctypes.c_int64),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What many runs of a plan have come to.
+
+    Attributes
+    ----------
+    sums
+        By receiver: the sums of `sblcosim.results.sums.SUMS`, shape (runs, len(SUMS)); of none if
+        the system has no target and platform to judge them by.
+    values, time_ns, intervals_ns
+        If asked for: recorded variables, (runs, instants, *shape), at these times; see `Record`.
+    """
+
+    sums: Mapping[str, Floats]
+    time_ns: NDArray[np.int64]
+    values: Mapping[str, NDArray[Any]]
+    intervals_ns: Mapping[str, int]
+
+    def record(self, run: int) -> Record:
+        """The record of one run, with the variables that were asked for."""
+        return Record(
+            self.time_ns,
+            {name: values[run] for name, values in self.values.items()},
+            self.intervals_ns,
+        )
+
+
+def foreign(plan: Plan) -> str | None:
+    """The first component without an engine for lanes, or None."""
+    for component in plan.components:
+        source = component.source  # of others, nothing is loaded to find out
+        if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
+            return component.name
+    return None
+
+
+def execute(
+    plan: Plan,
+    variations: Mapping[str, Any],
+    *,
+    handovers: Sequence[Connection] = (),
+    record: Sequence[str] = (),
+    settling_ns: int = 0,
+    lanes: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Run a plan many times with different parameters.
+
+    Parameters
+    ----------
+    variations
+        By ``"component.parameter"``: one value (or array, row by row) per run. What is not named
+        here is as in the plan. Intervals and variants (the target's trajectory) must not vary.
+    handovers
+        Outputs that become parameters before the start, e.g. the true start for a prior. The
+        source must stand before the target in the plan.
+    record
+        ``"component.variable"`` of outputs to keep at all instants.
+    settling_ns
+        Errors count from this time after the start.
+    lanes
+        Simulations side by side: 1, 2, 4, 8, or 0 for what suits this processor.
+    threads
+        Default: all cores. Results do not depend on it, nor on ``lanes``.
+    progress
+        Called with the share that is done, from this thread.
+
+    Raises
+    ------
+    ConfigurationError
+        A component is foreign, or a name or a shape does not fit.
+    FmuError
+        The engines disagree about a parameter, or this processor cannot do that many lanes.
+    """
+    return _Campaign(plan, variations, handovers, record, settling_ns, lanes).run(
+        threads or os.cpu_count() or 1, progress
+    )
+
+
+class _Campaign:
+    """A plan translated for the C driver, and the parameters of all runs."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        variations: Mapping[str, Any],
+        handovers: Sequence[Connection],
+        record: Sequence[str],
+        settling_ns: int,
+        lanes: int,
+    ) -> None:
+        stranger = foreign(plan)
+        if stranger is not None:
+            raise ConfigurationError(
+                f"{stranger}: must be a component of ours to run in lanes, got "
+                f"{next(c.origin for c in plan.components if c.name == stranger)}; "
+                "use the native or the python master"
+            )
+        if len(plan.components) > _MAX_COMPONENTS:
+            raise ConfigurationError(f"system: must have at most {_MAX_COMPONENTS} components")
+        self.plan = plan
+        self.names = [c.name for c in plan.components]
+        self.engines = [_engine(c, lanes) for c in plan.components]
+        self.lanes = int(self.engines[0].contents.lanes)
+        self.places = [_places(c) for c in plan.components]
+        self.instants = np.ascontiguousarray(plan.instants, np.int64)
+        self.starts = [
+            _starts(c, engine.contents)
+            for c, engine in zip(plan.components, self.engines, strict=True)
+        ]
+        self.runs, self.varied = self._varied(variations)
+        self.receivers = _receivers(plan)
+        if len(self.receivers) > _MAX_RECEIVERS:
+            raise ConfigurationError(f"system: must have at most {_MAX_RECEIVERS} receivers")
+        self._translate(handovers, record, settling_ns)
+
+    def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
+        """Number of runs; component, first element and (runs, size) values of what varies."""
+        runs, varied = 1, []
+        for name, given in variations.items():
+            component, _, variable = name.partition(".")
+            number, place = self._find(component, variable, "parameter", name)
+            values = np.asarray(given, np.float64)
+            size = self.plan.components[number].ports[variable].size
+            values = values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)
+            if values.shape[1] != size:
+                raise ConfigurationError(
+                    f"{name}: must have {size} values per run, got {values.shape[1]}"
+                )
+            if not np.isfinite(values).all():
+                raise ConfigurationError(f"{name}: must be finite in every run")
+            port = self.plan.components[number].ports[variable]
+            low, high = values.min(axis=0), values.max(axis=0)
+            if (low < port.min).any() or (high > port.max).any():
+                raise ConfigurationError(
+                    f"{name}: must be between {min(port.min):g} and {max(port.max):g} in every "
+                    f"run, got {low.min():g} to {high.max():g}"
+                )
+            if len(values) != 1:
+                if runs not in (1, len(values)):
+                    raise ConfigurationError(f"{name}: must have {runs} runs, got {len(values)}")
+                runs = len(values)
+            varied.append((number, place, values))
+        return runs, varied
+
+    def _find(self, component: str, variable: str, causality: str, where: str) -> tuple[int, int]:
+        if component not in self.names:
+            raise ConfigurationError(
+                f"{where}: {component!r} must be a component{nearest(component, self.names)}"
+            )
+        number = self.names.index(component)
+        ports = self.plan.components[number].ports
+        if variable not in ports or ports[variable].causality != causality:
+            known = [p.name for p in ports.values() if p.causality == causality]
+            raise ConfigurationError(
+                f"{where}: {variable!r} must be a {causality} of {component}"
+                f"{nearest(variable, known)}"
+            )
+        return number, self.places[number][variable]
+
+    def _translate(
+        self, handovers: Sequence[Connection], record: Sequence[str], settling_ns: int
+    ) -> None:
+        links = []
+        for target, component in enumerate(self.plan.components):
+            for write in component.writes:
+                for port, connection in zip(write.ports, write.connections, strict=True):
+                    name, _, variable = connection.source.partition(".")
+                    source, place = self._find(name, variable, "output", connection.source)
+                    links.append(
+                        (source, place, target, self.places[target][port.name], port.size)
+                    )
+        given = []
+        for connection in handovers:
+            name, _, variable = connection.source.partition(".")
+            source, place = self._find(name, variable, "output", connection.source)
+            name, _, variable = connection.target.partition(".")
+            target, to = self._find(name, variable, "parameter", connection.target)
+            size = self.plan.components[target].ports[variable].size
+            given.append((source, place, target, to, size))
+        judged = []
+        for name in self.receivers:
+            number = self.names.index(name)
+            places = self.places[number]
+            judged.append((number, *(places.get(port, -1) for port in _RECEIVER_PORTS)))
+        self.spans = []
+        for name in record:
+            owner, _, variable = name.partition(".")
+            number, place = self._find(owner, variable, "output", name)
+            self.spans.append((number, place, self.plan.components[number].ports[variable].size))
+        self.recorded = list(record)
+        truth = self._truth()
+        base = int(np.diff(self.instants).min())
+        same = len({c.interval_ns for c in self.plan.components}) == 1
+        self.needs_holding = [
+            not same and c.interval_ns != base for c in self.plan.components
+        ]
+        self.remembered = remembered(self.plan)
+        arrays = (
+            (ctypes.POINTER(_Lanes) * len(self.engines))(*self.engines),
+            (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),
+            (_Link * len(links))(*links),
+            (_Link * len(given))(*given),
+            (_Receiver * len(judged))(*judged),
+            truth,
+            (_Span * len(self.spans))(*self.spans),
+        )
+        self._kept = arrays
+        self.c_plan = _Plan(
+            len(self.names), len(links), len(given), len(judged), len(self.spans),
+            len(self.instants), self.remembered,
+            truth is not None and self.needs_holding[truth.target],
+            *(None if a is None else ctypes.addressof(a) for a in arrays),
+            self.instants.ctypes.data, settling_ns,
+        )
+
+    def _truth(self) -> ctypes.Structure | None:
+        """Where the truth is, if the system has a target and a platform."""
+        if not {"target", "platform"} <= set(self.names):
+            return None
+        target, platform = self.names.index("target"), self.names.index("platform")
+        places = self.places[platform]
+        beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
+        truth: ctypes.Structure | None = _Truth(
+            target, self.places[target]["position"], self.places[target]["velocity"],
+            platform, places["position"], places["beacon_position"],
+            places["reported_beacon_position"], beacons,
+        )
+        return truth
+
+    def run(self, threads: int, progress: Callable[[float], None] | None) -> Outcome:
+        groups = -(-self.runs // self.lanes)
+        sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
+        width = sum(count for _, _, count in self.spans)
+        history = np.empty((groups if width else 0, len(self.instants), width, self.lanes))
+        cancel = ctypes.c_int32(0)
+        counters: list[ctypes.c_int64] = []
+        local = threading.local()
+
+        def chunk(first: int) -> None:
+            if not hasattr(local, "memory"):
+                local.memory = _Memory(self)
+                local.done = ctypes.c_int64(0)
+                counters.append(local.done)
+            last = min(first + _GROUPS_PER_CALL, groups)
+            values = self._values(first, last)
+            status = self._drive()(
+                ctypes.byref(self.c_plan), local.memory.blocks, local.memory.held,
+                ctypes.c_void_p(local.memory.moments),
+                ctypes.c_int64(last - first),
+                (ctypes.c_void_p * len(values))(*(v.ctypes.data for v in values)),
+                ctypes.c_void_p(sums[first:].ctypes.data),
+                ctypes.c_void_p(history[first:].ctypes.data if width else None),
+                ctypes.byref(cancel), ctypes.byref(local.done),
+            )
+            if status > 0:
+                raise self._disagreement(int(status))
+
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
+                total = groups * max(len(self.instants) - 1, 1)
+                for future in futures:
+                    while True:
+                        try:
+                            future.result(timeout=0.1 if progress else None)
+                            break
+                        except TimeoutError:
+                            if progress:
+                                progress(min(sum(c.value for c in counters) / total, 1.0))
+            except BaseException:
+                cancel.value = 1
+                pool.shutdown(cancel_futures=True)
+                raise
+        if progress:
+            progress(1.0)
+        return self._outcome(sums, history)
+
+    def _drive(self) -> Any:
+        drive = _driver()[f"sblcosim_drive_{self.lanes}"]
+        drive.restype = ctypes.c_int64
+        return drive
+
+    def _values(self, first: int, last: int) -> list[Floats]:
+        """Parameters and inputs at the start of some groups, (groups, elements, lanes) each."""
+        # The last group is filled up with copies of the last run.
+        wanted = np.arange(first * self.lanes, last * self.lanes)
+        runs = np.minimum(wanted, self.runs - 1).reshape(-1, self.lanes)
+        values = [
+            np.repeat(np.repeat(start[None, :, None], len(runs), 0), self.lanes, 2)
+            for start in self.starts
+        ]
+        for number, place, varied in self.varied:
+            size = varied.shape[1]
+            chosen = varied[runs if len(varied) > 1 else np.zeros_like(runs)]
+            values[number][:, place : place + size] = chosen.transpose(0, 2, 1)
+        return values
+
+    def _disagreement(self, status: int) -> FmuError:
+        component = self.plan.components[(status & 0xFFFF) - 1]
+        element = (status >> 16) - 1
+        places = self.places[self.names.index(component.name)]
+        name = max((p for p in places.items() if p[1] <= element), key=lambda p: p[1])[0]
+        return FmuError(
+            f"{component.name}.{name}: must be the same in all runs side by side, and an interval "
+            "must be whole nanoseconds"
+        )
+
+    def _outcome(self, sums: Floats, history: Floats) -> Outcome:
+        by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
+        values = {}
+        start = 0
+        if self.spans:
+            flat = np.moveaxis(history, 3, 1).reshape(-1, *history.shape[1:3])[: self.runs]
+            for name, (number, _, count) in zip(self.recorded, self.spans, strict=True):
+                port = self.plan.components[number].ports[name.partition(".")[2]]
+                column = flat[:, :, start : start + count].reshape(*flat.shape[:2], *port.shape)
+                values[name] = _typed(column, port.type)
+                start += count
+        return Outcome(
+            {name: by_run[:, i] for i, name in enumerate(self.receivers)},
+            self.instants,
+            values,
+            self.plan.intervals_ns,
+        )
+
+
+def _typed(values: Floats, kind: str) -> NDArray[Any]:
+    if kind == "Float64":
+        return np.ascontiguousarray(values)
+    return values.astype(np.bool_ if kind == "Boolean" else np.int32)
+
+
+def _receivers(plan: Plan) -> list[str]:
+    """Whom to judge, if there is a truth to judge by."""
+    if not {"target", "platform"} <= {c.name for c in plan.components}:
+        return []
+    return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
+
+
+def remembered(plan: Plan) -> int:
+    """Instants for which the truth is kept, so that the receivers' epochs are among them.
+
+    An estimate is of the newest sample before its update, which may be one sampling time old, and
+    is seen one update later; what lies between instants of the target needs the one before.
+    """
+    receivers = _receivers(plan)
+    longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
+    updates = [longest[name] for name in receivers]
+    samples = [longest[name] for name in longest if name not in receivers]
+    instants = plan.instants
+    behind = 2 * max(updates, default=0) + max(samples, default=0)
+    return int(min(behind // np.diff(instants).min() + 2, len(instants)))
+
+
+class _Memory:
+    """Blocks for one thread."""
+
+    def __init__(self, campaign: _Campaign) -> None:
+        self._kept: list[NDArray[np.uint8]] = []
+        blocks, held = [], []
+        for engine, holds in zip(campaign.engines, campaign.needs_holding, strict=True):
+            k = engine.contents
+            blocks.append(self._aligned(k.block_size))
+            size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
+            held.append(self._aligned(size) if holds else None)
+        self.moments = self._aligned(campaign.remembered * _MOMENT * campaign.lanes * 8)
+        self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
+        self.held = (ctypes.c_void_p * len(held))(*held)
+
+    def _aligned(self, size: int) -> int:
+        memory = np.zeros(size + 64, np.uint8)
+        self._kept.append(memory)
+        address: int = memory.ctypes.data
+        return address + -address % 64
+
+
+def _places(component: PlannedComponent) -> dict[str, int]:
+    """First element of each variable; ours are numbered in order of their value references."""
+    return {p.name: min(p.references) - 1 for p in component.ports.values()}
+
+
+def _starts(component: PlannedComponent, engine: _Lanes) -> Floats:
+    """Parameters and inputs at the start, as in the plan."""
+    values = np.zeros(engine.parameters + engine.inputs)
+    places = _places(component)
+    for port in component.ports.values():
+        if port.causality in ("parameter", "input") and port.start is not None:
+            values[places[port.name] : places[port.name] + port.size] = port.start
+    for setting in component.settings:
+        place = places[setting.port.name]
+        values[place : place + setting.port.size] = setting.values
+    return values
+
+
+def _driver() -> ctypes.CDLL:
+    return c_libraries.load(DRIVER)
+
+
+def _engine(component: PlannedComponent, lanes: int) -> Any:
+    assert isinstance(component.source, Fmu)
+    entry = _entry(component.source)
+    assert entry is not None
+    engine = entry(lanes)
+    if not engine:
+        raise FmuError(f"{component.name}: this processor must be able to do {lanes} lanes")
+    version = ctypes.c_uint32.in_dll(_driver(), "sblcosim_lanes_version").value
+    if engine.contents.version != version:
+        raise FmuError(
+            f"{component.name}: must have version {version} of the engine, got "
+            f"{engine.contents.version}; build the FMU again"
+        )
+    return engine
+
+
+@cache
+def _library(path: str) -> ctypes.CDLL | None:
+    try:
+        return ctypes.CDLL(path)
+    except OSError:
+        return None
+
+
+def _entry(fmu: Fmu) -> Any:
+    """The FMU's function that returns its engines, or None."""
+    library = _library(str(binary_of(fmu)))
+    entry = getattr(library, ENTRY, None) if library is not None else None
+    if entry is not None:
+        entry.restype = ctypes.POINTER(_Lanes)
+        entry.argtypes = (ctypes.c_uint32,)
+    return entry
+
+
+__all__ = ["Outcome", "execute", "foreign"]

@@ -1,0 +1,369 @@
+"""The Python master: runs a plan, on FMPy.
+
+At each communication instant it reads the outputs of all components that have arrived there,
+records them, sets the inputs of these components, and only then lets each of them step. So nothing
+depends on the order of the components, and an output reaches an input without delay.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host import instances
+from sblcosim.fmus.host.instances import DTYPES, WARNING, Vector
+from sblcosim.fmus.host.nanoseconds import SECOND, text_of
+from sblcosim.fmus.host.watch import watch
+from sblcosim.fmus.read.ports import Fmu
+
+from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
+from ..plan import Column, Plan, PlannedComponent, Read, resolve
+from ..record import Record
+from ..system import ComponentSpec, System
+
+PROGRESS_INTERVAL = 0.1
+"""Least time between two reports of progress [s]."""
+
+Vectors = Mapping[str, Vector]
+"""Newest outputs of all components, by type; see `sblcosim.simulation.plan`."""
+
+
+def execute(
+    plan: Plan,
+    progress: Callable[[float], None] | None = None,
+    record: Sequence[str] | None = None,
+) -> Record:
+    """Run a plan from its start to its stop.
+
+    Parameters
+    ----------
+    progress
+        Called with the share of the run that is done, at most ten times per second, and with 1 at
+        the end.
+    record
+        What the record is to hold, ``"component.variable"``; None: all outputs.
+
+    Raises
+    ------
+    FmuError
+        An FMU has returned a status that is worse than a warning.
+    ConfigurationError
+        A Python component has raised an exception or returned something that does not fit its
+        declaration, or there is no such output to record.
+    """
+    columns = chosen(plan, record)
+    instants = plan.instants
+    vectors = _vectors(plan)
+    history = {
+        kind: watch().array((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()
+    }
+    made = Record(
+        time_ns=instants,
+        values={
+            c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
+        },
+        intervals_ns=plan.intervals_ns,
+    )
+    noted = watch().progress()
+    recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
+    reported = time.monotonic()
+    with ExitStack() as stack:
+        runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
+        watch().begin(made, ())
+        due = [runner for _, runner in runners]
+        same = len({interval for interval, _ in runners}) == 1
+        last = len(instants) - 1
+        for row, now in enumerate(instants.tolist()):
+            noted.row = row
+            if not same:
+                elapsed = now - plan.start_ns
+                due = [runner for interval, runner in runners if elapsed % interval == 0]
+            for runner in due:
+                runner.read(now)
+            for rows, vector in recorded:
+                rows[row] = vector
+            if row == last:
+                break
+            for runner in due:
+                runner.write(now)
+            for runner in due:
+                runner.step(now)
+            if progress is not None and time.monotonic() - reported >= PROGRESS_INTERVAL:
+                progress((row + 1) / last)
+                reported = time.monotonic()
+        for (_, runner), component in zip(runners, plan.components, strict=True):
+            try:
+                runner.finish()
+            except FmuError as error:
+                watch().late(component.name, error)
+    if progress is not None:
+        progress(1.0)
+    return made
+
+
+def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
+    """The columns to record, in the plan's order; None: all.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such output.
+    """
+    if record is None:
+        return plan.columns
+    known = [c.name for c in plan.columns]
+    for name in record:
+        if name not in known:
+            raise ConfigurationError(
+                f"{name}: must be an output of a component of the system{nearest(name, known)}"
+            )
+    return tuple(c for c in plan.columns if c.name in record)
+
+
+def initial_outputs(
+    spec: ComponentSpec, names: Sequence[str], start_ns: int = 0
+) -> dict[str, NDArray[Any]]:
+    """Outputs of a component on its own at the start, without any step.
+
+    Parameters
+    ----------
+    names
+        Of the outputs wanted.
+
+    Returns
+    -------
+    dict
+        Values in SI units, in the shapes of the variables.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As `sblcosim.simulation.plan.resolve` and `execute`; and if there is no such output.
+    """
+    plan = alone(spec, start_ns)
+    name = plan.components[0].name
+    vectors = _vectors(plan)
+    with ExitStack() as stack:
+        (component,) = plan.components
+        runner = _start(component, plan, vectors, stack)
+        with watch().calling(name, "getting its outputs"):
+            runner.read(start_ns)
+    outputs = {
+        c.name.partition(".")[2]: vectors[c.type][c.start : c.stop].reshape(c.shape)
+        for c in plan.columns
+    }
+    for wanted in names:
+        if wanted not in outputs:
+            raise ConfigurationError(
+                f"{name}: must have an output {wanted!r}, got none{nearest(wanted, outputs)}"
+            )
+    return {wanted: outputs[wanted] for wanted in names}
+
+
+def alone(spec: ComponentSpec, start_ns: int) -> Plan:
+    """A plan of one component and one step."""
+    name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
+    return resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
+
+
+def _vectors(plan: Plan) -> Vectors:
+    return {kind: np.zeros(size, DTYPES[kind]) for kind, size in plan.sizes.items()}
+
+
+class _Runner(Protocol):
+    """A component during a run. All calls take the communication instant in ns."""
+
+    def read(self, now: int) -> None:
+        """Put the outputs into the vectors."""
+
+    def write(self, now: int) -> None:
+        """Take the inputs from the vectors."""
+
+    def step(self, now: int) -> None:
+        """Advance by the communication interval."""
+
+    def finish(self) -> None:
+        """The run has reached its end."""
+
+
+def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: ExitStack) -> _Runner:
+    if not isinstance(component.source, Fmu):
+        return _PythonRunner(component, vectors, plan.start_ns)
+    return _FmuRunner(component, initialised(component, plan.start_ns, stack), vectors)
+
+
+def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) -> instances.Instance:
+    """An instance of a component's FMU, ready for steps; given back when the stack is left."""
+    assert isinstance(component.source, Fmu)
+    instance = instances.acquire(component.source, component.name)
+    stack.callback(instances.release, instance)
+    instance.initialise(
+        start_ns,
+        ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
+    )
+    return instance
+
+
+class _FmuRunner:
+    """Calls an FMU through functions whose arguments were bound beforehand."""
+
+    def __init__(
+        self, component: PlannedComponent, instance: instances.Instance, vectors: Vectors
+    ) -> None:
+        self._instance = instance
+        bound = watch().bound
+
+        def named(verb: str, kind: str, call: instances.Call) -> instances.Call:
+            return bound(component.name, instance.function(verb, kind), call)
+
+        self._gets = []
+        for r in component.reads:
+            place = vectors[r.type][r.start : r.stop]
+            get = instance.getter(r.type, r.references, place)
+            self._gets.append((named("Get", r.type, get), r.type))
+        self._sets = []
+        for w in component.writes:
+            inputs = np.zeros(len(w.sources), DTYPES[w.type])
+            index = np.array(w.sources, np.intp)
+            set_ = named("Set", w.type, instance.setter(w.type, w.references, inputs))
+            self._sets.append((vectors[w.type].take, index, inputs, set_, w.type))
+        do_step = f"fmi{instance.fmu.fmi}DoStep"
+        self._step = bound(component.name, do_step, instance.stepper(component.interval_ns))
+
+    def read(self, now: int) -> None:
+        for get, kind in self._gets:
+            status = get()
+            if status > WARNING:
+                raise self._instance.failure(self._instance.function("Get", kind), status, now)
+
+    def write(self, now: int) -> None:
+        for take, index, inputs, set_, kind in self._sets:
+            take(index, None, inputs, "clip")  # "clip" writes into inputs without a copy
+            status = set_()
+            if status > WARNING:
+                raise self._instance.failure(self._instance.function("Set", kind), status, now)
+
+    def step(self, now: int) -> None:
+        status = self._step(now / SECOND)
+        if status > WARNING:
+            raise self._instance.failure(f"fmi{self._instance.fmu.fmi}DoStep", status, now)
+
+    def finish(self) -> None:
+        self._instance.terminate()
+
+
+class _PythonRunner:
+    """Calls a Python component; holds its outputs until the end of the step."""
+
+    def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
+        assert not isinstance(component.source, Fmu)
+        self._name = component.name
+        self._step_ns = component.interval_ns
+        self._places = {
+            name: place
+            for read in component.reads
+            for name, place in _views(read, vectors[read.type]).items()
+        }
+        values = {
+            port.name: np.array(port.start, DTYPES[port.type])
+            for port in component.ports.values()
+            if port.causality != "output"
+        }
+        for setting in component.settings:
+            values[setting.port.name][:] = setting.values
+        self._inputs: dict[str, NDArray[Any]] = {}
+        parameters = {}
+        for port in component.ports.values():
+            if port.causality == "parameter":
+                parameters[port.name] = values[port.name].reshape(port.shape)
+            elif port.causality == "input":
+                view = values[port.name].reshape(port.shape).view()
+                view.flags.writeable = False
+                self._inputs[port.name] = view
+        self._sources = []
+        for write in component.writes:
+            index = np.array(write.sources, np.intp)
+            for port in write.ports:
+                here, index = index[: port.size], index[port.size :]
+                self._sources.append((vectors[write.type], here, values[port.name]))
+        with self._named("before the start"), watch().calling(self._name, "initialise"):
+            self._component = component.source()
+            outputs = self._component.initialise(start_ns, parameters)
+        self._do_step = watch().bound(self._name, "do_step", self._component.do_step)
+        self._outputs = self._fitting(outputs, start_ns)
+
+    @contextmanager
+    def _named(self, when: str) -> Iterator[None]:
+        """Say whose exception it was."""
+        try:
+            yield
+        except (Exception, SystemExit) as error:
+            raise self._failure(
+                f"{self._name} {when}: must not raise an exception, got {type(error).__name__}: "
+                f"{one_line(error)}"
+            ) from error
+
+    def _failure(self, message: str) -> SblcosimError:
+        error = ConfigurationError(message)
+        error.component = self._name
+        return error
+
+    def _fitting(self, outputs: Mapping[str, Any], now: int) -> dict[str, NDArray[Any]]:
+        """Outputs as arrays, checked against the declaration."""
+        where = f"{self._name} at {text_of(now)}"
+        if not isinstance(outputs, Mapping):
+            raise self._failure(
+                f"{where}: must return its outputs in a mapping, got {instance(outputs)}"
+            )
+        if outputs.keys() != self._places.keys():
+            odd = ", ".join(sorted(map(str, outputs.keys() ^ self._places.keys())))
+            raise self._failure(
+                f"{where}: must return each of its outputs, got too few or too many: {odd}"
+            )
+        arrays = {}
+        for name, place in self._places.items():
+            with self._named(f"at {text_of(now)}"):
+                value = np.asarray(outputs[name])
+            if not np.can_cast(value.dtype, place.dtype, "same_kind"):
+                raise self._failure(
+                    f"{where}: {name} must be {place.dtype}, got {value.dtype}"
+                )
+            if value.shape != place.shape:
+                raise self._failure(
+                    f"{where}: {name} must have the shape {place.shape}, got {value.shape}"
+                )
+            arrays[name] = value
+        return arrays
+
+    def read(self, now: int) -> None:
+        for name, place in self._places.items():
+            place[...] = self._outputs[name]
+
+    def write(self, now: int) -> None:
+        for vector, index, values in self._sources:
+            values[:] = vector[index]
+
+    def step(self, now: int) -> None:
+        try:
+            outputs = self._do_step(now, self._step_ns, self._inputs)
+        except (Exception, SystemExit):
+            with self._named(f"at {text_of(now)}"):
+                raise
+        self._outputs = self._fitting(outputs, now + self._step_ns)
+
+    def finish(self) -> None:
+        pass
+
+
+def _views(read: Read, vector: Vector) -> dict[str, Vector]:
+    """The place of each output in the vector, in its shape."""
+    places, start = {}, read.start
+    for port in read.ports:
+        places[port.name] = vector[start : start + port.size].reshape(port.shape)
+        start += port.size
+    return places

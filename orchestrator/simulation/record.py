@@ -1,0 +1,179 @@
+"""Record: everything that the components put out during a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.models.ports import REQUIRED_ESTIMATE
+
+from ..errors import ConfigurationError, nearest
+
+Flags = NDArray[np.bool_]
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NEVER = np.iinfo(np.int64).min
+"""The epoch that is no time, in ns."""
+_MOST_SECONDS = 9e9  # of what can be counted in ns
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """The estimates of a receiver, each once; what its FMU does not put out is None.
+
+    Attributes
+    ----------
+    epoch_ns
+        Time to which each estimate belongs [ns] (see `epochs_ns`); shape (m,).
+    available_ns
+        Communication instant at which it could first be read [ns]; shape (m,).
+    update_count
+        Number of valid estimates so far; shape (m,).
+    position, velocity, position_std
+        NED [m], [m/s], [m]; shape (m, 3).
+    covariance
+        Of (x, vx, y, vy, z, vz), the paper's order, SI units; shape (m, 6, 6).
+    nis, nis_degrees
+        Normalised innovation squared and the number of scalar measurements in it; shape (m,).
+    """
+
+    epoch_ns: Integers
+    available_ns: Integers
+    update_count: Integers
+    position: Floats
+    velocity: Floats | None = None
+    position_std: Floats | None = None
+    covariance: Floats | None = None
+    nis: Floats | None = None
+    nis_degrees: Integers | None = None
+
+    def __len__(self) -> int:
+        return len(self.epoch_ns)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """All outputs of all components at all communication instants.
+
+    Attributes
+    ----------
+    time_ns
+        Communication instants [ns], the start included; shape (n,).
+    values
+        By ``"component.variable"``, in SI units; shape (n, *shape of the variable). At an instant
+        that is none of a component's own, its outputs are those of its own instant before.
+    intervals_ns
+        Communication intervals by component; of one that is not here, all instants are its own.
+    failures
+        What went wrong after the last instant, by component.
+    """
+
+    time_ns: Integers
+    values: Mapping[str, NDArray[np.generic]]
+    intervals_ns: Mapping[str, int] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def own(self, component: str) -> Flags:
+        """Which instants are the component's own; shape (n,)."""
+        interval = self.intervals_ns.get(component, 1)
+        own: Flags = (self.time_ns - self.time_ns[0]) % interval == 0
+        return own
+
+    def valid(self, component: str) -> Flags:
+        """Whether a receiver has a fix: as it says, else once it has counted one; shape (n,)."""
+        if f"{component}.valid" in self.values:
+            return self.values[f"{component}.valid"].astype(bool)
+        return self.values[f"{component}.update_count"].astype(np.int64) > 0
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per instant: ``time_s`` [s], then ``component.variable[i,j]``, 1-based."""
+        import pandas as pd
+
+        columns: dict[str, NDArray[np.generic]] = {"time_s": self.time_ns / SECOND}
+        for name, values in self.values.items():
+            for index in np.ndindex(values.shape[1:]):
+                element = ",".join(str(i + 1) for i in index)
+                columns[f"{name}[{element}]" if index else name] = values[:, *index]
+        return pd.DataFrame(columns)
+
+    def estimates(self, component: str) -> Estimates:
+        """The estimates of a receiver: one wherever ``update_count`` has changed.
+
+        A row is left out if the receiver says that it is not ``valid``.
+
+        Raises
+        ------
+        ConfigurationError
+            The component is unknown or lacks a port that every receiver has.
+        """
+        known = {name.partition(".")[0] for name in self.values}
+        if component not in known:
+            raise ConfigurationError(
+                f"{component}: must be a component of the record{nearest(component, known)}"
+            )
+        ports = {
+            variable: values
+            for name, values in self.values.items()
+            for owner, _, variable in (name.partition("."),)
+            if owner == component
+        }
+        missing = [name for name in REQUIRED_ESTIMATE if name not in ports]
+        if missing:
+            raise ConfigurationError(
+                f"{component}: must be a receiver, got no output {' and no '.join(missing)}"
+            )
+        count = ports["update_count"].astype(np.int64)
+        new = np.diff(count, prepend=0) != 0
+        new &= self.valid(component)
+
+        def at(name: str) -> Floats | None:
+            return ports[name][new].astype(np.float64) if name in ports else None
+
+        degrees = ports.get("nis_degrees")
+        return Estimates(
+            epoch_ns=epochs_ns(self.time_ns, ports["epoch"][new].astype(np.float64)),
+            available_ns=self.time_ns[new],
+            update_count=count[new],
+            position=ports["position"][new].astype(np.float64),
+            velocity=at("velocity"),
+            position_std=at("position_std"),
+            covariance=at("covariance"),
+            nis=at("nis"),
+            nis_degrees=None if degrees is None else degrees[new].astype(np.int64),
+        )
+
+
+def epochs_ns(time_ns: Integers, epoch_s: Floats) -> Integers:
+    """Epochs in ns, matched to the recorded instants.
+
+    Parameters
+    ----------
+    time_ns
+        Recorded instants [ns], increasing; shape (n,).
+    epoch_s
+        Shape (m,).
+
+    Returns
+    -------
+    epoch_ns
+        Shape (m,); `NEVER` for what is no time.
+    """
+    some = np.abs(epoch_s) < _MOST_SECONDS
+    rest, whole = np.modf(np.where(some, epoch_s, 0.0))
+    nearest = whole.astype(np.int64) * SECOND + np.rint(rest * 1e9).astype(np.int64)
+    # After 97 days the nearest double of a time in seconds may be another nanosecond.
+    seconds = time_ns / 1e9
+    at = np.minimum(np.searchsorted(seconds, epoch_s), len(seconds) - 1)
+    return np.where(some, np.where(seconds[at] == epoch_s, time_ns[at], nearest), NEVER)

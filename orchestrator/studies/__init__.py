@@ -1,1 +1,0 @@
-"""Study files that come with the project."""

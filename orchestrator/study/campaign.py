@@ -1,0 +1,371 @@
+"""A study with everything looked up: its points, which of them run side by side, and its runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.read.ports import Fmu
+from sblcosim.models import COMPONENTS
+
+from .. import artifacts
+from ..errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    NoEffectWarning,
+    SblcosimError,
+    check_choice,
+)
+from ..scenario import effects
+from ..scenario.scenario import Scenario
+from ..scenario.wiring import FIXED, RAW, choose, no_effect
+from ..simulation import execution
+from ..simulation.isolation import patience
+from ..simulation.masters import lanes, native
+from ..simulation.plan import TICK_PARAMETERS, Plan, resolve
+from ..simulation.system import Connection, System
+from .study import Study
+
+Floats = NDArray[np.float64]
+_ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
+"""Parameters that must be equal in runs side by side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A design point, ready to be run with any seed.
+
+    Attributes
+    ----------
+    number
+        From 1.
+    values
+        Physical values of the factors.
+    digest
+        Of everything but the seed.
+    """
+
+    number: int
+    values: tuple[float, ...]
+    system: System
+    digest: str
+
+    def run_id(self, seed: int) -> str:
+        """What a run of this point is known by."""
+        return hashlib.sha256(f"{self.digest} {seed}".encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Points that can run side by side: they differ in parameters only.
+
+    Attributes
+    ----------
+    places
+        Their places among all points.
+    plan
+        Of the first.
+    values
+        ``component.parameter`` and its values by point, where they are not all the same.
+    """
+
+    places: Mapping[int, int]
+    plan: Plan
+    values: Mapping[str, Floats]
+    in_lanes: bool
+
+    @property
+    def steps(self) -> int:
+        """Communication steps of a run."""
+        return self.plan.count - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A study with everything looked up.
+
+    Attributes
+    ----------
+    receivers
+        Labels.
+    seeded
+        Components that get the run's seed.
+    handovers
+        For ``prior = "true"``.
+    fmus
+        SHA-256 by component.
+    step_timeout
+        As in `sblcosim.study.runner.run`.
+    """
+
+    study: Study
+    points: tuple[Point, ...]
+    groups: tuple[Group, ...]
+    receivers: tuple[str, ...]
+    seeded: tuple[str, ...]
+    handovers: tuple[Connection, ...]
+    fmus: Mapping[str, str]
+    step_timeout: float | None = None
+
+    @property
+    def runs(self) -> int:
+        """Number of all runs."""
+        return len(self.points) * self.study.replicates
+
+    @property
+    def steps(self) -> int:
+        """Communication steps of all runs."""
+        return self.study.replicates * sum(g.steps * len(g.places) for g in self.groups)
+
+    def definition(self) -> dict[str, Any]:
+        """What is run, as plain data; equal for campaigns whose runs are the same."""
+        study = self.study.model_dump(
+            exclude={
+                "title": True, "replicates": True, "scenario": True, "fixed": True,
+                "factors": {"__all__": {"label", "unit"}},
+            }
+        )
+        content = {"study": study, "scenario": self.study.base.given(), "fmus": self.fmus}
+        plain: dict[str, Any] = artifacts.plain(content)
+        return plain
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: its point's place among all, the rest from 1."""
+
+    place: int
+    replicate: int
+    seed: int
+    run_id: str
+
+
+def prepare(
+    study: Study, master: str | None = None, step_timeout: float | None = None
+) -> Campaign:
+    """Resolve and check all points.
+
+    Parameters
+    ----------
+    master, step_timeout
+        As in `sblcosim.study.runner.run`.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        A point cannot be run; the message names it.
+    """
+    if master is not None:
+        check_choice("master", master, execution.MASTERS)
+    labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
+    with patience(step_timeout), _warnings_once(len(study.plan.points)):
+        made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
+    _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
+    plans = [plan for _, _, plan in made]
+    seeded, handovers = left_free(study, made[0][1], labels)
+    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+    points = [
+        Point(
+            number,
+            tuple(map(float, values)),
+            system,
+            digest_of(system, plan, free, study.settling_ns),
+        )
+        for number, (values, (_, system, plan)) in enumerate(
+            zip(study.plan.points, made, strict=True), 1
+        )
+    ]
+    _check_effects(study, points)
+    fmus = {c.name: c.source.sha256 for c in plans[0].components if isinstance(c.source, Fmu)}
+    return Campaign(
+        study, tuple(points), _groups(points, plans, free, master), labels, seeded, handovers, fmus,
+        step_timeout,
+    )
+
+
+def resolved(study: Study, number: int) -> tuple[Scenario, System, Plan]:
+    """A design point, looked up and checked."""
+    try:
+        scenario = study.base.override(study.overrides(number))
+        system = _without_raw(scenario.system(receivers_of(study)))
+        plan = resolve(system)
+        length = plan.stop_ns - plan.start_ns
+        if length <= study.settling_ns:
+            raise ConfigurationError(
+                f"settling_time_s: must be less than the length of the run ({length / SECOND:g} "
+                f"s), got {study.settling_time_s}"
+            )
+    except SblcosimError as error:
+        values = zip(study.factors, study.plan.points[number - 1], strict=True)
+        at = ", ".join(f"{name} = {value:g}" for name, value in values)
+        lines = [f"{study.name}: point {number} ({at}): {s}" for s in str(error).splitlines()]
+        raise type(error)("\n".join(lines)) from None
+    return scenario, system, plan
+
+
+@contextmanager
+def _warnings_once(points: int) -> Iterator[None]:
+    """Warn of each thing once, and say at how many points.
+
+    Keys without effect are left out: one that has none at a point may have one at another.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ConfigurationWarning)
+        yield
+    counts = Counter((str(w.message), w.category) for w in caught)
+    for (message, category), count in counts.items():
+        if not issubclass(category, NoEffectWarning):
+            at = f" (at {count} of {points} points)" if points > 1 else ""
+            warnings.warn(f"{message}{at}", category, stacklevel=4)
+
+
+def _warn_of_keys_without_effect(study: Study, scenarios: Sequence[Scenario]) -> None:
+    """Warn of given keys that have no effect at any point."""
+    base = study.base
+    keys: Iterable[effects.Key] = effects.given(base)
+    idle: dict[effects.Key, str] = {}
+    for scenario in scenarios:
+        idle = effects.idle(scenario, study.components(scenario), keys)
+        keys = idle
+    for line in no_effect(base, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=3)
+
+
+def _check_effects(study: Study, points: Iterable[Point]) -> None:
+    """Refuse factors that change nothing: their points would be the same runs."""
+    first: dict[str, int] = {}
+    for point in points:
+        if study.plan.centre[point.number - 1]:
+            continue
+        other = first.setdefault(point.digest, point.number)
+        if other != point.number:
+            before = study.plan.points[other - 1]
+            differ = [
+                name
+                for name, one, two in zip(
+                    study.factors, before, study.plan.points[point.number - 1], strict=True
+                )
+                if one != two
+            ]
+            raise ConfigurationError(
+                f"{study.name}: [factors.{differ[0]}]: must change something in the runs, got "
+                f"nothing between points {other} and {point.number}; is it set by another key?"
+            )
+
+
+def left_free(
+    study: Study, system: System, labels: Iterable[str]
+) -> tuple[tuple[str, ...], tuple[Connection, ...]]:
+    """Components that get the run's seed; what is handed over at the start of a run."""
+    base = study.base
+    seeded = tuple(
+        name
+        for name in FIXED
+        if "seed" in system.components[name].parameters
+        and "seed" not in getattr(base, name).model_fields_set
+    )
+    if not seeded:
+        raise ConfigurationError(
+            f"{study.name}: seed: must be left to the study in at least one of "
+            f"{', '.join(FIXED)}, got a seed of its own in each"
+        )
+    handovers = tuple(
+        Connection("target.position", f"{label}.prior_position")
+        for label in labels
+        if base.true_prior and "prior_position" in system.components[label].parameters
+    )
+    return seeded, handovers
+
+
+def receivers_of(study: Study) -> list[str]:
+    return list(study.receivers)
+
+
+def _without_raw(system: System) -> System:
+    """The raw fix that runs beside the receivers is not wanted."""
+    return replace(
+        system,
+        components={k: v for k, v in system.components.items() if k != RAW},
+        connections=tuple(c for c in system.connections if not c.target.startswith(f"{RAW}.")),
+    )
+
+
+def digest_of(system: System, plan: Plan, free: Iterable[str], settling_ns: int) -> str:
+    """Hash of all that has a say in the responses, except what is ``free``."""
+    content = {
+        "components": {
+            c.name: {
+                "fmu": c.source.sha256 if isinstance(c.source, Fmu) else c.origin,
+                "interval_ns": c.interval_ns,
+                "parameters": {
+                    k: v
+                    for k, v in system.components[c.name].parameters.items()
+                    if f"{c.name}.{k}" not in free
+                },
+            }
+            for c in plan.components
+        },
+        "free": sorted(free),
+        "connections": sorted(f"{c.source} {c.target}" for c in system.connections),
+        "span_ns": [plan.start_ns, plan.stop_ns, settling_ns],
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _groups(
+    points: Sequence[Point], plans: Sequence[Plan], free: Iterable[str], master: str | None
+) -> tuple[Group, ...]:
+    alike: dict[Any, list[int]] = {}
+    for place, (point, plan) in enumerate(zip(points, plans, strict=True)):
+        specs = point.system.components
+        key = (
+            plan.start_ns,
+            plan.stop_ns,
+            point.system.connections,
+            tuple(
+                (
+                    name,
+                    spec.fmu,
+                    spec.interval_ns,
+                    tuple(sorted(spec.parameters)),
+                    tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
+                )
+                for name, spec in specs.items()
+            ),
+        )
+        alike.setdefault(key, []).append(place)
+    groups = []
+    for places in alike.values():
+        plan = plans[places[0]]
+        if master is None:
+            in_lanes = lanes.foreign(plan) is None and native.available()
+        else:
+            in_lanes = master == "lanes"
+        values = {}
+        for name, spec in points[places[0]].system.components.items():
+            for parameter in spec.parameters:
+                rows = [points[i].system.components[name].parameters[parameter] for i in places]
+                if f"{name}.{parameter}" not in free and any(row != rows[0] for row in rows):
+                    values[f"{name}.{parameter}"] = np.array(rows, np.float64)
+        groups.append(Group({p: i for i, p in enumerate(places)}, plan, values, in_lanes))
+    return tuple(groups)
+
+
+def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:
+    """All points of some replicates."""
+    study = campaign.study
+    runs = []
+    for replicate in range(first, min(first + replicates, study.replicates + 1)):
+        for place, point in enumerate(campaign.points):
+            seed = study.run_seed(point.number, replicate)
+            runs.append(Run(place, replicate, seed, point.run_id(seed)))
+    return runs

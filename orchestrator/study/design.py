@@ -1,0 +1,383 @@
+"""Designs of experiments: which points of the factor space are run, and in which order.
+
+Two-level designs (full, or a regular fraction) with centre points, and sweeps of one factor at a
+time. Points are in standard (Yates) order: the first factor changes fastest. A fraction is given by
+generators such as ``E=ABCD``: factors are A, B, C, … in their order (without I, which stands for
+the mean).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, islice, product
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..errors import ConfigurationError, quoted
+
+Number = int | float
+TIMES = " × "
+"""Between the factors of an interaction."""
+LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
+MOST_POINTS = 2**16
+_MOST_FRACTIONS = 20_000  # that are compared with each other when a resolution is asked for
+
+
+@dataclass(frozen=True)
+class Factor:
+    """What is varied.
+
+    Attributes
+    ----------
+    levels
+        Physical values. Of two levels, the first is coded −1 and the second +1.
+    """
+
+    name: str
+    levels: tuple[Number, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.levels) < 2:
+            raise ConfigurationError(
+                f"factor {self.name}: must have at least two levels, got {len(self.levels)}"
+            )
+        for level in self.levels:
+            if not math.isfinite(level):
+                raise ConfigurationError(
+                    f"factor {self.name}: must have finite levels, got {level}"
+                )
+        for first, second in combinations(self.levels, 2):
+            if first == second:
+                raise ConfigurationError(
+                    f"factor {self.name}: must have levels that differ, got {first!r} twice"
+                )
+
+    def coded(self, value: Number) -> float:
+        """A physical value on the scale on which the first level is −1 and the last is +1."""
+        if value == self.levels[0]:
+            return -1.0
+        if value == self.levels[-1]:
+            return 1.0
+        middle = (self.levels[0] + self.levels[-1]) / 2
+        return (value - middle) / ((self.levels[-1] - self.levels[0]) / 2)
+
+
+@dataclass(frozen=True)
+class Design:
+    """The points of an experiment, each once.
+
+    Attributes
+    ----------
+    points
+        Physical values, by point and factor, in standard order.
+    centre
+        Which points are centre points.
+    generators
+        Of a fraction: words of its defining relation, each the set of its factors' numbers
+        and its sign.
+    """
+
+    factors: tuple[Factor, ...]
+    points: tuple[tuple[Number, ...], ...]
+    centre: tuple[bool, ...]
+    generators: tuple[tuple[frozenset[int], int], ...] = ()
+
+    @property
+    def coded(self) -> NDArray[np.float64]:
+        """Coded values; shape (points, factors)."""
+        return np.array(
+            [[f.coded(v) for f, v in zip(self.factors, p, strict=True)] for p in self.points]
+        )
+
+    @property
+    def relation(self) -> tuple[tuple[frozenset[int], int], ...]:
+        """The defining relation: all words whose column is constant, with its sign."""
+        words: dict[frozenset[int], int] = {frozenset(): 1}
+        for word, sign in self.generators:
+            words |= {known ^ word: s * sign for known, s in words.items()}
+        return tuple((word, sign) for word, sign in words.items() if word)
+
+    @property
+    def resolution(self) -> int | None:
+        """Length of the shortest word of the defining relation; None for a design without one."""
+        return min((len(word) for word, _ in self.relation), default=None)
+
+    def aliases(self, order: int = 2) -> list[tuple[str, ...]]:
+        """Groups of terms, up to an order, that this fraction cannot tell apart.
+
+        A term is ``"gps × imu"``; one that is aliased with its opposite has a minus sign.
+        """
+        terms = [
+            frozenset(c)
+            for n in range(1, order + 1)
+            for c in combinations(range(len(self.factors)), n)
+        ]
+        signs = dict(self.relation)
+        groups, seen = [], set()
+        for i, term in enumerate(terms):
+            if term in seen:
+                continue
+            group = [(term, 1)] + [
+                (other, signs[term ^ other]) for other in terms[i + 1 :] if term ^ other in signs
+            ]
+            seen |= {other for other, _ in group}
+            if len(group) > 1:
+                groups.append(tuple(self._term(t, sign) for t, sign in group))
+        return groups
+
+    def _term(self, term: frozenset[int], sign: int) -> str:
+        return ("−" if sign < 0 else "") + TIMES.join(self.factors[i].name for i in sorted(term))
+
+    def require(self, order: int) -> None:
+        """Refuse a design in which terms up to an order are aliased with each other.
+
+        Raises
+        ------
+        ConfigurationError
+            It names them.
+        """
+        groups = self.aliases(order)
+        if groups:
+            named = "; ".join(" aliased with ".join(group) for group in groups)
+            raise ConfigurationError(
+                f"design: must tell terms up to order {order} apart, got {named}; use a larger "
+                "fraction or a full design"
+            )
+
+    def table(self) -> pd.DataFrame:
+        """In standard order: ``point`` (from 1), the factors' physical values, ``centre``."""
+        columns = zip(*self.points, strict=True)
+        return pd.DataFrame(
+            {
+                "point": np.arange(1, len(self.points) + 1),
+                **{f.name: list(c) for f, c in zip(self.factors, columns, strict=True)},
+                "centre": self.centre,
+            }
+        )
+
+    def run_order(self, replicate: int, seed: int) -> NDArray[np.int64]:
+        """Randomised place (from 1) of each point among all runs; shape (points,).
+
+        Runs are randomised within a replicate (from 1), so that more replicates change nothing
+        about those before.
+        """
+        n = len(self.points)
+        # Raw bits: their sequence is the same in every version of NumPy.
+        bits = np.random.Philox(key=seed, counter=[0, 0, 0, replicate]).random_raw(n)
+        places = np.empty(n, np.int64)
+        places[np.argsort(bits, kind="stable")] = np.arange(1, n + 1)
+        return (replicate - 1) * n + places
+
+
+def full(factors: Sequence[Factor], centre_points: int = 0) -> Design:
+    """All combinations of two levels, 2^k points."""
+    _check(factors)
+    _check_size(len(factors))
+    rows = [signs[::-1] for signs in product((-1, 1), repeat=len(factors))]
+    return _two_level(factors, rows, centre_points)
+
+
+def fractional(
+    factors: Sequence[Factor],
+    generators: Sequence[str] = (),
+    resolution: int | None = None,
+    centre_points: int = 0,
+) -> Design:
+    """A regular fraction of a two-level design, 2^(k−p) points.
+
+    Parameters
+    ----------
+    generators
+        ``"E=ABCD"`` or ``"E=-ABCD"``: p of them.
+    resolution
+        In place of generators: the smallest fraction of at least this resolution, and of those the
+        one with the fewest short words.
+
+    Raises
+    ------
+    ConfigurationError
+        A generator is no generator, main effects are aliased, or there is no such fraction.
+    """
+    _check(factors)
+    if bool(generators) == (resolution is not None):
+        raise ConfigurationError(
+            "design: must have generators or a resolution for a fraction, got "
+            + ("both" if generators else "neither")
+        )
+    if resolution is not None:
+        words = _search(len(factors), resolution)
+    else:
+        words = {}
+        for text in generators:
+            made, word, sign = _generator(text, factors)
+            if made in words:
+                raise ConfigurationError(
+                    f"generator {quoted(text)}: must make another factor than the others, got "
+                    f"{LETTERS[made]} twice"
+                )
+            words[made] = (word, sign)
+        for text in generators:
+            made, word, _ = _generator(text, factors)
+            for i in sorted(word & words.keys()):
+                raise ConfigurationError(
+                    f"generator {quoted(text)}: must be made of factors without a generator, got "
+                    f"{LETTERS[i]}"
+                )
+    basic = [i for i in range(len(factors)) if i not in words]
+    _check_size(len(basic))
+    rows = []
+    for signs in product((-1, 1), repeat=len(basic)):
+        row = dict(zip(basic, signs[::-1], strict=True))
+        row |= {
+            made: sign * math.prod(row[i] for i in word) for made, (word, sign) in words.items()
+        }
+        rows.append(tuple(row[i] for i in range(len(factors))))
+    relation = tuple((word | {made}, sign) for made, (word, sign) in words.items())
+    design = _two_level(factors, rows, centre_points, relation)
+    if design.resolution is not None and design.resolution < 3:
+        design.require(1)
+    return design
+
+
+def sweep(factors: Sequence[Factor], base: Sequence[Number]) -> Design:
+    """One factor at a time through all its levels, the others at the base.
+
+    With several factors the base itself is the first point.
+    """
+    _check(factors)
+    start = tuple(base)
+    points = [start] if len(factors) > 1 else []
+    for i, factor in enumerate(factors):
+        points += [(*start[:i], level, *start[i + 1 :]) for level in factor.levels]
+    unique = tuple(dict.fromkeys(points))
+    return Design(tuple(factors), unique, (False,) * len(unique))
+
+
+def _two_level(
+    factors: Sequence[Factor],
+    rows: Sequence[tuple[int, ...]],
+    centre_points: int,
+    generators: tuple[tuple[frozenset[int], int], ...] = (),
+) -> Design:
+    for factor in factors:
+        if len(factor.levels) != 2:
+            raise ConfigurationError(
+                f"factor {factor.name}: must have two levels in a two-level design, got "
+                f"{len(factor.levels)}; a sweep has any number"
+            )
+    points: list[tuple[Number, ...]] = [
+        tuple(f.levels[(sign + 1) // 2] for f, sign in zip(factors, row, strict=True))
+        for row in rows
+    ]
+    middle = tuple(_middle(f) for f in factors)
+    return Design(
+        tuple(factors),
+        (*points, *[middle] * centre_points),
+        (False,) * len(points) + (True,) * centre_points,
+        generators,
+    )
+
+
+def _middle(factor: Factor) -> Number:
+    low, high = factor.levels
+    if isinstance(low, int) and isinstance(high, int) and (low + high) % 2 == 0:
+        return (low + high) // 2
+    return (low + high) / 2
+
+
+def _check(factors: Sequence[Factor]) -> None:
+    if not factors:
+        raise ConfigurationError("design: must have at least one factor, got none")
+    if len(factors) > len(LETTERS):
+        raise ConfigurationError(
+            f"design: must have at most {len(LETTERS)} factors, got {len(factors)}"
+        )
+    names = [f.name for f in factors]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"factor {name}: must be there once, got {names.count(name)}")
+
+
+def _check_size(basic: int) -> None:
+    if 2**basic > MOST_POINTS:
+        raise ConfigurationError(
+            f"design: must have at most {MOST_POINTS} points, got 2^{basic}; use a fraction"
+        )
+
+
+def _generator(text: str, factors: Sequence[Factor]) -> tuple[int, frozenset[int], int]:
+    """Number of the factor that is made, those it is made of, and the sign."""
+    match = re.fullmatch(r"\s*([A-Z])\s*=\s*([+-]?)\s*([A-Z]+)\s*", text)
+    known = LETTERS[: len(factors)]
+    if match is None:
+        raise ConfigurationError(f"generator: must be like 'E=ABCD', got {quoted(text)}")
+    made, sign, word = match.groups()
+    for letter in made + word:
+        if letter not in known:
+            raise ConfigurationError(
+                f"generator {quoted(text)}: must be made of {', '.join(known)} "
+                f"({', '.join(f.name for f in factors)}), got {letter}"
+            )
+    if len(set(word)) != len(word) or made in word:
+        raise ConfigurationError(f"generator {quoted(text)}: must name each factor once")
+    numbers = frozenset(known.index(letter) for letter in word)
+    return known.index(made), numbers, -1 if sign == "-" else 1
+
+
+def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
+    """Generators of the smallest fraction of a resolution; the last factors are made."""
+    if resolution < 3:
+        raise ConfigurationError(f"resolution: must be at least 3, got {resolution}")
+    for basic in range(min(resolution - 1, k), k):
+        words = [
+            sum(1 << i for i in c)
+            for n in range(resolution - 1, basic + 1)
+            for c in combinations(range(basic), n)
+        ]
+        found = islice(_fractions(words, basic, k - basic, resolution), _MOST_FRACTIONS)
+        best = min(found, key=lambda chosen: _lengths(chosen, basic), default=None)
+        if best is not None:
+            return {
+                basic + j: (frozenset(i for i in range(basic) if word >> i & 1), 1)
+                for j, word in enumerate(best)
+            }
+    raise ConfigurationError(
+        f"resolution: must be at most {k} for a fraction of {k} factors, got {resolution}"
+        if resolution > k
+        else f"resolution: must be that of a fraction of {k} factors, got {resolution}; "
+        "use a full design"
+    )
+
+
+def _fractions(
+    words: Sequence[int], basic: int, made: int, resolution: int
+) -> Iterator[tuple[int, ...]]:
+    """Choices of so many words whose defining relation has no short word."""
+
+    def grow(chosen: tuple[int, ...], relation: tuple[int, ...], first: int) -> Iterator[
+        tuple[int, ...]
+    ]:
+        if len(chosen) == made:
+            yield chosen
+            return
+        letter = 1 << (basic + len(chosen))
+        for i in range(first, len(words)):
+            new = tuple(known ^ words[i] ^ letter for known in relation)
+            if all(word.bit_count() >= resolution for word in new):
+                yield from grow((*chosen, words[i]), relation + new, i + 1)
+
+    return grow((), (0,), 0)
+
+
+def _lengths(chosen: Sequence[int], basic: int) -> tuple[int, ...]:
+    """Number of words of each length in the defining relation: the fewer short ones, the better."""
+    relation = [0]
+    for j, word in enumerate(chosen):
+        relation += [known ^ word ^ (1 << (basic + j)) for known in relation]
+    lengths = [word.bit_count() for word in relation]
+    return tuple(lengths.count(n) for n in range(1, basic + len(chosen) + 1))

@@ -1,0 +1,379 @@
+"""Where the runs of a campaign are simulated: threads here, processes here, or a Dask cluster.
+
+Threads work on the campaign as it is. Other processes get it as a parcel: the campaign with its
+FMU files, so that they need no compiler, no CasADi and no file system in common.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import resource_tracker
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pandas as pd
+from sblcosim.fmus.build.factory import cache
+from sblcosim.fmus.files import sha256_of, write_file
+from sblcosim.fmus.host.instances import ours, trust
+from sblcosim.fmus.read.ports import Fmu
+
+from ..errors import ConfigurationError, SblcosimError, check_choice, one_line
+from ..simulation.isolation import Children
+from .batch import silent, simulate
+from .campaign import Campaign, Run
+
+EXECUTORS = ("threads", "processes")
+"""Those on this machine, by name."""
+PATIENCE = 5
+"""Seconds for a scheduler to answer."""
+
+Done = Callable[[Sequence[Run], float], None]
+"""Told the share of some runs that is done."""
+Simulated = Iterator[tuple[Sequence[Run], pd.DataFrame]]
+"""Parts of a campaign and their tables, in order."""
+
+
+Simulate = Callable[[Iterable[Sequence[Run]], Done], Simulated]
+"""Simulates parts of a campaign."""
+
+
+@contextmanager
+def ready(
+    campaign: Campaign,
+    *,
+    executor: str | Executor = "threads",
+    scheduler: str | None = None,
+    workers: int | None = None,
+    master: str | None = None,
+) -> Iterator[Simulate]:
+    """Find or start the workers for a campaign; they are let go at the end.
+
+    Parameters
+    ----------
+    executor, scheduler, workers, master
+        As in `sblcosim.study.runner.run`.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such executor or scheduler, or it has no workers; and when simulating, if they
+        do not live long enough.
+    """
+    if not isinstance(executor, Executor):
+        check_choice("executor", executor, EXECUTORS)
+    if scheduler is not None and executor != "threads":
+        raise ConfigurationError(f"executor: must not be given with a scheduler, got {executor!r}")
+    number = workers or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+    if scheduler is not None:
+        with _cluster(scheduler) as client:
+            # Kept by the workers, and made again if those that have it go.
+            parcel = client.submit(_same, pack(campaign), pure=False)
+            number = sum(client.nthreads().values())
+            yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
+    elif executor == "threads":
+        with Children(patience_s=campaign.step_timeout) as children:
+            yield partial(_here, campaign, workers, master, children)
+    elif isinstance(executor, Executor):
+        yield partial(_spread, executor, pack(campaign), number, master)
+    else:
+        with _processes(number) as pool:
+            yield partial(_spread, pool, pack(campaign), number, master)
+
+
+def _here(
+    campaign: Campaign,
+    workers: int | None,
+    master: str | None,
+    children: Children,
+    parts: Iterable[Sequence[Run]],
+    done: Done,
+) -> Simulated:
+    for part in parts:
+        yield part, simulate(campaign, part, workers, master, partial(done, part), children)
+
+
+# --- Other processes -----------------------------------------------------------------------------
+
+
+def _spread(
+    pool: Executor,
+    parcel: Any,
+    workers: int,
+    master: str | None,
+    parts: Iterable[Sequence[Run]],
+    done: Done,
+) -> Simulated:
+    """Hand out the runs of a part, and of the next ones while workers wait for the last of it."""
+    pending: deque[tuple[Sequence[Run], list[Future[pd.DataFrame]]]] = deque()
+    rest = iter(parts)
+    try:
+        while True:
+            while sum(len(futures) for _, futures in pending) < 2 * workers:
+                part = next(rest, None)
+                if part is None:
+                    break
+                size = -(-len(part) // (2 * workers))
+                with deferring_sigint():  # this may start a process
+                    futures = [
+                        pool.submit(_work, parcel, part[i : i + size], master)
+                        for i in range(0, len(part), size)
+                    ]
+                pending.append((part, futures))
+            if not pending:
+                return
+            part, futures = pending[0]
+            tables = []
+            for future in futures:
+                tables.append(_result(future))
+                done(part, len(tables) / len(futures))
+            pending.popleft()
+            yield part, pd.concat(tables, ignore_index=True)
+    finally:
+        for _, futures in pending:
+            for future in futures:
+                future.cancel()
+
+
+def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
+    try:
+        return future.result()
+    except SblcosimError:
+        raise
+    except CancelledError:
+        raise ConfigurationError(
+            "scheduler: must stay until all runs are done, got none any more; runs that are "
+            "finished are kept, the same command goes on"
+        ) from None
+    except BrokenExecutor:
+        raise ConfigurationError(
+            "workers: must live until their runs are done, got one that ended (a crash of an FMU, "
+            "or too little memory); runs that are finished are kept, the same command goes on"
+        ) from None
+    except Exception as error:
+        raise ConfigurationError(
+            f"workers: must be able to simulate, got {type(error).__name__}: {one_line(error)}; "
+            "runs that are finished are kept, the same command goes on"
+        ) from error
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), begin)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def deferring_sigint() -> Iterator[None]:
+    """Processes that are started here leave Ctrl-C to this one, which gets it at the end."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
+    try:
+        with _blocked_in_children():
+            yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+    if came:
+        signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _blocked_in_children() -> Iterator[None]:
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # else it starts below, and unblocks what is blocked
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin() -> None:
+    """Leave Ctrl-C to the process that hands out the work, and end with it, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Any]:
+    """A client of a Dask cluster that has workers."""
+    try:
+        import distributed
+        from distributed.comm.addressing import resolve_address
+    except ImportError:
+        raise ConfigurationError(
+            "scheduler: must have dask.distributed here, got none; install sblcosim[cluster]"
+        ) from None
+    try:
+        resolve_address(address)
+        client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError) as error:
+        raise ConfigurationError(
+            f"scheduler: must be the address of a Dask scheduler that answers, got {address!r} "
+            f"({one_line(error)})"
+        ) from None
+    with _quiet("distributed"), client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise ConfigurationError(
+                f"scheduler: must have workers, got none at {address}"
+            ) from None
+        yield client
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No messages of a library that says with an exception what has happened."""
+    logs = [logging.getLogger(n) for n in logging.root.manager.loggerDict if n.startswith(name)]
+    before = [log.disabled for log in logs]
+    for log in logs:
+        log.disabled = True
+    try:
+        yield
+    finally:
+        for log, disabled in zip(logs, before, strict=True):
+            log.disabled = disabled
+
+
+# --- Parcels -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A campaign on its way to other processes.
+
+    Attributes
+    ----------
+    content
+        Pickled, with SHA-256 values in place of FMU files.
+    fmus
+        Names and contents of the FMU files, by SHA-256.
+    ours
+        Those of them that this project has built.
+    version
+        Of the sblcosim that packed it.
+    """
+
+    content: bytes
+    fmus: Mapping[str, tuple[str, bytes]]
+    ours: tuple[str, ...]
+    version: str
+
+
+def _proxy(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(content)
+
+
+class _Packer(pickle.Pickler):
+    """Leaves FMU files out, by their paths."""
+
+    def __init__(self, stream: io.BytesIO, known: Mapping[Path, str]) -> None:
+        super().__init__(stream, pickle.HIGHEST_PROTOCOL)
+        self.known = known
+
+    def persistent_id(self, thing: Any) -> str | None:
+        return self.known.get(thing) if isinstance(thing, Path) else None
+
+    def reducer_override(self, thing: Any) -> Any:
+        if isinstance(thing, MappingProxyType):
+            return _proxy, (dict(thing),)
+        return NotImplemented
+
+
+class _Unpacker(pickle.Unpickler):
+    def __init__(self, stream: io.BytesIO, files: Mapping[str, Path]) -> None:
+        super().__init__(stream)
+        self.files = files
+
+    def persistent_load(self, sha256: str) -> Path:
+        return self.files[sha256]
+
+
+def pack(campaign: Campaign) -> Parcel:
+    """Make a parcel of a campaign and its FMUs."""
+    from .. import __version__
+
+    sources = [
+        component.source
+        for group in campaign.groups
+        for component in group.plan.components
+        if isinstance(component.source, Fmu)
+    ]
+    known = {source.path: source.sha256 for source in sources}
+    mine = {source.sha256 for source in sources if ours(source)}
+    stream = io.BytesIO()
+    _Packer(stream, known).dump(campaign)
+    fmus = {sha256: (path.name, path.read_bytes()) for path, sha256 in known.items()}
+    return Parcel(stream.getvalue(), fmus, tuple(sorted(mine)), __version__)
+
+
+_unpacked: dict[bytes, Campaign] = {}
+_lock = threading.Lock()
+
+
+def unpack(parcel: Parcel) -> Campaign:
+    """The campaign, with FMU files in this machine's cache; the last one is remembered.
+
+    Raises
+    ------
+    ConfigurationError
+        It is from another version of the project.
+    """
+    from .. import __version__
+
+    if parcel.version != __version__:
+        raise ConfigurationError(f"workers: must have sblcosim {parcel.version}, got {__version__}")
+    key = hashlib.sha256(parcel.content).digest()
+    with _lock:
+        if key not in _unpacked:
+            files = {}
+            for sha256, (name, content) in parcel.fmus.items():
+                files[sha256] = cache() / "received" / sha256 / name
+                if sha256_of(files[sha256]) != sha256:
+                    write_file(files[sha256], content)
+            trust(parcel.ours)
+            _unpacked.clear()
+            _unpacked[key] = _Unpacker(io.BytesIO(parcel.content), files).load()
+        return _unpacked[key]
+
+
+def _same(parcel: Parcel) -> Parcel:
+    """What makes a parcel a task of its own."""
+    return parcel
+
+
+def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
+    """What a worker does: it has one thread for it."""
+    return simulate(unpack(parcel), runs, 1, master, silent, _CHILDREN)
+
+
+_CHILDREN = Children(idle_s=30.0)
+"""Of a worker, kept from one part of the work to the next."""
