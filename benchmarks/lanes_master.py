@@ -14,6 +14,7 @@ import platform
 import shutil
 import sys
 import time
+from sblcosim.scenario.wiring import connect
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +24,8 @@ import numpy as np
 import sblcosim
 from sblcosim.results.sums import responses
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
 
 HERE = Path(__file__).parent
@@ -39,7 +41,7 @@ PRIOR = [Connection("target.position", "ekf.prior_position")]
 def plan_of(scenario: int, sampling_time: float) -> Plan:
     """A scenario of the paper, its EKF only."""
     loaded = sblcosim.load(f"paper-scenario-{scenario}", {"time.sampling_time_s": sampling_time})
-    system = loaded.system("ekf")
+    system = connect(loaded, "ekf")
     return resolve(
         replace(
             system,

@@ -28,7 +28,8 @@ from sblcosim.models import COMPONENTS
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.masters import native
 from sblcosim.simulation.masters.python import chosen, initialised
-from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 ESTIMATE = ("ekf.epoch", "ekf.update_count", "ekf.position")

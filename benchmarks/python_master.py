@@ -23,7 +23,7 @@ from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Type, Variable
 from sblcosim.simulation.masters.python import execute
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 INTERVAL_NS = 100_000_000

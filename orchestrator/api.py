@@ -13,13 +13,17 @@ from sblcosim.fmus.read.ports import Fmu
 from .errors import ConfigurationError, nearest
 from .results.definitions import TRUTH
 from .results.result import Result, manifest
-from .scenario.scenario import Overrides, Receivers, Scenario, Source, load
-from .scenario.wiring import FIXED, RAW, applied, choose, connect
+from .scenario.overrides import Overrides
+from .scenario.scenario import Receivers, Scenario, Source, load
+from .scenario.schema import CORE_COMPONENTS
+from .scenario.wiring import RAW, applied, choose, connect
 from .simulation.execution import execute, survive
-from .simulation.isolation import patience, strangers
-from .simulation.masters.native import foreign
-from .simulation.plan import Plan, check_size, resolve
+from .simulation.masters.native import unsupported
+from .simulation.plan import Plan
+from .simulation.plan_checks import check_size
+from .simulation.process import patience, strangers
 from .simulation.record import Record
+from .simulation.resolve import resolve
 from .simulation.system import System
 
 
@@ -84,7 +88,7 @@ def run(
         plan = resolve(system)
     check_size(plan)
     _check_truth(plan)
-    labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    labels = [name for name in system.components if name not in (*CORE_COMPONENTS, RAW)]
     asked = labels or [RAW]
     if RAW in system.components:
         labels = [*labels, RAW]
@@ -93,7 +97,7 @@ def run(
         "scenario": applied(settled, receiver, fmi, components),
         "receivers": labels,
         "fmus": {c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
-        "seeds": {name: getattr(settled, name).seed for name in FIXED},
+        "seeds": {name: getattr(settled, name).seed for name in CORE_COMPONENTS},
         "origins": _origins(choose(settled, receiver), system, plan),
         "remarks": _remarks(settled, system, plan),
     }
@@ -109,7 +113,7 @@ def run(
             progress,
             master=master,
             step_timeout=step_timeout if timed else None,
-            apart=apart and foreign(left) is not None,
+            apart=apart and unsupported(left) is not None,
         )
 
     outcome = survive(system, asked, executed)

@@ -32,8 +32,8 @@ from .errors import ConfigurationError, check_choice
 from .results import figures
 from .results.definitions import Floats
 from .simulation.masters.python import execute
-from .simulation.plan import resolve
 from .simulation.record import Record
+from .simulation.resolve import resolve
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 
 SLOT_NS = SECOND

@@ -21,7 +21,7 @@ from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.models import COMPONENTS
 from sblcosim.simulation import c_libraries
-from sblcosim.simulation.masters import lanes, native
+from sblcosim.simulation.masters import lanes_driver, native
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("orchestrator", "models", "fmus", "pyproject.toml", "README.md", "LICENSE")
@@ -53,7 +53,7 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
         Files that come along beside the drivers, by their places.
     """
     made = dict(ready)
-    for driver in (native.DRIVER, lanes.DRIVER):
+    for driver in (native.DRIVER, lanes_driver.DRIVER):
         file = c_libraries.library(driver, cc)
         made[f"{c_libraries.key(driver, cc.platform)}/{file.name}"] = file
     with tempfile.TemporaryDirectory(prefix="sblcosim-release-") as name:

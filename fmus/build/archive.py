@@ -13,7 +13,7 @@ from ..errors import BuildError
 from ..files import write_file
 from ..platforms import in_folders, suffix
 from ..terminals import TERMINALS
-from .description import PACKAGE, Fmi, build_description, model_description, terminals
+from .description import Fmi, PACKAGE, build_description, model_description, terminals
 from .documentation import index_html
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree as ET
 
-from sblcosim.models.declaration import UNITS, Component, Number, Variable
+from sblcosim.models.declaration import Component, Number, UNITS, Variable
 
 from ..terminals import TERMINAL_KIND
 

@@ -26,7 +26,7 @@ from ..read.description import DescriptionError, check_interface, describe, libr
 from . import receiver_contract as plug
 from .bench import STANDARDS
 from .checks import CHECKS
-from .runner import PATIENCE, Outcome, State, run, unpacked
+from .runner import Outcome, PATIENCE, State, run, unpacked
 
 _STATIC_PATIENCE = 120.0
 """Seconds that another tool may take to read the FMU."""

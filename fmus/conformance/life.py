@@ -8,12 +8,12 @@ import sys
 import threading
 
 from .bench import (
-    INSTANCES,
-    LEVELS,
-    STILL,
     Bench,
     ConcernError,
     ConformanceError,
+    INSTANCES,
+    LEVELS,
+    STILL,
     Values,
     advance,
     begin,

@@ -6,11 +6,11 @@ import random
 from collections.abc import Sequence
 
 from .bench import (
-    REALS,
     Bench,
     ConcernError,
     ConformanceError,
     NotApplicableError,
+    REALS,
     Values,
     begin,
     expect_same,

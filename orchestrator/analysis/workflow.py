@@ -15,7 +15,7 @@ from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
-from ..study.study import Study
+from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
 from .fit import Error, Factorial, Transform, analyse
@@ -51,7 +51,7 @@ def of_study(
         There are no runs, no such receiver or response, or the design cannot be analysed so.
     """
     return of_table(
-        store.study_of(results), store.table(results), response, receiver=receiver,
+        study_of(results), store.table(results), response, receiver=receiver,
         order=order, transform=transform, error=error, practical=practical,
     )
 
@@ -157,7 +157,7 @@ WORDS = {
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
     """The same with the labels of the study in a folder of results."""
     text = words(advice.response, store.table(results))
-    return advice.named(store.study_of(results).labels, text)
+    return advice.named(study_of(results).labels, text)
 
 
 def advice_on_study(
@@ -186,7 +186,7 @@ def advice_on_study(
     ConfigurationError
         As `of_study`; or the costs do not fit the study.
     """
-    study, table = store.study_of(results), store.table(results)
+    study, table = study_of(results), store.table(results)
     where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
     prices = {}
     for name, values in given.items():

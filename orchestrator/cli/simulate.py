@@ -97,7 +97,8 @@ def plan(
     with waiting():
         from ..scenario.scenario import load
         from ..scenario.wiring import connect
-        from ..simulation.plan import check_size, resolve
+        from ..simulation.plan_checks import check_size
+        from ..simulation.resolve import resolve
 
         settled = load(scenario, overrides(set_, seed))
         resolved = resolve(connect(settled, receiver or (), fmi))

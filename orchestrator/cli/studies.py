@@ -195,11 +195,11 @@ def replay(
     """Do one run of a study again, with a full record."""
     with waiting() as progress:
         from .. import artifacts
-        from ..study import runner
+        from ..study.replay import replay as again
 
         wanted, other = place(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
-        result = runner.replay(results, run_id, progress=progress)
+        result = again(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
     report_run(result, folder, as_json, wanted)
 

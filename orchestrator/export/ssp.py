@@ -36,9 +36,11 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError, check_choice
-from ..scenario.scenario import Overrides, Receivers, Scenario, Source, load
+from ..scenario.overrides import Overrides
+from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..scenario.wiring import RAW, connect
-from ..simulation.plan import Plan, PlannedComponent, resolve
+from ..simulation.plan import Plan, PlannedComponent
+from ..simulation.resolve import resolve
 from ..simulation.system import System
 
 Version = Literal[1, 2]

@@ -13,7 +13,7 @@ from ..analysis import sweep, workflow
 from ..analysis.fit import Error, Transform
 from ..analysis.fit import quantity as quantity_of
 from ..study import store
-from ..study.study import Study, load, shipped
+from ..study.study import Study, load, shipped, study_of
 from . import factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings, number, span
@@ -54,7 +54,7 @@ def save(
         There are no runs, or they cannot be analysed so; nothing is written then.
     """
     results = Path(results)
-    study, table = store.study_of(results), store.table(results)
+    study, table = study_of(results), store.table(results)
     failed = int(table["error"].notna().sum())
     command = command or shlex.join(["sblcosim", "analyse", str(results)])
     again = _again(study, results, command)

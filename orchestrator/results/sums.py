@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..simulation.masters.lanes import SUMS
+from ..simulation.masters.lanes_driver import SUMS
 from .definitions import AXES, FRAMES, in_order, inconsistent, judge, lost
 
 if TYPE_CHECKING:

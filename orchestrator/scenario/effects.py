@@ -7,40 +7,43 @@ only sets others has one if one of them is left to it.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition
 
-from .schema import PRESETS, in_si, preset, toml
-
-if TYPE_CHECKING:
-    from .scenario import Scenario
+from .schema import CORE_COMPONENTS, PRESETS, in_si, preset, toml
 
 Key = tuple[str, ...]
 """A key's table and its name, or its name alone."""
 Ours = Mapping[str, Collection[str]]
 """Names of our components that take the keys of a table."""
-FIXED = ("target", "platform", "acoustics")
 _SHOWN = 3  # names in a reason
 
 
-def components_of(scenario: Scenario) -> Ours:
+class Tables(Protocol):
+    """A scenario, as far as it matters here: its tables."""
+
+    platform: Any
+    receiver: Any
+
+
+def components_of(scenario: Tables) -> Ours:
     """Our components that a scenario itself chooses, by table."""
     receiver = scenario.receiver
     return {
-        **{name: (name,) if getattr(scenario, name).fmu is None else () for name in FIXED},
+        **{n: (n,) if getattr(scenario, n).fmu is None else () for n in CORE_COMPONENTS},
         "receiver": (receiver.type,) if receiver.fmu is None else (),
     }
 
 
-def idle(scenario: Scenario, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
+def idle(scenario: Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
     """Those of some keys that have no effect in a scenario, and why."""
     reasons = {key: _why(scenario, ours, key) for key in keys}
     return {key: why for key, why in reasons.items() if why is not None}
 
 
-def in_vain(scenario: Scenario, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
+def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
     """As `idle`, and those that only set keys that are given."""
     reasons = {
         key: _all_given(scenario, governed, key)
@@ -51,9 +54,9 @@ def in_vain(scenario: Scenario, ours: Ours, keys: Collection[Key]) -> dict[Key, 
     return found | idle(scenario, ours, keys)
 
 
-def given(scenario: Scenario) -> Iterator[Key]:
+def given(scenario: Tables) -> Iterator[Key]:
     """Keys of parameters and presets that were given by hand."""
-    for name in (*FIXED, "receiver"):
+    for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
         for key in type(table).model_fields:
             if key in table.model_fields_set and (key in table.variables or key in PRESETS):
@@ -68,7 +71,7 @@ def conditions(key: Key) -> Iterator[Key]:
             yield table, component[condition.parameter].key
 
 
-def _why(scenario: Scenario, ours: Ours, key: Key) -> str | None:
+def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
     """Why a key of a component of ours has no effect; of several components, in none of them."""
     name, table = key[-1], getattr(scenario, key[0])
     if name in PRESETS:
@@ -87,7 +90,7 @@ def _why(scenario: Scenario, ours: Ours, key: Key) -> str | None:
 
 def _takers(table: str, names: Iterable[str], key: str) -> Iterator[Component]:
     """Components that have a key."""
-    for name in names if table in (*FIXED, "receiver") else ():
+    for name in names if table in (*CORE_COMPONENTS, "receiver") else ():
         if any(v.key == key and v.causality == "parameter" for v in COMPONENTS[name]):
             yield COMPONENTS[name]
 
@@ -134,12 +137,12 @@ def _listed(keys: list[str]) -> str:
 # --- Keys that only set others -------------------------------------------------------------------
 
 
-def _governors(scenario: Scenario) -> dict[Key, list[Key]]:
+def _governors(scenario: Tables) -> dict[Key, list[Key]]:
     """Keys that only set other keys, which rule if they are given."""
-    ticks = [(name, "sampling_time_s") for name in FIXED]
+    ticks = [(name, "sampling_time_s") for name in CORE_COMPONENTS]
     update = ("receiver", "update_interval_s")
     governors: dict[Key, list[Key]] = {
-        ("seed",): [(name, "seed") for name in FIXED],
+        ("seed",): [(name, "seed") for name in CORE_COMPONENTS],
         ("time", "sampling_time_s"): [*ticks, update],
         ("time", "ekf_ratio"): [update],
     }
@@ -150,7 +153,7 @@ def _governors(scenario: Scenario) -> dict[Key, list[Key]]:
     return governors
 
 
-def _all_given(scenario: Scenario, governed: Iterable[Key], key: Key) -> str | None:
+def _all_given(scenario: Tables, governed: Iterable[Key], key: Key) -> str | None:
     governed = list(governed)
     if any(name not in getattr(scenario, table).model_fields_set for table, name in governed):
         return None

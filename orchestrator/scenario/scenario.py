@@ -7,9 +7,7 @@ run.
 from __future__ import annotations
 
 import os
-import re
-import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -17,19 +15,20 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS
 
-from ..errors import ConfigurationError, instance, nearest, quoted, shortened
-from ..simulation.system import PythonComponent, System
+from ..errors import ConfigurationError, instance, shortened
+from ..simulation.system import PythonComponent
 from . import effects
+from .messages import is_table, lines
+from .overrides import Overrides, clear_for_presets, pairs, without_none
 from .reading import check_values, parse, read_text, shown
 from .schema import (
-    ANYWHERE,
     PRESETS,
     PRIOR_KEYS,
     SEED,
+    SHARED_PARAMETERS,
     TRUE,
     Acoustics,
     Name,
@@ -51,8 +50,6 @@ Source = str | Path | Callable[[], PythonComponent]
 """What to use as a component: a receiver's name, an FMU file, or what makes a Python component."""
 Receivers = Source | Sequence[Source] | Mapping[str, Source]
 """One or more receivers, with labels if it is a mapping."""
-Overrides = Mapping[str, Any] | Iterable[str]
-"""``{"platform.arm_length_m": 0.4}``, nested tables, or ``["platform.arm_length_m=0.4"]``."""
 
 
 class Scenario(Table):
@@ -207,7 +204,7 @@ class Scenario(Table):
                     continue
                 variable = table.variables.get(key)
                 filled = variable is not None and key not in table.model_fields_set
-                if filled and table.fmu is not None and variable.name not in ANYWHERE:
+                if filled and table.fmu is not None and variable.name not in SHARED_PARAMETERS:
                     continue  # what a file says must be a parameter of that FMU
                 if filled and (name, key) in idle:
                     continue  # somebody would have to be warned of it
@@ -215,17 +212,6 @@ class Scenario(Table):
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
-
-    def system(
-        self,
-        receivers: Receivers = (),
-        fmi: int | None = None,
-        components: Mapping[str, Source] | None = None,
-    ) -> System:
-        """Choose and connect the components; see `sblcosim.scenario.wiring.connect`."""
-        from .wiring import connect
-
-        return connect(self, receivers, fmi, components)
 
     def idle(self) -> dict[effects.Key, str]:
         """Keys of our components that have no effect in this scenario, and why."""
@@ -289,7 +275,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         There is no such scenario, or something in it is wrong: one line per problem.
     """
     where, raw, folder = _read(source)
-    raw = _without_none(raw)
+    raw = without_none(raw)
     for table in raw.values():
         if isinstance(table, dict) and isinstance(table.get("fmu"), str):
             table["fmu"] = str(folder / table["fmu"])
@@ -298,11 +284,11 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         changed |= source.__dict__.get("_changed", frozenset())
     if isinstance(overrides, Mapping):
         check_values("overrides", overrides)
-    batch = list(_pairs(overrides))
+    batch = list(pairs(overrides))
     for path, value in batch:
         check_values(f"override {shortened('.'.join(path))}", value, len(path))
     changed |= {path for path, _ in batch}
-    _clear_for_presets(raw, batch)
+    clear_for_presets(raw, batch)
     for path, value in batch:
         table = raw
         for part in path[:-1]:
@@ -316,10 +302,11 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
     if isinstance(source, str | Path) and "name" not in raw:
         raw["name"] = Path(source).stem
     try:
-        scenario = Scenario.model_validate(_without_none(raw))
+        scenario = Scenario.model_validate(without_none(raw))
     except ValidationError as error:
-        lines = [line for e in error.errors() for line in _lines(e, where, changed)]
-        raise ConfigurationError("\n".join(lines)) from None
+        fields = Scenario.model_fields
+        wrong = [line for e in error.errors() for line in lines(e, where, changed, fields)]
+        raise ConfigurationError("\n".join(wrong)) from None
     scenario.__dict__["_changed"] = frozenset(changed)  # no field: it is no part of what is run
     vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
     if vain:
@@ -341,27 +328,6 @@ def no_effect(key: effects.Key) -> str:
     return f"override {'.'.join(key)}: must have an effect, got none"
 
 
-def _clear_for_presets(
-    raw: Mapping[str, Any], batch: Iterable[tuple[tuple[str, ...], Any]]
-) -> None:
-    """What is said later wins: remove the keys that the presets of a batch replace."""
-    said = dict(batch)
-    table = raw.get("platform")
-    for name, keys in PRESETS.items():
-        if said.get(("platform", name)) is not None and isinstance(table, dict):
-            for key in keys:
-                table.pop(key, None)
-
-
-def _without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of nested tables without the keys that hold nothing."""
-    return {
-        key: _without_none(value) if isinstance(value, Mapping) else value
-        for key, value in tables.items()
-        if value is not None
-    }
-
-
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mapping[str, Any], Path]:
     """Where it comes from, the tables, and the folder of relative paths."""
     if isinstance(source, Scenario):
@@ -381,159 +347,8 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
     else:
         text = read_text(path, shipped())
     tables = parse(shown(path), text)
-    if tables.keys() <= {key for key in Scenario.model_fields if not _is_table(key)}:
-        names = ", ".join(f"[{key}]" for key in Scenario.model_fields if _is_table(key))
+    fields = Scenario.model_fields
+    if tables.keys() <= {key for key in fields if not is_table(fields, key)}:
+        names = ", ".join(f"[{key}]" for key in fields if is_table(fields, key))
         raise ConfigurationError(f"{shown(path)}: must have at least one table ({names}), got none")
     return shown(path), tables, path.resolve().parent
-
-
-def _pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Keys as paths, and their values."""
-    if isinstance(overrides, str):
-        overrides = (overrides,)
-    if not isinstance(overrides, Iterable):
-        raise ConfigurationError(
-            "overrides: must be keys with values, or texts like table.key=value, got "
-            f"{instance(overrides)}"
-        )
-    if isinstance(overrides, Mapping):
-        for key, value in overrides.items():
-            path = tuple(str(key).split("."))
-            if isinstance(value, Mapping) and path[-1] != "parameters":
-                for rest, inner in _pairs(value):
-                    yield path + rest, inner
-            else:
-                yield path, value
-        return
-    for item in overrides:
-        if not isinstance(item, str):
-            raise ConfigurationError(
-                f"override: must be a text like table.key=value, got {instance(item)}"
-            )
-        key, equals, text = item.partition("=")
-        if not equals or not key.strip():
-            raise ConfigurationError(
-                f"override: must be table.key=value, got {quoted(item)}"
-            )
-        yield tuple(part.strip() for part in key.split(".")), _toml_or_word(key, text.strip())
-
-
-def _toml_or_word(key: str, text: str) -> Any:
-    try:
-        (value,) = tomllib.loads(f"value = {text}").values()
-    except (ValueError, RecursionError):
-        if re.fullmatch(r"[A-Za-z_./~\\][\w./~\\:-]*", text):
-            return text
-        raise ConfigurationError(
-            f"override {shortened(key.strip())}: must be a value in TOML, got "
-            f"{quoted(text)}"
-        ) from None
-    return value
-
-
-# --- Messages ------------------------------------------------------------------------------------
-
-
-def _lines(error: ErrorDetails, where: str, changed: set[tuple[str, ...]]) -> Iterator[str]:
-    """A problem that pydantic found, in our wording."""
-    location = error["loc"]
-    if not location:
-        for line in str(error["ctx"]["error"]).splitlines():
-            yield _cross_check(line, where, changed)
-        return
-    table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
-    if any(path[: len(location[:2])] == location[:2] for path in changed):
-        where = place = f"override {shortened('.'.join((table, key)) if key else table)}"
-    elif key:
-        place = f"{where}: [{table}] {key}"
-    else:
-        place = f"{where}: {f'[{table}]' if _is_table(table) else table}"
-    if error["type"] == "extra_forbidden":
-        yield f"{where}: {_unknown(location)}"
-        return
-    must, choices = requirement(error)
-    got = error["input"]
-    close = nearest(got, choices) if isinstance(got, str) else ""
-    yield f"{place}{_element(location)}: {must}, got {shortened(toml(got))}{close}"
-
-
-def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
-    """What contradicts something else, with the override that it is about, if it is about one."""
-    match = re.match(r"\[(\w+)\](?: (\w+))?: ", line)
-    if match is not None:
-        table, keys = match[1], (match[2],) if match[2] else ("fmu", "type")
-        for key in keys:
-            if (table, key) in changed:
-                return f"override {table}.{key}: {line[match.end() :]}"
-    return f"{where}: {line}"
-
-
-def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
-    """What must hold, and the valid names if it is a choice."""
-    context = error.get("ctx", {})
-    kind = error["type"]
-    if kind == "literal_error":
-        choices = re.findall(r"'([^']*)'", context["expected"])
-        return f"must be {context['expected']}", choices
-    wording = {
-        "float_type": "must be a number",
-        "finite_number": "must be a finite number",
-        "int_type": "must be a whole number",
-        "int_from_float": "must be a whole number",
-        "bool_type": "must be true or false",
-        "string_type": "must be a string",
-        "tuple_type": "must be an array",
-        "dict_type": "must be a table",
-        "model_type": "must be a table",
-        "greater_than_equal": "must be at least {ge}",
-        "less_than_equal": "must be at most {le}",
-        "greater_than": "must be more than {gt}",
-    }
-    return wording.get(kind, error["msg"]).format(**context), []
-
-
-def _is_table(name: Any) -> bool:
-    field = Scenario.model_fields.get(str(name))
-    return (
-        field is not None
-        and isinstance(field.annotation, type)
-        and issubclass(field.annotation, Table)
-    )
-
-
-def _element(location: Sequence[str | int]) -> str:
-    """Index of the element of an array, as in FMI: 1-based."""
-    if len(location) < 3 or not isinstance(location[2], int):
-        return ""
-    table = Scenario.model_fields[str(location[0])].annotation
-    variable = getattr(table, "variables", {}).get(location[1])
-    if variable is None:
-        return ""
-    return str(variable.elements[location[2]].removeprefix(variable.name))
-
-
-def _unknown(location: Sequence[str | int]) -> str:
-    """An unknown key or table, with the nearest valid one."""
-    tables = {
-        name: list(field.annotation.model_fields)
-        for name, field in Scenario.model_fields.items()
-        if _is_table(name) and isinstance(field.annotation, type)
-    }
-    name = str(location[-1])
-    if len(location) == 1:
-        homes = [table for table, keys in tables.items() if name in keys]
-        if homes:
-            return f"key {name!r} must stand in the table [{homes[0]}]"
-        return f"there is no key or table {quoted(name)}" + nearest(
-            name, Scenario.model_fields
-        )
-    table = str(location[0])
-    close = nearest(name, tables[table])
-    homes = [other for other, keys in tables.items() if name in keys]
-    if homes:
-        close = f"; did you mean {name!r} in [{homes[0]}]?"
-    elif not close:
-        # A longer or a shorter name of the same thing: "arm" for "arm_length_m".
-        parts = [key for key in tables[table] if name.lower() in key.lower()]
-        close = f"; did you mean {parts[0]!r}?" if parts else ""
-    return f"[{table}] has no key {quoted(name)}{close}"

@@ -21,11 +21,13 @@ from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 
+CORE_COMPONENTS = ("target", "platform", "acoustics")
+"""Names of the components that every system has, and of their tables."""
 PATH: Final = "path"
 """Value of ``duration_s``: until the end of the target's path."""
 TRUE: Final = "true"
 """Value of ``prior``: the true start, at rest."""
-ANYWHERE = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
+SHARED_PARAMETERS = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
 """Parameters that a foreign component gets without being asked, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())

@@ -29,15 +29,13 @@ from ..errors import (
     shortened,
 )
 from ..simulation.execution import initial_outputs
-from ..simulation.plan import variables_of
+from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, PythonComponent, System, Value
 from . import effects
 from .reading import shown
 from .scenario import Receivers, Scenario, Source, load
-from .schema import ANYWHERE, PATH, TRUE, in_si
+from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 
-FIXED = effects.FIXED
-"""Names of the components that every system has."""
 RAW = "raw"
 """Name of the raw fix that runs beside the receivers for comparison."""
 
@@ -86,7 +84,7 @@ def connect(
         check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
     parts: dict[str, _Part] = {}
-    for name in FIXED:
+    for name in CORE_COMPONENTS:
         table = getattr(scenario, name)
         source = replaced.get(name, table.fmu)
         if source is None:
@@ -98,19 +96,14 @@ def connect(
     chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
     for label, source in chosen.items():
-        if isinstance(source, str):
-            parts[label] = _ours(source, table, fmi or table.fmi or scenario.fmi)
-        else:
-            _check_contract(label, source)
-            own = table.fmu is not None and source == Path(table.fmu)
-            parts[label] = _foreign("receiver", table, source, own, scenario.where)
+        parts[label] = _receiver(scenario, label, source, fmi or table.fmi or scenario.fmi)
     if scenario.true_prior:
         _hand_over_start(parts, chosen)
     connections = tuple(_connections(parts, chosen))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
-        warnings.warn(line, NoEffectWarning, stacklevel=3)
+        warnings.warn(line, NoEffectWarning, stacklevel=2)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -132,7 +125,7 @@ def applied(
     tables = scenario.given()
     if fmi is not None:
         tables["fmi"] = fmi
-        for name in (*FIXED, "receiver"):
+        for name in (*CORE_COMPONENTS, "receiver"):
             tables.get(name, {}).pop("fmi", None)
     sources = _replaced(components)
     sources["receiver"] = next(iter(choose(scenario, receivers).values()))
@@ -145,7 +138,7 @@ def applied(
             known = {v.name for v in RECEIVERS[source].of("parameter")}
             choice = {"type": source}
         else:
-            known = {*read(Path(source)).ports, *ANYWHERE}
+            known = {*read(Path(source)).ports, *SHARED_PARAMETERS}
             choice = {"fmu": str(Path(source).absolute())}
         for key in given.keys() & table.variables.keys():
             if table.variables[key].name not in known:
@@ -161,14 +154,15 @@ def applied(
 def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
     if components is not None and not isinstance(components, Mapping):
         raise ConfigurationError(
-            f"components: must be a mapping with {', '.join(FIXED)}, got {instance(components)}"
+            f"components: must be a mapping with {', '.join(CORE_COMPONENTS)}, "
+            f"got {instance(components)}"
         )
     replaced = dict(components or {})
     for name in replaced:
-        if name not in FIXED:
+        if name not in CORE_COMPONENTS:
             raise ConfigurationError(
-                f"components: must be {', '.join(FIXED)}, got {quoted(name)}"
-                f"{nearest(str(name), FIXED)}"
+                f"components: must be {', '.join(CORE_COMPONENTS)}, got {quoted(name)}"
+                f"{nearest(str(name), CORE_COMPONENTS)}"
             )
     return replaced
 
@@ -183,6 +177,15 @@ def _ours(name: str, table: Any, fmi: int) -> _Part:
         _values(component.of("parameter"), table),
     )
     return _Part(spec, frozenset(v.name for v in component))
+
+
+def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part:
+    table = scenario.receiver
+    if isinstance(source, str):
+        return _ours(source, table, fmi)
+    _check_contract(label, source)
+    own = table.fmu is not None and source == Path(table.fmu)
+    return _foreign("receiver", table, source, own, scenario.where)
 
 
 def _foreign(
@@ -200,12 +203,12 @@ def _foreign(
     }
     if own:
         for name, key in given.items():
-            if name not in has and name not in ANYWHERE:
+            if name not in has and name not in SHARED_PARAMETERS:
                 raise ConfigurationError(
                     f"{where(table_name, key)}: must be a parameter of {fmu}, "
                     f"got {name!r}{nearest(name, has)}"
                 )
-    wanted = {*ANYWHERE, *given}
+    wanted = {*SHARED_PARAMETERS, *given}
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
     parameters = {
@@ -306,15 +309,15 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
         own = Path(table.fmu) if table.fmu else table.type
         sources = [_source(source) for source in receivers] or [_source(own)]
         # Ours keep their names, wherever they stand.
-        taken = {*FIXED, RAW, *(source for source in sources if isinstance(source, str))}
+        taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
         for source in sources:
             if source not in chosen.values():
                 chosen[_label(source, {*chosen, *taken})] = source
     for label in chosen:
-        if not isinstance(label, str) or label in FIXED or not label or "." in label:
+        if not isinstance(label, str) or label in CORE_COMPONENTS or not label or "." in label:
             raise ConfigurationError(
-                f"receiver: label must be a name without a dot and not {', '.join(FIXED)}, "
-                f"got {quoted(label)}"
+                "receiver: label must be a name without a dot and not "
+                f"{', '.join(CORE_COMPONENTS)}, got {quoted(label)}"
             )
     if "multilateration" not in chosen.values() and RAW not in chosen:
         chosen[RAW] = "multilateration"

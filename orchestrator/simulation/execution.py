@@ -9,11 +9,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
-from . import isolation
+from . import isolation, process
 from .isolation import Children
 from .masters import lanes, native, python
-from .plan import Plan, resolve
+from .plan import Plan
 from .record import Record
+from .resolve import resolve
 from .system import ComponentSpec, System
 
 MASTERS = ("python", "native", "lanes")
@@ -61,12 +62,12 @@ def execute(
     if master is not None:
         check_choice("master", master, MASTERS)
     else:
-        master = "native" if native.foreign(plan) is None and native.available() else "python"
-    isolation.check_patience(step_timeout)
+        master = "native" if native.unsupported(plan) is None and native.available() else "python"
+    process.check_patience(step_timeout)
     if master == "lanes":
         _refuse_timeout(master, step_timeout)
         return _one_lane(plan, progress, record)
-    if apart or isolation.strangers(plan):
+    if apart or process.strangers(plan):
         return isolation.execute(plan, progress, record, master, step_timeout, children)
     if master == "native":
         return native.execute(plan, progress, record)
@@ -89,7 +90,7 @@ def initial_outputs(
     children: Children | None = None,
 ) -> dict[str, NDArray[Any]]:
     """As `masters.python.initial_outputs`; an FMU that is not ours in a process of its own."""
-    if isolation.strangers(python.alone(spec, start_ns)):
+    if process.strangers(python.alone(spec, start_ns)):
         return isolation.initial_outputs(spec, names, start_ns, children)
     return python.initial_outputs(spec, names, start_ns)
 

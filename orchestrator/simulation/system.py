@@ -1,6 +1,6 @@
 """System: which components there are and how they are connected. Pure data.
 
-`sblcosim.simulation.plan.resolve` makes a plan of a system,
+`sblcosim.simulation.resolve.resolve` makes a plan of a system,
 `sblcosim.simulation.masters.python.execute` runs the plan::
 
     system = System(

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
-    from .runner import replay
-    from .store import study_of, table
-    from .study import Study, load, shipped
+    from .replay import replay
+    from .store import table
+    from .study import Study, load, shipped, study_of
 
 __all__ = ["Study", "load", "replay", "shipped", "study_of", "table"]
 
 __getattr__, __dir__ = lazy.names(
     __name__,
     {
-        "Study": "study", "load": "study", "replay": "runner", "shipped": "study",
-        "study_of": "store", "table": "store",
+        "Study": "study", "load": "study", "replay": "replay", "shipped": "study",
+        "study_of": "study", "table": "store",
     },
 )  # fmt: skip

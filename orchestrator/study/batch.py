@@ -17,10 +17,11 @@ from ..errors import BuildError, ConfigurationError, FmuError, one_line
 from ..results.definitions import TRUTH
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
-from ..simulation.isolation import Children, patience, strangers
+from ..simulation.isolation import Children
 from ..simulation.masters import lanes, native
-from ..simulation.masters.lanes import SUMS
+from ..simulation.masters.lanes_driver import SUMS
 from ..simulation.plan import Plan
+from ..simulation.process import patience, strangers
 from ..simulation.record import Record
 from ..simulation.system import System
 from .campaign import Campaign, Group, Point, Run
@@ -175,7 +176,7 @@ def _one_by_one(
     made = []
     # Python components hold the interpreter's lock, and need not be made for threads.
     here = not strangers(group.plan)
-    alone = here and (master == "python" or native.foreign(group.plan) is not None)
+    alone = here and (master == "python" or native.unsupported(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
             for i, result in enumerate(pool.map(one, runs), 1):

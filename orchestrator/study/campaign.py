@@ -27,13 +27,15 @@ from ..errors import (
 )
 from ..scenario import effects
 from ..scenario.scenario import Scenario
-from ..scenario.wiring import FIXED, RAW, choose, no_effect
+from ..scenario.schema import CORE_COMPONENTS
+from ..scenario.wiring import RAW, choose, connect, no_effect
 from ..simulation import execution
-from ..simulation.isolation import patience
-from ..simulation.masters import lanes, native
-from ..simulation.plan import TICK_PARAMETERS, Plan, resolve
+from ..simulation.masters import lanes_driver, native
+from ..simulation.plan import TICK_PARAMETERS, Plan
+from ..simulation.process import patience
+from ..simulation.resolve import resolve
 from ..simulation.system import Connection, System
-from .study import Study
+from .definition import Definition
 
 Floats = NDArray[np.float64]
 _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
@@ -107,7 +109,7 @@ class Campaign:
         As in `sblcosim.study.runner.run`.
     """
 
-    study: Study
+    study: Definition
     points: tuple[Point, ...]
     groups: tuple[Group, ...]
     receivers: tuple[str, ...]
@@ -150,7 +152,7 @@ class Run:
 
 
 def prepare(
-    study: Study, master: str | None = None, step_timeout: float | None = None
+    study: Definition, master: str | None = None, step_timeout: float | None = None
 ) -> Campaign:
     """Resolve and check all points.
 
@@ -171,7 +173,7 @@ def prepare(
         made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
     _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
     plans = [plan for _, _, plan in made]
-    seeded, handovers = left_free(study, made[0][1], labels)
+    seeded, handovers = seeded_inputs(study, made[0][1], labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
     points = [
         Point(
@@ -192,11 +194,11 @@ def prepare(
     )
 
 
-def resolved(study: Study, number: int) -> tuple[Scenario, System, Plan]:
+def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     """A design point, looked up and checked."""
     try:
         scenario = study.base.override(study.overrides(number))
-        system = _without_raw(scenario.system(receivers_of(study)))
+        system = _without_raw(connect(scenario, receivers_of(study)))
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
@@ -228,7 +230,7 @@ def _warnings_once(points: int) -> Iterator[None]:
             warnings.warn(f"{message}{at}", category, stacklevel=4)
 
 
-def _warn_of_keys_without_effect(study: Study, scenarios: Sequence[Scenario]) -> None:
+def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario]) -> None:
     """Warn of given keys that have no effect at any point."""
     base = study.base
     keys: Iterable[effects.Key] = effects.given(base)
@@ -240,7 +242,7 @@ def _warn_of_keys_without_effect(study: Study, scenarios: Sequence[Scenario]) ->
         warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 
-def _check_effects(study: Study, points: Iterable[Point]) -> None:
+def _check_effects(study: Definition, points: Iterable[Point]) -> None:
     """Refuse factors that change nothing: their points would be the same runs."""
     first: dict[str, int] = {}
     for point in points:
@@ -262,21 +264,21 @@ def _check_effects(study: Study, points: Iterable[Point]) -> None:
             )
 
 
-def left_free(
-    study: Study, system: System, labels: Iterable[str]
+def seeded_inputs(
+    study: Definition, system: System, labels: Iterable[str]
 ) -> tuple[tuple[str, ...], tuple[Connection, ...]]:
     """Components that get the run's seed; what is handed over at the start of a run."""
     base = study.base
     seeded = tuple(
         name
-        for name in FIXED
+        for name in CORE_COMPONENTS
         if "seed" in system.components[name].parameters
         and "seed" not in getattr(base, name).model_fields_set
     )
     if not seeded:
         raise ConfigurationError(
             f"{study.name}: seed: must be left to the study in at least one of "
-            f"{', '.join(FIXED)}, got a seed of its own in each"
+            f"{', '.join(CORE_COMPONENTS)}, got a seed of its own in each"
         )
     handovers = tuple(
         Connection("target.position", f"{label}.prior_position")
@@ -286,7 +288,7 @@ def left_free(
     return seeded, handovers
 
 
-def receivers_of(study: Study) -> list[str]:
+def receivers_of(study: Definition) -> list[str]:
     return list(study.receivers)
 
 
@@ -347,7 +349,7 @@ def _groups(
     for places in alike.values():
         plan = plans[places[0]]
         if master is None:
-            in_lanes = lanes.foreign(plan) is None and native.available()
+            in_lanes = lanes_driver.unsupported(plan) is None and native.available()
         else:
             in_lanes = master == "lanes"
         values = {}

@@ -20,6 +20,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import MappingProxyType
@@ -319,8 +320,6 @@ class _Unpacker(pickle.Unpickler):
 
 def pack(campaign: Campaign) -> Parcel:
     """Make a parcel of a campaign and its FMUs."""
-    from .. import __version__
-
     sources = [
         component.source
         for group in campaign.groups
@@ -332,7 +331,7 @@ def pack(campaign: Campaign) -> Parcel:
     stream = io.BytesIO()
     _Packer(stream, known).dump(campaign)
     fmus = {sha256: (path.name, path.read_bytes()) for path, sha256 in known.items()}
-    return Parcel(stream.getvalue(), fmus, tuple(sorted(mine)), __version__)
+    return Parcel(stream.getvalue(), fmus, tuple(sorted(mine)), version("sblcosim"))
 
 
 _unpacked: dict[bytes, Campaign] = {}
@@ -347,10 +346,9 @@ def unpack(parcel: Parcel) -> Campaign:
     ConfigurationError
         It is from another version of the project.
     """
-    from .. import __version__
-
-    if parcel.version != __version__:
-        raise ConfigurationError(f"workers: must have sblcosim {parcel.version}, got {__version__}")
+    here = version("sblcosim")
+    if parcel.version != here:
+        raise ConfigurationError(f"workers: must have sblcosim {parcel.version}, got {here}")
     key = hashlib.sha256(parcel.content).digest()
     with _lock:
         if key not in _unpacked:

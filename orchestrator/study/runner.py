@@ -1,4 +1,4 @@
-"""Carrying out a study: batches of runs, a folder of results that can be resumed, and replay."""
+"""Carrying out a study: batches of runs, a folder of results that can be resumed."""
 
 from __future__ import annotations
 
@@ -11,26 +11,18 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..api import run as run_scenario
-from ..errors import ConfigurationError
-from ..results.result import Result
-from ..scenario.wiring import FIXED
-from ..simulation.isolation import Children, strangers
+from ..simulation.isolation import Children
+from ..simulation.process import strangers
 from . import executors
 from .batch import silent, simulate, steps_of
 from .campaign import (
     Campaign,
-    Point,
     Run,
     batch,
-    digest_of,
-    left_free,
     prepare,
-    receivers_of,
-    resolved,
 )
-from .store import RUNS, at_work, check_folder, finished, open_folder, save, study_of, table, write
-from .study import Study
+from .definition import Definition
+from .store import RUNS, at_work, check_folder, finished, open_folder, save, table, write
 
 BATCH = 2048
 """Runs at a time, as a whole number of replicates: all points of a replicate, or none."""
@@ -48,7 +40,7 @@ _PART = 16  # runs at a time and worker where each runs alone: what a kill can c
 
 
 def run(
-    study: Study,
+    study: Definition,
     out: str | Path,
     *,
     workers: int | None = None,
@@ -254,55 +246,3 @@ def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
                 wanted[number] -= 1
                 sample.append(run)
     return sample
-
-
-def replay(
-    results: str | Path,
-    run_id: str,
-    *,
-    master: str | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Result:
-    """Do a run of a study again, and record everything.
-
-    Parameters
-    ----------
-    results
-        Folder of results.
-    run_id
-        As in the table, or the beginning of it.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such run, or it cannot be done again: the FMUs have changed.
-    """
-    study = study_of(results)
-    runs = table(results)
-    found = runs[runs["run_id"].str.startswith(run_id)] if run_id else runs[:0]
-    if len(found) != 1:
-        what = f"the beginning of {len(found)}" if len(found) else "none of them"
-        raise ConfigurationError(
-            f"run: must be the run_id of one run in {results}, got {run_id!r}, which is {what}"
-        )
-    number, seed, run_id = (found.iloc[0][name] for name in ("point", "seed", "run_id"))
-    scenario, system, plan = resolved(study, int(number))
-    labels = [name for name in system.components if name not in FIXED]
-    seeded, handovers = left_free(study, system, labels)
-    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-    digest = digest_of(system, plan, free, study.settling_ns)
-    if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
-        raise ConfigurationError(
-            f"run {run_id}: must be done again with the FMUs of then, got others"
-        )
-    return run_scenario(
-        scenario.override({"seed": int(seed)}),
-        receivers_of(study),
-        master=master,
-        progress=progress,
-    )
-
-
-__all__ = [
-    "Campaign", "estimate", "finished", "missing", "prepare", "replay", "run", "study_of", "table",
-]

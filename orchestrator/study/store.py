@@ -28,8 +28,6 @@ from sblcosim.fmus import files
 from .. import artifacts
 from ..errors import ConfigurationError, ConfigurationWarning, DamageWarning, one_line
 from .campaign import Campaign, Run
-from .study import Study
-from .study import load as load_study
 
 RUNS = "runs.parquet"
 STUDY = "study.json"
@@ -268,24 +266,6 @@ def table(results: str | Path) -> pd.DataFrame:
     known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
     whole = whole.astype(dict.fromkeys(known, bool))
     return whole.sort_values(["replicate", "point"], ignore_index=True)
-
-
-def study_of(results: str | Path) -> Study:
-    """The study whose results a folder holds."""
-    content = described(Path(results))
-    definition = content["definition"]
-    tables = {k: v for k, v in definition["study"].items() if v is not None}
-    tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
-    names = content.get("names", {})
-    tables["factors"] = {k: v | names.get(k, {}) for k, v in tables["factors"].items()}
-    return load_study(
-        {
-            **tables,
-            "title": content["title"],
-            "replicates": content["replicates"],
-            "scenario": definition["scenario"],
-        }
-    )
 
 
 def write(folder: Path, runs: Sequence[Run], made: pd.DataFrame) -> None:

@@ -14,9 +14,11 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.platform.imu import GRADES
 from sblcosim.scenario import effects
 from sblcosim.scenario.scenario import Scenario, load, shipped
-from sblcosim.scenario.schema import in_file_units
+from sblcosim.scenario.schema import CORE_COMPONENTS, in_file_units
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import TICK_PARAMETERS, Plan, resolve
+from sblcosim.simulation.plan import TICK_PARAMETERS, Plan
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from sblcosim.study.campaign import _ALIKE
 
@@ -113,10 +115,10 @@ def _told(record: Record, name: str) -> np.ndarray:
 
 def without_effect(base: Scenario) -> tuple[set[Any], set[Any]]:
     """Keys that change nothing in the record, whatever their value, and those that can change."""
-    made, keys = [base.system()], []
+    made, keys = [connect(base)], []
     for key, value in changes(base):
         try:
-            made.append(base.override({".".join(key): value}).system())
+            made.append(connect(base.override({".".join(key): value})))
             keys.append(key)
         except ConfigurationError:
             pass  # what is refused is not silent
@@ -151,7 +153,7 @@ def test_the_same_holds_for_every_receiver(receiver: str) -> None:
 def anything(numbers: random.Random) -> dict[str, Any]:
     """A scenario in which much is zero and much is not."""
     tables: dict[str, Any] = {"time": {"duration_s": 10.0}, "receiver": {"type": "sequential"}}
-    for table, component in (*((t, t) for t in effects.FIXED), ("receiver", "sequential")):
+    for table, component in (*((t, t) for t in CORE_COMPONENTS), ("receiver", "sequential")):
         for variable in COMPONENTS[component].of("parameter"):
             likely = 0.9 if variable.choices is None else 0.5
             if numbers.random() < likely or variable.name in ("waypoint_count", *TICK_PARAMETERS):

@@ -210,7 +210,7 @@ def test_bad_workers_get_one_line_and_no_folder(
 
 def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     parcel = executors.pack(campaign.prepare(study.load(MADE)))
-    monkeypatch.setattr("sblcosim.__version__", "0.0")
+    monkeypatch.setattr(executors, "version", lambda _: "0.0")
     with pytest.raises(ConfigurationError, match=r"workers: must have sblcosim .*, got 0\.0"):
         executors.unpack(parcel)
 

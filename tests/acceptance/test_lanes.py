@@ -17,9 +17,11 @@ from sblcosim.errors import ConfigurationError, FmuError
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
-from sblcosim.simulation.masters import lanes
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.masters import lanes, lanes_driver
 from sblcosim.simulation.masters.python import execute
-from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
@@ -32,7 +34,7 @@ def plan_of(name: str, fmi: int = 2, seed: int = 1, **overrides: Any) -> Plan:
     scenario = sblcosim.load(name, {"seed": seed, **overrides})
     steps = 40 * scenario.time.ekf_ratio
     scenario = scenario.override({"time.duration_s": steps * scenario.time.sampling_time_s})
-    return resolve(scenario.system(RECEIVERS, fmi=fmi))
+    return resolve(connect(scenario, RECEIVERS, fmi=fmi))
 
 
 def seeds(values: Any) -> dict[str, Any]:
@@ -93,7 +95,7 @@ def test_every_number_of_lanes_and_version_of_fmi(number: int, fmi: int) -> None
 
 def mixed(scenario: str, **overrides: Any) -> System:
     """Target and platform at T/5, acoustics at T, the receivers at the update interval."""
-    system = sblcosim.load(scenario, overrides).system(RECEIVERS)
+    system = connect(sblcosim.load(scenario, overrides), RECEIVERS)
 
     def changed(name: str, spec: ComponentSpec) -> ComponentSpec:
         fine = name in ("target", "platform")
@@ -129,7 +131,7 @@ def test_parameters_differ_from_run_to_run() -> None:
 
 def test_sums_are_those_of_the_record() -> None:
     scenario = sblcosim.load("realistic-dive", {"time.duration_s": 120.0})
-    plan = resolve(scenario.system(RECEIVERS))
+    plan = resolve(connect(scenario, RECEIVERS))
     outcome = lanes.execute(plan, seeds([1, 2]))
     for run in range(2):
         result = sblcosim.run(scenario, RECEIVERS, {"seed": run + 1})
@@ -229,9 +231,9 @@ def test_a_foreign_component_is_named(tmp_path: Path) -> None:
             return {"epoch": 0.0, "position": np.zeros(3), "update_count": 0}
 
     plan = resolve(
-        sblcosim.load("harbour-square", {"time.duration_s": 1.0}).system({"mine": Fixed})
+        connect(sblcosim.load("harbour-square", {"time.duration_s": 1.0}), {"mine": Fixed})
     )
-    assert lanes.foreign(plan) == "mine"
+    assert lanes_driver.unsupported(plan) == "mine"
     with pytest.raises(ConfigurationError, match="mine: must be a component of ours"):
         lanes.execute(plan, {})
 
@@ -247,8 +249,8 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
     """Sizes and places of all members, as the compiler sees them."""
     source = (Path(lanes.__file__).with_name("c") / "lanes_master.c").read_text()
     structures = {
-        "lanes": lanes._Lanes, "plan": lanes._Plan, "link": lanes._Link,
-        "receiver": lanes._Receiver, "truth": lanes._Truth, "span": lanes._Span,
+        "lanes": lanes_driver.Engine, "plan": lanes_driver.LanesPlan, "link": lanes_driver.Link,
+        "receiver": lanes_driver.Receiver, "truth": lanes_driver.Truth, "span": lanes_driver.Span,
     }
     expected, places = [], []
     for name, structure in structures.items():
@@ -259,7 +261,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
             places.append(f"offsetof(struct {name}, {field.rstrip('_')})")
     source += f"API size_t places[] = {{{', '.join(places)}}};\n"
     sources = {
-        "places.c": source.encode(), "lanes_master.h": lanes.DRIVER.header.encode(),
+        "places.c": source.encode(), "lanes_master.h": lanes_driver.DRIVER.header.encode(),
         **factory.engine_headers(),
     }
     library = tmp_path / "places.so"

@@ -10,9 +10,10 @@ import pytest
 import sblcosim
 from sblcosim.cli import app
 from sblcosim.scenario.scenario import shipped
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.plan import resolve
 from sblcosim.simulation.record import Record
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from typer.testing import CliRunner
 
@@ -23,7 +24,7 @@ DIVISORS = {"target": 2, "platform": 1, "acoustics": 5, "ekf": 4}
 
 def mixed_versions(scenario: str) -> System:
     loaded = sblcosim.load(scenario, SHORT)
-    two, three = (loaded.system(RECEIVERS, fmi=fmi) for fmi in (2, 3))
+    two, three = (connect(loaded, RECEIVERS, fmi=fmi) for fmi in (2, 3))
     components = {
         name: (two if i % 2 else three).components[name] for i, name in enumerate(two.components)
     }
@@ -31,7 +32,7 @@ def mixed_versions(scenario: str) -> System:
 
 
 def mixed_intervals(scenario: str) -> System:
-    system = sblcosim.load(scenario, SHORT).system(RECEIVERS)
+    system = connect(sblcosim.load(scenario, SHORT), RECEIVERS)
     components = {
         name: replace(spec, interval_ns=spec.interval_ns // DIVISORS.get(name, 1))
         for name, spec in system.components.items()
@@ -40,8 +41,8 @@ def mixed_intervals(scenario: str) -> System:
 
 
 SYSTEMS = {
-    "FMI 2": lambda scenario: sblcosim.load(scenario, SHORT).system(RECEIVERS, fmi=2),
-    "FMI 3": lambda scenario: sblcosim.load(scenario, SHORT).system(RECEIVERS, fmi=3),
+    "FMI 2": lambda scenario: connect(sblcosim.load(scenario, SHORT), RECEIVERS, fmi=2),
+    "FMI 3": lambda scenario: connect(sblcosim.load(scenario, SHORT), RECEIVERS, fmi=3),
     "mixed versions": mixed_versions,
     "mixed intervals": mixed_intervals,
 }

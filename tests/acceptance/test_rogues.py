@@ -26,7 +26,9 @@ from sblcosim.fmus.files import scratch, sweep
 from sblcosim.fmus.host.instances import ours
 from sblcosim.fmus.read.ports import read
 from sblcosim.models.ports import BEACON_POSITIONS, ESTIMATE, REQUIRED_ESTIMATE, ports
-from sblcosim.simulation import execution, isolation
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation import execution
+from sblcosim.simulation import process as child_process
 from sblcosim.simulation.memory import Memory
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.record import Record
@@ -212,7 +214,7 @@ def test_a_thread_that_crashes_is_found_among_several_fmus(rogue: Rogue) -> None
 def test_a_thread_that_crashes_only_beside_others_is_not_blamed_on_one(rogue: Rogue) -> None:
     error = FmuError("b: crashed")
     error.component, error.suspects = "b", ("a", "b")
-    system = sblcosim.load(SCENARIO, SHORT).system({"a": rogue("none", "none"), "b": "ekf"})
+    system = connect(sblcosim.load(SCENARIO, SHORT), {"a": rogue("none", "none"), "b": "ekf"})
 
     def execute(plan: Plan) -> Record:
         if {"a", "b"} <= {c.name for c in plan.components}:
@@ -283,14 +285,14 @@ def test_a_flood_of_output_is_kept_from_ours(phase: str, rogue: Rogue, tmp_path:
     assert done.returncode == 0
     assert file.stem in json.loads(done.stdout)["errors"]
     assert "[more output of FMUs is not shown]" in done.stderr
-    assert len(done.stderr) < 2 * isolation._OUTPUT
+    assert len(done.stderr) < 2 * child_process._OUTPUT
 
 
 def test_nothing_stays_of_a_process_that_has_died(rogue: Rogue) -> None:
     place = scratch()
     for what, phase in (("segv", "step"), ("hang", "load"), ("exit", "unload"), ("none", "none")):
-        system = sblcosim.load(SCENARIO, SHORT).system(rogue(what, phase))
-        plan = sblcosim.simulation.plan.resolve(system)
+        system = connect(sblcosim.load(SCENARIO, SHORT), rogue(what, phase))
+        plan = sblcosim.simulation.resolve.resolve(system)
         before = set(place.iterdir())
         if what != "none":
             with pytest.raises(FmuError) if phase != "unload" else warnings.catch_warnings():
@@ -459,7 +461,8 @@ def test_outputs_at_the_start_are_found_in_a_process_of_its_own(rogue: Rogue) ->
     with pytest.raises(FmuError, match=r"^exit_instantiate: .* \(exit code 0\) in fmi2Instant"):
         execution.initial_outputs(spec, ("epoch",))
     spec = ComponentSpec(rogue("hang", "initialise"), 100)
-    with isolation.patience(0.7), pytest.raises(FmuError, match=r"has not returned .* for 0\.7 s"):
+    hangs = pytest.raises(FmuError, match=r"has not returned .* for 0\.7 s")
+    with child_process.patience(0.7), hangs:
         execution.initial_outputs(spec, ("epoch",))
 
 
@@ -526,7 +529,7 @@ def test_the_record_is_mapped_as_soon_as_the_loop_begins(
         return original(self, start, size)
 
     monkeypatch.setattr(Memory, "part", part)
-    monkeypatch.setattr(isolation._Child, "_tell", lambda *_: at_answers.append(len(mapped)))
+    monkeypatch.setattr(child_process.Process, "_tell", lambda *_: at_answers.append(len(mapped)))
     sblcosim.run(SCENARIO, rogue("none", "none"), SHORT)
     assert at_answers[0] == len(mapped) > 1
 
@@ -535,13 +538,13 @@ def test_a_study_keeps_its_processes(
     rogue: Rogue, own: pd.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started = []
-    original = isolation._Child.__init__
+    original = child_process.Process.__init__
 
-    def counted(self: isolation._Child) -> None:
+    def counted(self: child_process.Process) -> None:
         started.append(self)
         original(self)
 
-    monkeypatch.setattr(isolation._Child, "__init__", counted)
+    monkeypatch.setattr(child_process.Process, "__init__", counted)
     table = runner.run(study([rogue("none", "none")], 6), tmp_path / "out", workers=2)
     assert table["error"].isna().all()
     assert len(table) == 12

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sblcosim
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.python import execute
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, System
 
 RECEIVERS = ("ekf", "sequential", "raw")
@@ -44,7 +45,7 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
 
 
 def stepped(change: Callable[[str, ComponentSpec], ComponentSpec]) -> System:
-    system = sblcosim.load(SCENARIO).system(("ekf", "sequential"))
+    system = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"))
     components = {name: change(name, spec) for name, spec in system.components.items()}
     return replace(system, components=components)
 
@@ -58,7 +59,7 @@ def reference() -> dict[str, np.ndarray]:
 def test_every_communication_interval_gives_the_same_estimates(
     divisor: int, fmi: int, reference: dict[str, np.ndarray]
 ) -> None:
-    system = sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=fmi)
+    system = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=fmi)
     step = 100_000_000 // divisor
     components = {
         name: replace(spec, interval_ns=step) for name, spec in system.components.items()
@@ -77,6 +78,6 @@ def test_receivers_stepped_at_the_ratio_or_at_the_sampling_time(
 
 
 def test_versions_of_fmi_mixed(reference: dict[str, np.ndarray]) -> None:
-    three = sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=3).components
+    three = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=3).components
     mixed = stepped(lambda name, spec: three[name] if name in ("acoustics", "ekf") else spec)
     same(estimates(mixed), reference)

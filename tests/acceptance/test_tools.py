@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from sblcosim.cli import app
 from sblcosim.export.ssp import export_fmu, export_ssp
 from sblcosim.fmus.build.factory import build
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -102,7 +103,7 @@ def ours(name: str, master: str) -> NDArray[np.float64]:
     """Epoch and position of each estimate."""
     scenario, overrides = SCENARIOS[name]
     settled = sblcosim.load(scenario, overrides)
-    record = execute(resolve(settled.system()), master=master)
+    record = execute(resolve(connect(settled)), master=master)
     found = record.estimates(settled.receiver.type)
     return np.column_stack([found.epoch_ns / 1e9, found.position])
 

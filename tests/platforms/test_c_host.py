@@ -22,8 +22,10 @@ from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.read.ports import Fmu
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
-from sblcosim.simulation.plan import Plan, PlannedComponent, resolve
+from sblcosim.simulation.plan import Plan, PlannedComponent
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 
 HOST = Path(__file__).with_name("host.c")
@@ -51,7 +53,7 @@ ELSEWHERE = (
 def whole(scenario: str, fmi: int, seconds: float | None, all_platforms: bool) -> Plan:
     """A scenario with every component there is."""
     overrides = {} if seconds is None else {"time.duration_s": seconds}
-    system: System = sblcosim.load(scenario, overrides).system(tuple(RECEIVERS), fmi=fmi)
+    system: System = connect(sblcosim.load(scenario, overrides), tuple(RECEIVERS), fmi=fmi)
     interval = system.components["platform"].interval_ns
     components = {**system.components, "range_model": ComponentSpec(Path(), interval)}
     components = {

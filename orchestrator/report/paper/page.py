@@ -39,6 +39,7 @@ from ...study import runner, store
 from ...study import study as studies
 from ...study.design import TIMES
 from ...study.executors import begin, deferring_sigint
+from ...study.replay import replay
 from ...study.study import Study
 from ...style import ThemeName, new_figure, use
 from .. import factorial
@@ -444,7 +445,7 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
                 add(title, own[name].function, *own[name].arguments)
     for n in SCENARIOS:
         results = folder / f"favourable-{n}"
-        found = runner.replay(results, str(numbers.points[n].iloc[0]["run_id"]))
+        found = replay(results, str(numbers.points[n].iloc[0]["run_id"]))
         tracks = {"EKF": found.estimates["ekf"]}
         path, coordinates, errors = PATHS[n]
         if n == 3:
@@ -454,7 +455,7 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
             add(f"{path}b", figures.plot_path_3d, found.data, {})
         add(coordinates, figures.plot_axes, found.data, tracks)
         add(errors, figures.plot_errors, found.data, tracks)
-    session = runner.replay(
+    session = replay(
         folder / "harbour-square", str(numbers.sessions["square"].iloc[0]["run_id"])
     )
     tracks = {"EKF": session.estimates["ekf"], "raw": session.estimates["multilateration"]}

@@ -14,98 +14,34 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.fmus.host.instances import binary_of, ours
-from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError, nearest
-from .. import c_libraries
 from ..plan import Plan, PlannedComponent
 from ..record import Record
 from ..system import Connection
-
-Floats = NDArray[np.float64]
-SUMS = (
-    "estimates",
-    "error_x", "error_y", "error_z", "error_total",
-    "square_x", "square_y", "square_z",
-    "relative_x", "relative_y", "relative_z", "relative_total",
-    "relative_square_x", "relative_square_y", "relative_square_z",
-    "nees", "nees_estimates",
-    "nis", "nis_degrees", "nis_estimates",
-    "late_estimates", "late_error_square", "late_distance_square",
-    "available_ns",
-    "updates",
-    "broken",
-    "unjudged",
+from .lanes_driver import (
+    MAX_COMPONENTS,
+    MAX_RECEIVERS,
+    MOMENT,
+    RECEIVER_PORTS,
+    SUMS,
+    Engine,
+    Floats,
+    LanesPlan,
+    Link,
+    Receiver,
+    Span,
+    Truth,
+    engine_of,
+    loaded_driver,
+    unsupported,
 )
-"""Sums over the estimates of a run; ``enum sum`` of the C driver is made of these names.
 
-``unjudged`` counts estimates whose truth the driver does not know while the run goes on: of an
-epoch older than it remembers, or ahead. It is for whoever has the record to judge such a run.
-"""
-
-ENTRY = "sblcosim_lanes"
-_MAX_COMPONENTS, _MAX_RECEIVERS = 64, 16
 _GROUPS_PER_CALL = 16
-_MOMENT = 13  # values that the driver remembers of an instant
-DRIVER = c_libraries.Driver(
-    "lanes_master",
-    lanes=True,
-    header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
-    " /* sums per receiver and run */\n"
-    f"enum {{ MAX_COMPONENTS = {_MAX_COMPONENTS}, MAX_RECEIVERS = {_MAX_RECEIVERS}, "
-    f"MOMENT = {_MOMENT} }};\n",
-)
-
-
-class _Lanes(ctypes.Structure):
-    """``struct lanes`` of lanes.h."""
-
-    _fields_ = (
-        ("version", ctypes.c_uint32),
-        ("lanes", ctypes.c_uint32),
-        ("parameters", ctypes.c_uint32),
-        ("inputs", ctypes.c_uint32),
-        ("outputs", ctypes.c_uint32),
-        ("block_size", ctypes.c_uint32),
-        ("initial", ctypes.c_void_p),
-        ("step", ctypes.c_void_p),
-    )
-
-
-def _integers(name: str, fields: Sequence[str]) -> Any:
-    """A C structure of 32-bit integers."""
-    return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_int32) for f in fields]})
-
-
-_Link = _integers("_Link", ("source", "from_", "target", "to", "count"))
-_RECEIVER_PORTS = (
-    "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
-)
-_Receiver = _integers("_Receiver", ("component", *_RECEIVER_PORTS))
-_Truth = _integers(
-    "_Truth",
-    ("target", "target_position", "target_velocity", "platform", "platform_position", "beacon",
-     "reported", "beacons"),
-)
-_Span = _integers("_Span", ("component", "from_", "count"))
-
-
-class _Plan(ctypes.Structure):
-    """``struct plan`` of c/lanes_master.c."""
-
-    _fields_ = (
-        *((n, ctypes.c_int32) for n in ("n_components", "n_links", "n_handovers", "n_receivers",
-                                        "n_spans", "n_instants", "remembered", "sparse")),
-        *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
-                                         "receivers", "truth", "spans", "instants_ns")),
-        ("settling_ns", ctypes.c_int64),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,15 +69,6 @@ class Outcome:
             {name: values[run] for name, values in self.values.items()},
             self.intervals_ns,
         )
-
-
-def foreign(plan: Plan) -> str | None:
-    """The first component without an engine for lanes, or None."""
-    for component in plan.components:
-        source = component.source  # of others, nothing is loaded to find out
-        if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
-            return component.name
-    return None
 
 
 def execute(
@@ -179,16 +106,16 @@ def execute(
     Raises
     ------
     ConfigurationError
-        A component is foreign, or a name or a shape does not fit.
+        A component is unsupported, or a name or a shape does not fit.
     FmuError
         The engines disagree about a parameter, or this processor cannot do that many lanes.
     """
-    return _Campaign(plan, variations, handovers, record, settling_ns, lanes).run(
+    return _Batch(plan, variations, handovers, record, settling_ns, lanes).run(
         threads or os.cpu_count() or 1, progress
     )
 
 
-class _Campaign:
+class _Batch:
     """A plan translated for the C driver, and the parameters of all runs."""
 
     def __init__(
@@ -200,18 +127,18 @@ class _Campaign:
         settling_ns: int,
         lanes: int,
     ) -> None:
-        stranger = foreign(plan)
+        stranger = unsupported(plan)
         if stranger is not None:
             raise ConfigurationError(
                 f"{stranger}: must be a component of ours to run in lanes, got "
                 f"{next(c.origin for c in plan.components if c.name == stranger)}; "
                 "use the native or the python master"
             )
-        if len(plan.components) > _MAX_COMPONENTS:
-            raise ConfigurationError(f"system: must have at most {_MAX_COMPONENTS} components")
+        if len(plan.components) > MAX_COMPONENTS:
+            raise ConfigurationError(f"system: must have at most {MAX_COMPONENTS} components")
         self.plan = plan
         self.names = [c.name for c in plan.components]
-        self.engines = [_engine(c, lanes) for c in plan.components]
+        self.engines = [engine_of(c, lanes) for c in plan.components]
         self.lanes = int(self.engines[0].contents.lanes)
         self.places = [_places(c) for c in plan.components]
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
@@ -221,8 +148,8 @@ class _Campaign:
         ]
         self.runs, self.varied = self._varied(variations)
         self.receivers = _receivers(plan)
-        if len(self.receivers) > _MAX_RECEIVERS:
-            raise ConfigurationError(f"system: must have at most {_MAX_RECEIVERS} receivers")
+        if len(self.receivers) > MAX_RECEIVERS:
+            raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
         self._translate(handovers, record, settling_ns)
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
@@ -293,7 +220,7 @@ class _Campaign:
         for name in self.receivers:
             number = self.names.index(name)
             places = self.places[number]
-            judged.append((number, *(places.get(port, -1) for port in _RECEIVER_PORTS)))
+            judged.append((number, *(places.get(port, -1) for port in RECEIVER_PORTS)))
         self.spans = []
         for name in record:
             owner, _, variable = name.partition(".")
@@ -308,16 +235,16 @@ class _Campaign:
         ]
         self.remembered = remembered(self.plan)
         arrays = (
-            (ctypes.POINTER(_Lanes) * len(self.engines))(*self.engines),
+            (ctypes.POINTER(Engine) * len(self.engines))(*self.engines),
             (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),
-            (_Link * len(links))(*links),
-            (_Link * len(given))(*given),
-            (_Receiver * len(judged))(*judged),
+            (Link * len(links))(*links),
+            (Link * len(given))(*given),
+            (Receiver * len(judged))(*judged),
             truth,
-            (_Span * len(self.spans))(*self.spans),
+            (Span * len(self.spans))(*self.spans),
         )
         self._kept = arrays
-        self.c_plan = _Plan(
+        self.c_plan = LanesPlan(
             len(self.names), len(links), len(given), len(judged), len(self.spans),
             len(self.instants), self.remembered,
             truth is not None and self.needs_holding[truth.target],
@@ -332,7 +259,7 @@ class _Campaign:
         target, platform = self.names.index("target"), self.names.index("platform")
         places = self.places[platform]
         beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
-        truth: ctypes.Structure | None = _Truth(
+        truth: ctypes.Structure | None = Truth(
             target, self.places[target]["position"], self.places[target]["velocity"],
             platform, places["position"], places["beacon_position"],
             places["reported_beacon_position"], beacons,
@@ -388,7 +315,7 @@ class _Campaign:
         return self._outcome(sums, history)
 
     def _drive(self) -> Any:
-        drive = _driver()[f"sblcosim_drive_{self.lanes}"]
+        drive = loaded_driver()[f"sblcosim_drive_{self.lanes}"]
         drive.restype = ctypes.c_int64
         return drive
 
@@ -467,7 +394,7 @@ def remembered(plan: Plan) -> int:
 class _Memory:
     """Blocks for one thread."""
 
-    def __init__(self, campaign: _Campaign) -> None:
+    def __init__(self, campaign: _Batch) -> None:
         self._kept: list[NDArray[np.uint8]] = []
         blocks, held = [], []
         for engine, holds in zip(campaign.engines, campaign.needs_holding, strict=True):
@@ -475,7 +402,7 @@ class _Memory:
             blocks.append(self._aligned(k.block_size))
             size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
             held.append(self._aligned(size) if holds else None)
-        self.moments = self._aligned(campaign.remembered * _MOMENT * campaign.lanes * 8)
+        self.moments = self._aligned(campaign.remembered * MOMENT * campaign.lanes * 8)
         self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
         self.held = (ctypes.c_void_p * len(held))(*held)
 
@@ -491,7 +418,7 @@ def _places(component: PlannedComponent) -> dict[str, int]:
     return {p.name: min(p.references) - 1 for p in component.ports.values()}
 
 
-def _starts(component: PlannedComponent, engine: _Lanes) -> Floats:
+def _starts(component: PlannedComponent, engine: Engine) -> Floats:
     """Parameters and inputs at the start, as in the plan."""
     values = np.zeros(engine.parameters + engine.inputs)
     places = _places(component)
@@ -504,42 +431,4 @@ def _starts(component: PlannedComponent, engine: _Lanes) -> Floats:
     return values
 
 
-def _driver() -> ctypes.CDLL:
-    return c_libraries.load(DRIVER)
-
-
-def _engine(component: PlannedComponent, lanes: int) -> Any:
-    assert isinstance(component.source, Fmu)
-    entry = _entry(component.source)
-    assert entry is not None
-    engine = entry(lanes)
-    if not engine:
-        raise FmuError(f"{component.name}: this processor must be able to do {lanes} lanes")
-    version = ctypes.c_uint32.in_dll(_driver(), "sblcosim_lanes_version").value
-    if engine.contents.version != version:
-        raise FmuError(
-            f"{component.name}: must have version {version} of the engine, got "
-            f"{engine.contents.version}; build the FMU again"
-        )
-    return engine
-
-
-@cache
-def _library(path: str) -> ctypes.CDLL | None:
-    try:
-        return ctypes.CDLL(path)
-    except OSError:
-        return None
-
-
-def _entry(fmu: Fmu) -> Any:
-    """The FMU's function that returns its engines, or None."""
-    library = _library(str(binary_of(fmu)))
-    entry = getattr(library, ENTRY, None) if library is not None else None
-    if entry is not None:
-        entry.restype = ctypes.POINTER(_Lanes)
-        entry.argtypes = (ctypes.c_uint32,)
-    return entry
-
-
-__all__ = ["Outcome", "execute", "foreign"]
+__all__ = ["Outcome", "execute", "unsupported"]

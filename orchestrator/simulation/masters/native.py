@@ -69,7 +69,7 @@ def available() -> bool:
     return c_libraries.available(DRIVER)
 
 
-def foreign(plan: Plan) -> PlannedComponent | None:
+def unsupported(plan: Plan) -> PlannedComponent | None:
     """A component that is not an FMU, if there is one."""
     return next((c for c in plan.components if not isinstance(c.source, Fmu)), None)
 
@@ -122,7 +122,7 @@ def check(plan: Plan) -> None:
     ConfigurationError
         It has one.
     """
-    other = foreign(plan)
+    other = unsupported(plan)
     if other is not None:
         raise ConfigurationError(
             f"{other.name}: must be an FMU for the native master, got the Python component "

@@ -22,8 +22,9 @@ from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
-from ..plan import Column, Plan, PlannedComponent, Read, resolve
+from ..plan import Column, Plan, PlannedComponent, Read
 from ..record import Record
+from ..resolve import resolve
 from ..system import ComponentSpec, System
 
 PROGRESS_INTERVAL = 0.1
@@ -69,33 +70,11 @@ def execute(
         },
         intervals_ns=plan.intervals_ns,
     )
-    noted = watch().progress()
     recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
-    reported = time.monotonic()
     with ExitStack() as stack:
         runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
         watch().begin(made, ())
-        due = [runner for _, runner in runners]
-        same = len({interval for interval, _ in runners}) == 1
-        last = len(instants) - 1
-        for row, now in enumerate(instants.tolist()):
-            noted.row = row
-            if not same:
-                elapsed = now - plan.start_ns
-                due = [runner for interval, runner in runners if elapsed % interval == 0]
-            for runner in due:
-                runner.read(now)
-            for rows, vector in recorded:
-                rows[row] = vector
-            if row == last:
-                break
-            for runner in due:
-                runner.write(now)
-            for runner in due:
-                runner.step(now)
-            if progress is not None and time.monotonic() - reported >= PROGRESS_INTERVAL:
-                progress((row + 1) / last)
-                reported = time.monotonic()
+        _loop(plan, runners, recorded, progress)
         for (_, runner), component in zip(runners, plan.components, strict=True):
             try:
                 runner.finish()
@@ -104,6 +83,46 @@ def execute(
     if progress is not None:
         progress(1.0)
     return made
+
+
+def _loop(
+    plan: Plan,
+    runners: Sequence[tuple[int, _Runner]],
+    recorded: Sequence[tuple[Vector, Vector]],
+    progress: Callable[[float], None] | None,
+) -> None:
+    """At each instant get all outputs, record them, set all inputs, and step.
+
+    Parameters
+    ----------
+    runners
+        The components with their communication intervals [ns].
+    recorded
+        By type: a record with a row per instant, and what goes into a row.
+    """
+    noted = watch().progress()
+    reported = time.monotonic()
+    due = [runner for _, runner in runners]
+    same = len({interval for interval, _ in runners}) == 1
+    last = len(plan.instants) - 1
+    for row, now in enumerate(plan.instants.tolist()):
+        noted.row = row
+        if not same:
+            elapsed = now - plan.start_ns
+            due = [runner for interval, runner in runners if elapsed % interval == 0]
+        for runner in due:
+            runner.read(now)
+        for rows, vector in recorded:
+            rows[row] = vector
+        if row == last:
+            break
+        for runner in due:
+            runner.write(now)
+        for runner in due:
+            runner.step(now)
+        if progress is not None and time.monotonic() - reported >= PROGRESS_INTERVAL:
+            progress((row + 1) / last)
+            reported = time.monotonic()
 
 
 def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
@@ -143,7 +162,7 @@ def initial_outputs(
     Raises
     ------
     ConfigurationError, FmuError
-        As `sblcosim.simulation.plan.resolve` and `execute`; and if there is no such output.
+        As `sblcosim.simulation.resolve.resolve` and `execute`; and if there is no such output.
     """
     plan = alone(spec, start_ns)
     name = plan.components[0].name

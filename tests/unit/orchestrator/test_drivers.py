@@ -12,9 +12,9 @@ from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
 from sblcosim.simulation import c_libraries
-from sblcosim.simulation.masters import lanes, native
+from sblcosim.simulation.masters import lanes_driver, native
 
-BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes.DRIVER], ids=lambda d: d.name)
+BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes_driver.DRIVER], ids=lambda d: d.name)
 
 
 @pytest.fixture

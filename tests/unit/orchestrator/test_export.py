@@ -20,8 +20,9 @@ from sblcosim.export.ssp import PARAMETER_SET, export_fmu, export_ssp
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
 from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.python import execute
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 from typer.testing import CliRunner
 
@@ -143,7 +144,7 @@ def test_connections_are_those_of_the_plan_and_between_components_only(
         for c in structure.iterfind(".//ssd:Connection", NS)
     }
     fmi = version + 1
-    plan = resolve(sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=fmi))
+    plan = resolve(connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=fmi))
     expected = set()
     for component in plan.components:
         if component.name == "raw":
@@ -204,7 +205,7 @@ def test_units_are_defined_as_in_the_fmus(
 def test_every_component_has_its_parameters_by_their_short_names(
     package: zipfile.ZipFile, structure: etree._Element, version: int
 ) -> None:
-    system = sblcosim.load(SCENARIO).system(("ekf", "sequential"))
+    system = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"))
     for component in structure.iterfind(".//ssd:Component", NS):
         (binding,) = component.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", NS)
         values = etree.fromstring(package.read(binding.get("source")))
@@ -262,7 +263,7 @@ def test_the_package_is_the_whole_system(
     connections = tuple(Connection(*pair) for pair in sorted(ends))
     system = System(components, connections, round(stop * SECOND))
     record = execute(resolve(system))
-    original = sblcosim.load(SCENARIO).system(("ekf", "sequential"), fmi=version + 1)
+    original = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=version + 1)
     expected = execute(resolve(original))
     assert len(record) == len(expected) > 50
     for key, value in record.values.items():

@@ -9,7 +9,7 @@ from sblcosim.fmus.host import instances
 from sblcosim.models.declaration import Variable, output
 from sblcosim.simulation.masters import python
 from sblcosim.simulation.masters.python import execute, initial_outputs
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 from stranger import build_stranger
 

@@ -18,9 +18,9 @@ from sblcosim.fmus.build.factory import Unit, build, compile_shared
 from sblcosim.fmus.host import instances as fmus
 from sblcosim.fmus.host.watch import Progress
 from sblcosim.fmus.read import ports
-from sblcosim.simulation import c_libraries, execution, isolation
+from sblcosim.simulation import c_libraries, execution, isolation, process
 from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.plan import resolve
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 from stranger import build_stranger
 
@@ -301,7 +301,7 @@ def test_ctrl_c_does_not_wait_for_a_step_that_hangs(wild):
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         isolated(wild(2), HANG)
-    assert time.monotonic() - began < isolation.STEP_TIMEOUT / 2
+    assert time.monotonic() - began < process.STEP_TIMEOUT / 2
 
 
 @pytest.mark.parametrize("run", [failing, isolated])

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from sblcosim.errors import FmuError
 from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.plan import resolve
 from sblcosim.simulation.record import Record
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, System
 from stranger import build_stranger
 

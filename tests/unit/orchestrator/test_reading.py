@@ -12,6 +12,7 @@ from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.scenario.reading import DEEPEST, LARGEST, check_values, parse
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.wiring import connect
 from sblcosim.study import study
 from typer.testing import CliRunner
 
@@ -114,7 +115,7 @@ def test_a_study_that_is_too_much_is_refused_in_one_short_line(tables: dict[str,
 
 @pytest.mark.parametrize("receiver", [LONG, f"{LONG}.fmu"])
 def test_a_receiver_that_is_no_file_is_refused_in_one_short_line(receiver: str) -> None:
-    line_of(lambda: load("paper-scenario-1").system(receiver))
+    line_of(lambda: connect(load("paper-scenario-1"), receiver))
 
 
 def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:

@@ -14,10 +14,12 @@ import sblcosim
 from sblcosim.errors import FmuError
 from sblcosim.results import metrics
 from sblcosim.results.sums import SUMS, responses, sums_of
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
-from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import Plan, resolve
+from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.record import Record
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from scipy.stats import chi2
 from synthetic_record import make_record, silent
@@ -60,7 +62,7 @@ def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
 def test_a_record_gives_the_sums_of_the_lanes_to_the_last_bit(
     scenario: str, overrides: dict[str, Any]
 ) -> None:
-    plan = resolve(sblcosim.load(scenario, overrides).system(RECEIVERS))
+    plan = resolve(connect(sblcosim.load(scenario, overrides), RECEIVERS))
     settling = 5_000_000_000
     outcome = lanes.execute(plan, {}, settling_ns=settling, lanes=1)
     record = execute(plan, master="native")
@@ -79,7 +81,7 @@ def changed(system: System, name: str, interval_ns: int, **parameters: Any) -> S
 
 def base(**overrides: Any) -> System:
     changes = {"time.sampling_time_s": 0.3, "time.duration_s": 30.0, **overrides}
-    return sblcosim.load("harbour-random", changes).system(RECEIVERS)
+    return connect(sblcosim.load("harbour-random", changes), RECEIVERS)
 
 
 def depth_between(system: System) -> System:
@@ -154,7 +156,7 @@ def tampered(
     monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any], int], None]
 ) -> list[Any]:
     """Lets `change` alter what the EKF shows in each lane, by variable, after each of its steps."""
-    original = lanes._engine
+    original = lanes_driver.engine_of
     kept: list[Any] = []
     true: dict[str, Any] = {}
 
@@ -162,7 +164,7 @@ def tampered(
         found = original(component, number)
         if component.name != "ekf":
             return found
-        ours = lanes._Lanes.from_buffer_copy(found.contents)
+        ours = lanes_driver.Engine.from_buffer_copy(found.contents)
         step = STEP(found.contents.step)
         width = ours.lanes
         places = {
@@ -189,7 +191,7 @@ def tampered(
         kept.extend((ours, callback, step))
         return ctypes.pointer(ours)
 
-    monkeypatch.setattr(lanes, "_engine", engine)
+    monkeypatch.setattr(lanes_driver, "engine_of", engine)
     return kept
 
 
@@ -300,7 +302,7 @@ class Elsewhere:
 
 def test_a_receiver_in_python_with_epochs_between_the_instants_is_judged() -> None:
     scenario = sblcosim.load("harbour-square", {"time.duration_s": 10.0})
-    record = execute(resolve(scenario.system({"mine": Elsewhere})), master="python")
+    record = execute(resolve(connect(scenario, {"mine": Elsewhere})), master="python")
     sums = sums_of(record, "mine")
     assert sums[SUMS.index("broken")] == 0
     assert sums[SUMS.index("estimates")] == len(record) - 1
@@ -327,7 +329,7 @@ def test_nis_without_degrees_counts_as_in_the_metrics() -> None:
 
 def test_only_what_is_not_finite_or_not_of_the_run_is_broken() -> None:
     plan = resolve(
-        sblcosim.load("paper-scenario-1", {"time.duration_s": 20.0}).system(["ekf"])
+        connect(sblcosim.load("paper-scenario-1", {"time.duration_s": 20.0}), ["ekf"])
     )
     record = execute(plan, master="native")
     good = responses(sums_of(record, "ekf")[None], plan.stop_ns)
@@ -347,11 +349,11 @@ def test_only_what_is_not_finite_or_not_of_the_run_is_broken() -> None:
 def test_the_inconsistent_runs_are_those_of_the_metrics() -> None:
     for gps in (0.1, 3.5):
         plan = resolve(
-            sblcosim.load(
+            connect(sblcosim.load(
                 "paper-scenario-1",
                 {"time.duration_s": 20.0, "platform.gps_horizontal_std_m": gps,
                  "receiver.measurement_noise": "variance"},
-            ).system(["ekf"])
+            ), ["ekf"])
         )
         record = execute(plan, master="native")
         summary = metrics.summary(record, {"ekf": metrics.track(record, "ekf")})
@@ -414,7 +416,7 @@ def test_the_driver_counts_the_late_from_the_last_quarter_and_their_distance_to_
     start_ns: int,
 ) -> None:
     scenario = sblcosim.load("paper-scenario-1", {"time.duration_s": 40.0})
-    system = scenario.system(["ekf"])
+    system = connect(scenario, ["ekf"])
     plan = resolve(replace(system, start_ns=start_ns, stop_ns=start_ns + system.stop_ns))
     found = dict(zip(SUMS, lanes.execute(plan, {}).sums["ekf"][0], strict=True))
     record = execute(plan, master="native")

@@ -16,6 +16,7 @@ from sblcosim.models.platform.imu import grade
 from sblcosim.scenario.scenario import load, shipped, shipped_text
 from sblcosim.scenario.schema import PRESETS, in_si
 from sblcosim.scenario.starter import starter
+from sblcosim.scenario.wiring import connect
 
 FIXED = ("target", "platform", "acoustics")
 
@@ -135,7 +136,7 @@ def test_a_time_that_only_rounding_makes_wrong_is_its_nanosecond(table: str, key
 
 @pytest.mark.parametrize("duration", [2.01, 8.2, 0.1 * 3])
 def test_a_run_is_as_long_as_was_written(duration: float) -> None:
-    stop = load("paper-scenario-1", {"time.duration_s": duration}).system().stop_ns
+    stop = connect(load("paper-scenario-1", {"time.duration_s": duration})).stop_ns
     assert stop == round(duration * 100) * 10_000_000
 
 
@@ -375,7 +376,7 @@ def test_the_realistic_dive() -> None:
 def warned(scenario: Any, receivers: Any = ()) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        scenario.system(receivers)
+        connect(scenario, receivers)
     assert all(issubclass(w.category, NoEffectWarning) for w in caught)
     return [str(w.message) for w in caught]
 

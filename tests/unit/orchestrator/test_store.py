@@ -18,7 +18,7 @@ import pytest
 from pyarrow import parquet
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.fmus.build.factory import build
-from sblcosim.study import campaign, runner, store, study
+from sblcosim.study import campaign, definition, replay, runner, store, study
 
 FLIPS = 300
 
@@ -36,7 +36,7 @@ def test_a_part_without_its_columns_is_one_line(tmp_path: Path) -> None:
         store.table(tmp_path)
 
 
-def small(**changes: Any) -> study.Study:
+def small(**changes: Any) -> definition.Study:
     """Two points, two replicates, runs of 2 s."""
     return study.load(
         {
@@ -91,7 +91,7 @@ def test_every_flipped_bit_of_a_part_is_found(out: Path) -> None:
         path.write_bytes(content)
         assert store._parquet(path) is None
         assert len(store.finished(out)) == 2
-    for refused in (store.table, lambda place: runner.replay(place, "a")):
+    for refused in (store.table, lambda place: replay.replay(place, "a")):
         with pytest.raises(ConfigurationError) as caught:
             refused(out)
         assert str(caught.value) == (
@@ -158,7 +158,7 @@ def test_damaged_but_valid_json_is_refused_in_one_line(out: Path, text: str) -> 
     for refused in (
         store.table, store.study_of, small().run,
         lambda place: runner.missing(campaign.prepare(small()), place),
-        lambda place: runner.replay(place, "a"),
+        lambda place: replay.replay(place, "a"),
     ):
         with pytest.raises(ConfigurationError, match=r"study\.json: must ") as caught:
             refused(out)
@@ -188,7 +188,7 @@ def test_fewer_replicates_leave_the_number_in_the_folder(out: Path, whole: Path)
     for number in (1, 2):
         assert len(small(replicates=number).run(out)) == 2 * number
         assert json.loads((out / "study.json").read_text())["replicates"] == 2
-        assert store.study_of(out).replicates == 2
+        assert study.study_of(out).replicates == 2
         assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
@@ -212,11 +212,11 @@ def test_a_run_of_a_changed_fmu_of_the_same_name_is_not_replayed(tmp_path: Path)
     shutil.copy(build("ekf"), mine)
     table = small(receivers=[str(mine)], replicates=1).run(tmp_path / "out")
     run_id = table["run_id"][0]
-    assert runner.replay(tmp_path / "out", run_id).receivers[0] == "mine"
+    assert replay.replay(tmp_path / "out", run_id).receivers[0] == "mine"
     with zipfile.ZipFile(mine, "a") as archive:
         archive.writestr("documentation/note.txt", "changed")
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
-        runner.replay(tmp_path / "out", run_id)
+        replay.replay(tmp_path / "out", run_id)
 
 
 def test_another_process_at_work_is_told(out: Path) -> None:
@@ -324,6 +324,6 @@ def test_a_file_is_no_folder_of_results(tmp_path: Path) -> None:
 def test_a_folder_knows_its_whole_study(tmp_path: Path) -> None:
     asked = small(design={"centre_points": 1}, seeding="common", title="Arms", replicates=1)
     asked.run(tmp_path / "out")
-    found = store.study_of(tmp_path / "out")
+    found = study.study_of(tmp_path / "out")
     assert (found.design, found.seeding, found.title) == (asked.design, "common", "Arms")
     assert found.plan.points == asked.plan.points

@@ -14,16 +14,16 @@ import sblcosim
 from pyarrow import parquet
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.results.sums import SUMS
-from sblcosim.simulation import plan
-from sblcosim.simulation.masters import lanes
-from sblcosim.study import batch, campaign, executors, runner, store, study
+from sblcosim.simulation import resolve
+from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.study import batch, campaign, definition, executors, replay, runner, study
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
 TICK = {"keys": ["time.sampling_time_s"], "levels": [0.1, 0.5]}
 
 
-def small(**changes: Any) -> study.Study:
+def small(**changes: Any) -> definition.Study:
     """Two factors at two levels, two replicates, runs of 5 s."""
     return study.load(
         {
@@ -200,7 +200,7 @@ def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
 def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
     original = campaign.resolved
 
-    def resolved(made: study.Study, number: int) -> Any:
+    def resolved(made: definition.Study, number: int) -> Any:
         warnings.warn("of the first kind", ConfigurationWarning, stacklevel=1)
         if number % 2:
             warnings.warn("of the second kind", ConfigurationWarning, stacklevel=1)
@@ -224,14 +224,14 @@ def test_runs_of_a_study_do_not_warn_again(
 ) -> None:
     """With the master that looks up every run on its own."""
     made = small(factors={"arm": ARM}, replicates=3)
-    original = plan._connections
+    original = resolve._connections
 
     def connections(system: Any, ports: Any, warn: bool) -> Any:
         if warn and system.connections:
             warnings.warn("no unit", ConfigurationWarning, stacklevel=1)
         return original(system, ports, warn)
 
-    monkeypatch.setattr(plan, "_connections", connections)
+    monkeypatch.setattr(resolve, "_connections", connections)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         made.run(tmp_path / "out", master="native")
@@ -450,7 +450,7 @@ def test_components_that_are_not_ours_run_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small().run(tmp_path / "lanes")
-    monkeypatch.setattr(lanes, "foreign", lambda plan: "ekf")
+    monkeypatch.setattr(lanes_driver, "unsupported", lambda plan: "ekf")
     monkeypatch.setattr(runner, "_PART", 1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
@@ -522,7 +522,7 @@ def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:
 def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     table = small(scenario="paper-scenario-3").run(tmp_path / "out")
     row = table.iloc[6]
-    result = runner.replay(tmp_path / "out", row["run_id"])
+    result = replay.replay(tmp_path / "out", row["run_id"])
     assert result.seeds["acoustics"] == row["seed"]
     assert result.errors.loc["ekf", "absolute", "total"].rms_m == pytest.approx(
         row["ekf.absolute_total_rms_m"], rel=1e-12
@@ -530,9 +530,9 @@ def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     assert "acoustics.range" in "".join(result.record.columns)
     for wrong in ("", "zz"):
         with pytest.raises(ConfigurationError, match="none of them"):
-            runner.replay(tmp_path / "out", wrong)
+            replay.replay(tmp_path / "out", wrong)
     with pytest.raises(ConfigurationError, match="must be a folder of a study's results"):
-        runner.replay(tmp_path, row["run_id"])
+        replay.replay(tmp_path, row["run_id"])
 
 
 def test_a_run_of_other_fmus_is_not_replayed(
@@ -542,7 +542,7 @@ def test_a_run_of_other_fmus_is_not_replayed(
     original = campaign.digest_of
     monkeypatch.setattr(runner, "digest_of", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
-        runner.replay(tmp_path / "out", table["run_id"][0])
+        replay.replay(tmp_path / "out", table["run_id"][0])
 
 
 def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
@@ -550,7 +550,7 @@ def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "out" / "study.json").read_text())
     assert content["definition"]["fmus"].keys() == {"target", "platform", "acoustics", "ekf"}
     assert "numpy" in content["software"]
-    again = store.study_of(tmp_path / "out")
+    again = study.study_of(tmp_path / "out")
     assert again.title == "Small one"
     assert again.plan == small().plan
     assert campaign.prepare(again).definition() == content["definition"]
@@ -586,7 +586,7 @@ def test_another_label_is_not_another_study(tmp_path: Path) -> None:
     before = small(replicates=1, factors={"arm": ARM}).run(tmp_path / "s")
     named = {"arm": {**ARM, "label": "baseline", "unit": "m"}}
     pd.testing.assert_frame_equal(small(replicates=1, factors=named).run(tmp_path / "s"), before)
-    kept = store.study_of(tmp_path / "s")
+    kept = study.study_of(tmp_path / "s")
     assert (kept.labels, kept.units) == ({"arm": "baseline"}, {"arm": "m"})
 
 

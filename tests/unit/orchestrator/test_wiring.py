@@ -15,7 +15,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import input_, parameter
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
 from sblcosim.scenario.scenario import load
-from sblcosim.scenario.wiring import applied
+from sblcosim.scenario.wiring import applied, connect
 from sblcosim.simulation.system import System
 
 PAPER = load("paper-scenario-1")
@@ -50,7 +50,7 @@ def connected(system: System, component: str) -> set[str]:
 
 
 def test_a_system_has_the_four_components_and_the_raw_fix() -> None:
-    system = PAPER.system()
+    system = connect(PAPER)
     assert list(system.components) == ["target", "platform", "acoustics", "ekf", "raw"]
     assert {c.interval_ns for c in system.components.values()} == {100_000_000}
     assert (
@@ -64,7 +64,7 @@ def test_a_system_has_the_four_components_and_the_raw_fix() -> None:
 
 
 def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
-    components = PAPER.system().components
+    components = connect(PAPER).components
     assert components["target"].parameters["trajectory"] == 2
     assert components["platform"].parameters["roll_amplitude"] == pytest.approx(pi / 36)
     assert components["acoustics"].parameters["motion_during_travel"] is False
@@ -72,8 +72,8 @@ def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
 
 
 def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
-    components = PAPER.system(list(RECEIVERS)).components
-    raw = PAPER.system().components["raw"]
+    components = connect(PAPER, list(RECEIVERS)).components
+    raw = connect(PAPER).components["raw"]
     shared = {"range_std", "depth_std", "measurement_noise", "beacon_position_source"}
     for spec in (raw, *(components[name] for name in RECEIVERS)):
         taken = {key: spec.parameters[key] for key in shared}
@@ -84,20 +84,20 @@ def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
 
 
 def test_the_run_ends_with_the_path_or_after_the_given_time() -> None:
-    assert PAPER.system().stop_ns == pytest.approx(15 * pi / 0.5 * 1e9, abs=1)
-    assert load(PAPER, {"time.duration_s": 12.5}).system().stop_ns == 12_500_000_000
+    assert connect(PAPER).stop_ns == pytest.approx(15 * pi / 0.5 * 1e9, abs=1)
+    assert connect(load(PAPER, {"time.duration_s": 12.5})).stop_ns == 12_500_000_000
 
 
 @pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 def test_a_path_without_an_end_needs_a_duration() -> None:
     endless = load(PAPER, {"target.trajectory": "white_noise_acceleration"})
     with pytest.raises(ConfigurationError, match="duration_s: must be a number for a target"):
-        endless.system()
+        connect(endless)
 
 
 def test_the_true_prior_is_where_the_target_starts_at_rest() -> None:
     random = load("paper-scenario-3", {"target.depth_start_m": 4.0})
-    parameters = random.system(["ekf", "sequential"]).components["sequential"].parameters
+    parameters = connect(random, ["ekf", "sequential"]).components["sequential"].parameters
     x, y, z = parameters["prior_position"]  # type: ignore[misc]
     assert (abs(x) < 25.0, abs(y) < 25.0, z) == (True, True, 4.0)
     assert x != 0.0
@@ -107,32 +107,32 @@ def test_the_true_prior_is_where_the_target_starts_at_rest() -> None:
 
 def test_receivers_run_side_by_side_under_their_labels() -> None:
     ekf = build("ekf")
-    system = PAPER.system(["sequential", "ekf", ekf, Deaf])
+    system = connect(PAPER, ["sequential", "ekf", ekf, Deaf])
     assert list(system.components)[3:] == ["sequential", "ekf", "ekf_2", "Deaf", "raw"]
-    assert list(PAPER.system([ekf, "ekf"]).components)[3:] == ["ekf_2", "ekf", "raw"]
-    assert PAPER.system([ekf, "ekf"]).components["ekf_2"].fmu == ekf
-    assert list(PAPER.system({"a": "ekf", "b": Deaf}).components)[3:] == ["a", "b", "raw"]
+    assert list(connect(PAPER, [ekf, "ekf"]).components)[3:] == ["ekf_2", "ekf", "raw"]
+    assert connect(PAPER, [ekf, "ekf"]).components["ekf_2"].fmu == ekf
+    assert list(connect(PAPER, {"a": "ekf", "b": Deaf}).components)[3:] == ["a", "b", "raw"]
 
 
 def test_the_raw_fix_that_is_asked_for_is_not_there_twice() -> None:
-    assert list(PAPER.system("multilateration").components)[3:] == ["multilateration"]
+    assert list(connect(PAPER, "multilateration").components)[3:] == ["multilateration"]
 
 
 @pytest.mark.parametrize("label", ["target", "a.b", "", 5])
 def test_a_label_must_be_a_free_name(label: Any) -> None:
     with pytest.raises(ConfigurationError, match="label must be a name"):
-        PAPER.system({label: "ekf"})
+        connect(PAPER, {label: "ekf"})
 
 
 def test_fmi_versions_are_chosen_for_all_or_for_one() -> None:
-    mixed = load(PAPER, {"fmi": 3, "acoustics.fmi": 2}).system()
+    mixed = connect(load(PAPER, {"fmi": 3, "acoustics.fmi": 2}))
     assert mixed.components["target"].fmu == build("target", 3)
     assert mixed.components["acoustics"].fmu == build("acoustics", 2)
-    assert PAPER.system(fmi=3).components["platform"].fmu == build("platform", 3)
+    assert connect(PAPER, fmi=3).components["platform"].fmu == build("platform", 3)
 
 
 def test_a_foreign_receiver_gets_the_parameters_and_the_connections_it_has() -> None:
-    system = PAPER.system(Deaf)
+    system = connect(PAPER, Deaf)
     assert system.components["Deaf"].parameters == {"range_std": 0.1}
     assert connected(system, "Deaf") == {"depth"}
 
@@ -141,7 +141,7 @@ def test_the_scenarios_own_fmu_gets_its_keys_and_further_parameters() -> None:
     tables = {
         "receiver": {"fmu": str(build("sequential")), "gate": 3.0, "parameters": {"gate_limit": 7}}
     }
-    system = load(tables).system()
+    system = connect(load(tables))
     parameters = system.components["sequential"].parameters
     assert (parameters["gate"], parameters["gate_limit"]) == (3.0, 7)
     assert parameters["update_interval"] == 0.1
@@ -151,17 +151,17 @@ def test_the_scenarios_own_fmu_gets_its_keys_and_further_parameters() -> None:
 def test_a_key_that_the_scenarios_own_fmu_does_not_have_is_refused() -> None:
     scenario = load({"receiver": {"fmu": str(build("ekf")), "gate": 3.0}})
     with pytest.raises(ConfigurationError, match=r"\[receiver\] gate: must be a parameter of"):
-        scenario.system()
+        connect(scenario)
 
 
 def test_a_key_that_no_receiver_of_the_run_has_is_refused() -> None:
     scenario = load(PAPER, {"receiver.gate": 3.0})
     match = r"^override receiver.gate: .* \(ekf, multilateration\)"
     with pytest.raises(ConfigurationError, match=match):
-        scenario.system()
+        connect(scenario)
     with pytest.raises(ConfigurationError, match=r"^scenario: \[receiver\] gate: must be a key"):
-        load({"receiver": {"gate": 3.0}}).system()
-    assert scenario.system("sequential").components["sequential"].parameters["gate"] == 3.0
+        connect(load({"receiver": {"gate": 3.0}}))
+    assert connect(scenario, "sequential").components["sequential"].parameters["gate"] == 3.0
 
 
 @pytest.mark.parametrize(
@@ -174,23 +174,23 @@ def test_a_key_that_no_receiver_of_the_run_has_is_refused() -> None:
 )
 def test_what_cannot_be_a_receiver_is_refused(receiver: str | Path, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message) as caught:
-        PAPER.system(receiver)
+        connect(PAPER, receiver)
     assert "\n" not in str(caught.value)
 
 
 def test_a_stranger_is_refused_as_a_receiver(stranger: Callable[[int], Path]) -> None:
     with pytest.raises(ConfigurationError, match="must honour the plug contract"):
-        PAPER.system(stranger(2))
+        connect(PAPER, stranger(2))
 
 
 def test_a_missing_fmu_of_the_scenario_is_named() -> None:
     with pytest.raises(FmuError, match=r"no\.fmu"):
-        load(PAPER, {"target.fmu": "no.fmu"}).system()
+        connect(load(PAPER, {"target.fmu": "no.fmu"}))
 
 
 def test_only_the_fixed_components_can_be_replaced_by_name() -> None:
     with pytest.raises(ConfigurationError, match="did you mean 'target'"):
-        PAPER.system(components={"targt": Deaf})
+        connect(PAPER, components={"targt": Deaf})
 
 
 class Silent(Deaf):
@@ -250,14 +250,14 @@ class Vague(Deaf):
 )  # fmt: skip
 def test_a_python_receiver_is_refused_before_the_run(receiver: Any, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        PAPER.system(receiver)
+        connect(PAPER, receiver)
     assert str(caught.value) == message
 
 
 def test_an_input_that_nothing_feeds_is_a_warning() -> None:
     match = r"^Curious.ranges: nothing feeds this input, .*; did you mean 'range'\?$"
     with pytest.warns(ConfigurationWarning, match=match):
-        PAPER.system(Curious)
+        connect(PAPER, Curious)
 
 
 def test_arguments_can_be_written_into_the_scenario() -> None:
@@ -275,7 +275,8 @@ def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> N
     changed = applied(scenario, fmu)
     assert (changed.receiver.type, changed.receiver.fmu) == (None, str(fmu))
     again = load(tomllib.loads(changed.dump_toml()))
-    assert again.system().components["sequential"] == scenario.system(fmu).components["sequential"]
+    ours, theirs = connect(again).components, connect(scenario, fmu).components
+    assert ours["sequential"] == theirs["sequential"]
     target = build("target")
     assert applied(PAPER, components={"target": target}).target.fmu == str(target)
     assert applied(PAPER, Deaf).model_dump() == PAPER.model_dump()
@@ -292,11 +293,11 @@ def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> N
 )  # fmt: skip
 def test_a_replacement_that_is_no_component_is_refused(components: Any, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        PAPER.system(components=components)
+        connect(PAPER, components=components)
     assert str(caught.value) == message
 
 
 def test_a_key_that_only_a_chosen_file_has_is_accepted() -> None:
     scenario = load(PAPER, {"receiver.gate": 3.0})
-    system = scenario.system(["ekf", build("sequential")])
+    system = connect(scenario, ["ekf", build("sequential")])
     assert system.components["sequential"].parameters["gate"] == 3.0

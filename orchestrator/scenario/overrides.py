@@ -1,0 +1,81 @@
+"""Changes of a scenario: keys as paths, and their values."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from ..errors import ConfigurationError, instance, quoted, shortened
+from .schema import (
+    PRESETS,
+)
+
+Overrides = Mapping[str, Any] | Iterable[str]
+"""``{"platform.arm_length_m": 0.4}``, nested tables, or ``["platform.arm_length_m=0.4"]``."""
+
+
+def clear_for_presets(
+    raw: Mapping[str, Any], batch: Iterable[tuple[tuple[str, ...], Any]]
+) -> None:
+    """What is said later wins: remove the keys that the presets of a batch replace."""
+    said = dict(batch)
+    table = raw.get("platform")
+    for name, keys in PRESETS.items():
+        if said.get(("platform", name)) is not None and isinstance(table, dict):
+            for key in keys:
+                table.pop(key, None)
+
+
+def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of nested tables without the keys that hold nothing."""
+    return {
+        key: without_none(value) if isinstance(value, Mapping) else value
+        for key, value in tables.items()
+        if value is not None
+    }
+
+
+def pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Keys as paths, and their values."""
+    if isinstance(overrides, str):
+        overrides = (overrides,)
+    if not isinstance(overrides, Iterable):
+        raise ConfigurationError(
+            "overrides: must be keys with values, or texts like table.key=value, got "
+            f"{instance(overrides)}"
+        )
+    if isinstance(overrides, Mapping):
+        for key, value in overrides.items():
+            path = tuple(str(key).split("."))
+            if isinstance(value, Mapping) and path[-1] != "parameters":
+                for rest, inner in pairs(value):
+                    yield path + rest, inner
+            else:
+                yield path, value
+        return
+    for item in overrides:
+        if not isinstance(item, str):
+            raise ConfigurationError(
+                f"override: must be a text like table.key=value, got {instance(item)}"
+            )
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise ConfigurationError(
+                f"override: must be table.key=value, got {quoted(item)}"
+            )
+        yield tuple(part.strip() for part in key.split(".")), _toml_or_word(key, text.strip())
+
+
+def _toml_or_word(key: str, text: str) -> Any:
+    try:
+        (value,) = tomllib.loads(f"value = {text}").values()
+    except (ValueError, RecursionError):
+        if re.fullmatch(r"[A-Za-z_./~\\][\w./~\\:-]*", text):
+            return text
+        raise ConfigurationError(
+            f"override {shortened(key.strip())}: must be a value in TOML, got "
+            f"{quoted(text)}"
+        ) from None
+    return value

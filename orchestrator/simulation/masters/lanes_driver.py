@@ -1,0 +1,142 @@
+"""The C side of the lanes master: its structures, and the engines of our FMUs."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host.instances import binary_of, ours
+from sblcosim.fmus.read.ports import Fmu
+
+from ...errors import FmuError
+from .. import c_libraries
+from ..plan import Plan, PlannedComponent
+
+Floats = NDArray[np.float64]
+SUMS = (
+    "estimates",
+    "error_x", "error_y", "error_z", "error_total",
+    "square_x", "square_y", "square_z",
+    "relative_x", "relative_y", "relative_z", "relative_total",
+    "relative_square_x", "relative_square_y", "relative_square_z",
+    "nees", "nees_estimates",
+    "nis", "nis_degrees", "nis_estimates",
+    "late_estimates", "late_error_square", "late_distance_square",
+    "available_ns",
+    "updates",
+    "broken",
+    "unjudged",
+)
+"""Sums over the estimates of a run; ``enum sum`` of the C driver is made of these names.
+
+``unjudged`` counts estimates whose truth the driver does not know while the run goes on: of an
+epoch older than it remembers, or ahead. It is for whoever has the record to judge such a run.
+"""
+
+ENTRY = "sblcosim_lanes"
+MAX_COMPONENTS, MAX_RECEIVERS = 64, 16
+MOMENT = 13  # values that the driver remembers of an instant
+DRIVER = c_libraries.Driver(
+    "lanes_master",
+    lanes=True,
+    header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
+    " /* sums per receiver and run */\n"
+    f"enum {{ MAX_COMPONENTS = {MAX_COMPONENTS}, MAX_RECEIVERS = {MAX_RECEIVERS}, "
+    f"MOMENT = {MOMENT} }};\n",
+)
+
+
+class Engine(ctypes.Structure):
+    """``struct lanes`` of lanes.h."""
+
+    _fields_ = (
+        ("version", ctypes.c_uint32),
+        ("lanes", ctypes.c_uint32),
+        ("parameters", ctypes.c_uint32),
+        ("inputs", ctypes.c_uint32),
+        ("outputs", ctypes.c_uint32),
+        ("block_size", ctypes.c_uint32),
+        ("initial", ctypes.c_void_p),
+        ("step", ctypes.c_void_p),
+    )
+
+
+def _integers(name: str, fields: Sequence[str]) -> Any:
+    """A C structure of 32-bit integers."""
+    return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_int32) for f in fields]})
+
+
+Link = _integers("Link", ("source", "from_", "target", "to", "count"))
+RECEIVER_PORTS = (
+    "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
+)
+Receiver = _integers("Receiver", ("component", *RECEIVER_PORTS))
+Truth = _integers(
+    "Truth",
+    ("target", "target_position", "target_velocity", "platform", "platform_position", "beacon",
+     "reported", "beacons"),
+)
+Span = _integers("Span", ("component", "from_", "count"))
+
+
+class LanesPlan(ctypes.Structure):
+    """``struct plan`` of c/lanes_master.c."""
+
+    _fields_ = (
+        *((n, ctypes.c_int32) for n in ("n_components", "n_links", "n_handovers", "n_receivers",
+                                        "n_spans", "n_instants", "remembered", "sparse")),
+        *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
+                                         "receivers", "truth", "spans", "instants_ns")),
+        ("settling_ns", ctypes.c_int64),
+    )
+
+
+def unsupported(plan: Plan) -> str | None:
+    """The first component without an engine for lanes, or None."""
+    for component in plan.components:
+        source = component.source  # of others, nothing is loaded to find out
+        if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
+            return component.name
+    return None
+
+
+def loaded_driver() -> ctypes.CDLL:
+    return c_libraries.load(DRIVER)
+
+
+def engine_of(component: PlannedComponent, lanes: int) -> Any:
+    assert isinstance(component.source, Fmu)
+    entry = _entry(component.source)
+    assert entry is not None
+    engine = entry(lanes)
+    if not engine:
+        raise FmuError(f"{component.name}: this processor must be able to do {lanes} lanes")
+    version = ctypes.c_uint32.in_dll(loaded_driver(), "sblcosim_lanes_version").value
+    if engine.contents.version != version:
+        raise FmuError(
+            f"{component.name}: must have version {version} of the engine, got "
+            f"{engine.contents.version}; build the FMU again"
+        )
+    return engine
+
+
+@cache
+def _library(path: str) -> ctypes.CDLL | None:
+    try:
+        return ctypes.CDLL(path)
+    except OSError:
+        return None
+
+
+def _entry(fmu: Fmu) -> Any:
+    """The FMU's function that returns its engines, or None."""
+    library = _library(str(binary_of(fmu)))
+    entry = getattr(library, ENTRY, None) if library is not None else None
+    if entry is not None:
+        entry.restype = ctypes.POINTER(Engine)
+        entry.argtypes = (ctypes.c_uint32,)
+    return entry

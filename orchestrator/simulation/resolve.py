@@ -1,0 +1,382 @@
+"""From a system to its plan: everything is looked up, and refused here if it does not fit."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sblcosim.fmus.host.instances import DTYPES
+from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, SECOND, nanoseconds, text_of
+from sblcosim.fmus.read import ports as fmi
+from sblcosim.fmus.read.ports import Fmu, Port
+from sblcosim.models.declaration import Number, Variable
+
+from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, one_line
+from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
+from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
+from .system import ComponentSpec, Connection, PythonComponent, System
+
+
+def resolve(system: System, *, again: bool = False) -> Plan:
+    """Look everything up and check it.
+
+    Parameters
+    ----------
+    again
+        Whether a system like it was resolved before, so that nobody need be warned.
+
+    Raises
+    ------
+    ConfigurationError
+        Something in the system cannot be carried out; the message names what.
+    FmuError
+        An FMU file is missing, broken, or not for this machine.
+
+    Warns
+    -----
+    ConfigurationWarning
+        One end of a connection has a unit and the other has none.
+    """
+    if not system.components:
+        raise ConfigurationError("system: must have at least one component, got none")
+    sources = {name: _source(name, spec) for name, spec in system.components.items()}
+    ports = {name: found for name, (_, found) in sources.items()}
+    check_instances({name: source for name, (source, _) in sources.items()})
+    settings = {
+        name: _settings(name, spec, ports[name]) for name, spec in system.components.items()
+    }
+    connections = _connections(system, ports, warn=not again)
+    start_ns, stop_ns = _span(system)
+
+    reads, columns, sizes = _outputs(ports)
+    plan = Plan(
+        components=tuple(
+            PlannedComponent(
+                name=name,
+                source=sources[name][0],
+                ports=ports[name],
+                interval_ns=spec.interval_ns,
+                tick_ns=_tick(name, ports[name], settings[name]),
+                settings=settings[name],
+                reads=reads[name],
+                writes=_inputs(name, ports[name], connections, columns),
+            )
+            for name, spec in system.components.items()
+        ),
+        columns=tuple(columns.values()),
+        sizes={kind: size for kind, size in sizes.items() if size},
+        start_ns=start_ns,
+        stop_ns=stop_ns,
+    )
+    check_ticks(plan)
+    check_freshness(plan)
+    check_updates_follow_pings(plan)
+    return plan
+
+
+def _outputs(
+    ports: Mapping[str, Mapping[str, Port]],
+) -> tuple[dict[str, tuple[Read, ...]], dict[str, Column], dict[str, int]]:
+    """What is read of each component, the columns of the record, and how many there are by type."""
+    sizes = dict.fromkeys(DTYPES, 0)
+    reads: dict[str, tuple[Read, ...]] = {}
+    columns: dict[str, Column] = {}
+    for component, own in ports.items():
+        blocks = []
+        for kind, group in _by_type(p for p in own.values() if p.causality == "output"):
+            first = sizes[kind]
+            for port in group:
+                name = f"{component}.{port.name}"
+                columns[name] = Column(name, kind, port.shape, sizes[kind])
+                sizes[kind] += port.size
+            blocks.append(Read(kind, group, first, sizes[kind]))
+        reads[component] = tuple(blocks)
+    return reads, columns, sizes
+
+
+def _inputs(
+    component: str,
+    ports: Mapping[str, Port],
+    connections: Mapping[tuple[str, str], Connection],
+    columns: Mapping[str, Column],
+) -> tuple[Write, ...]:
+    """What is written to a component, and the columns that it comes from."""
+    feeds = {
+        connection.target.split(".", 1)[1]: connection
+        for key, connection in connections.items()
+        if key[0] == component
+    }
+    writes = []
+    for kind, group in _by_type(p for p in ports.values() if p.name in feeds):
+        feeding = tuple(feeds[port.name] for port in group)
+        sources = [columns[connection.source] for connection in feeding]
+        index = tuple(i for column in sources for i in range(column.start, column.stop))
+        writes.append(Write(kind, group, feeding, index))
+    return tuple(writes)
+
+
+def _source(
+    name: str, spec: ComponentSpec
+) -> tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]:
+    if not name or "." in name:
+        raise ConfigurationError(f"component {name!r}: the name must be without a dot")
+    interval = spec.interval_ns
+    if isinstance(interval, bool) or not isinstance(interval, int) or interval <= 0:
+        raise ConfigurationError(
+            f"{name}: the communication interval must be a positive whole number of ns, got "
+            f"{interval!r}"
+        )
+    if isinstance(spec.fmu, Path):
+        found = fmi.read(spec.fmu)
+        return found, found.ports
+    if callable(spec.fmu):
+        return spec.fmu, fmi.ports_of(variables_of(name, spec.fmu))
+    raise ConfigurationError(
+        f"{name}: must be the path of an FMU or make a Python component, got {spec.fmu!r}"
+    )
+
+
+def variables_of(where: str, maker: Any) -> Iterable[Variable]:
+    """The variables of a Python component; an object is made to ask it.
+
+    Parameters
+    ----------
+    where
+        Begins a message.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be made, or is no component.
+    """
+    if not callable(maker):
+        raise ConfigurationError(
+            f"{where}: must be a class or function that makes the component, got {instance(maker)}"
+        )
+    name = getattr(maker, "__qualname__", instance(maker))
+    try:
+        inspect.signature(maker).bind()
+    except TypeError as error:
+        raise ConfigurationError(
+            f"{where}: must make the component without arguments, got {name} ({error})"
+        ) from None
+    except ValueError:  # C code tells nothing about its arguments
+        pass
+    try:
+        component = maker()
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(
+            f"{where}: must make the component, got {type(error).__name__} from {name}: "
+            f"{one_line(error)}"
+        ) from error
+    missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
+    if missing:
+        raise ConfigurationError(
+            f"{where}: must make a component, got {name}, whose object has no "
+            f"{' and no '.join(missing)}"
+        )
+    declared: Any = component.variables
+    must = f"{where}: variables must be a sequence of Variable, got"
+    if not isinstance(declared, Iterable) or isinstance(declared, str):
+        raise ConfigurationError(f"{must} {instance(declared)}")
+    variables: tuple[Variable, ...] = tuple(declared)
+    for variable in variables:
+        if not isinstance(variable, Variable):
+            raise ConfigurationError(f"{must} {instance(variable)} in it")
+    return variables
+
+
+def _by_type(ports: Iterator[Port]) -> Iterator[tuple[str, tuple[Port, ...]]]:
+    """Ports that can be transferred, type by type."""
+    order = list(DTYPES)
+    usable = sorted((p for p in ports if p.type in DTYPES), key=lambda p: order.index(p.type))
+    for kind, group in groupby(usable, key=lambda p: p.type):
+        yield kind, tuple(group)
+
+
+def _settings(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Setting, ...]:
+    settings = []
+    for key, value in spec.parameters.items():
+        where = f"{name}.{key}"
+        port = ports.get(key)
+        if port is None:
+            known = [p.name for p in ports.values() if p.causality == "parameter"]
+            raise ConfigurationError(
+                f"{where}: must be a parameter of {name}, got an unknown name{nearest(key, known)}"
+            )
+        if port.causality != "parameter":
+            raise ConfigurationError(f"{where}: must be a parameter, got {_a(port.causality)}")
+        if port.type not in DTYPES:
+            raise ConfigurationError(f"{where}: must be a number or a switch, got {_a(port.type)}")
+        settings.append(Setting(port, _values(where, port, value)))
+    return tuple(settings)
+
+
+def _values(where: str, port: Port, value: Any) -> tuple[Number, ...]:
+    """The elements of a value, checked against the variable's shape, type and bounds."""
+    elements = list(_flat(value))
+    if len(elements) != port.size or (not port.shape and isinstance(value, (list, tuple))):
+        must = f"{port.size} numbers" if port.shape else "one number"
+        raise ConfigurationError(f"{where}: must be {must}, got {len(elements)}")
+    return tuple(_element(where, port, i, element) for i, element in enumerate(elements))
+
+
+def _subscript(index: tuple[int, ...]) -> str:
+    return f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        for element in value:
+            yield from _flat(element)
+    else:
+        yield value
+
+
+def _element(name: str, port: Port, number: int, value: Any) -> Number:
+    problem = _problem(port, value, port.min[number], port.max[number])
+    if problem is not None:
+        index = tuple(int(i) for i in np.unravel_index(number, port.shape)) if port.shape else ()
+        raise ConfigurationError(f"{name}{_subscript(index)}: must be {problem}")
+    return float(value) if port.type.startswith("Float") else value
+
+
+def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
+    """What a value must be and is not."""
+    if port.type == "Boolean":
+        if not isinstance(value, bool):
+            return f"true or false, got {value!r}"
+        return None
+    real = port.type.startswith("Float")
+    if isinstance(value, bool) or not isinstance(value, (int, float) if real else int):
+        must = "a number" if real else "a whole number"
+        return f"{must}, got {value!r}"
+    if not math.isfinite(value):
+        return f"finite, got {value!r}"
+    if not real:
+        limits = np.iinfo(DTYPES[port.type])  # type: ignore[type-var]
+        low, high = max(low, limits.min), min(high, limits.max)
+    unit = f" {port.unit}" if port.unit else ""
+    if value < low:
+        return f"at least {low:.10g}{unit}, got {value!r}{unit}"
+    if value > high:
+        return f"at most {high:.10g}{unit}, got {value!r}{unit}"
+    return None
+
+
+def _connections(
+    system: System, ports: Mapping[str, Mapping[str, Port]], warn: bool
+) -> dict[tuple[str, str], Connection]:
+    """Connections by the component and variable they feed."""
+    connections: dict[tuple[str, str], Connection] = {}
+    for connection in system.connections:
+        where = f"connection {connection.source} -> {connection.target}"
+        _, _, source = _end(where, connection.source, "output", ports)
+        component, variable, target = _end(where, connection.target, "input", ports)
+        for what, a, b in (
+            ("type", source.type, target.type),
+            ("shape", _shape(source), _shape(target)),
+        ):
+            if a != b:
+                raise ConfigurationError(
+                    f"{where}: both ends must have the same {what}, got {a} and {b}"
+                )
+        if source.type not in DTYPES:
+            raise ConfigurationError(f"{where}: {source.type} variables cannot be connected")
+        if source.unit != target.unit:
+            message = (
+                f"{where}: both ends must have the same unit, got {source.unit or 'none'} and "
+                f"{target.unit or 'none'}"
+            )
+            if source.unit and target.unit:
+                raise ConfigurationError(message)
+            if warn:
+                warnings.warn(message, ConfigurationWarning, stacklevel=3)
+        earlier = connections.get((component, variable))
+        if earlier is not None:
+            raise ConfigurationError(
+                f"{where}: an input must have one source, got {earlier.source} as well"
+            )
+        connections[component, variable] = connection
+    return connections
+
+
+def _end(
+    where: str, end: str, causality: str, ports: Mapping[str, Mapping[str, Port]]
+) -> tuple[str, str, Port]:
+    component, _, variable = end.partition(".")
+    if component not in ports:
+        raise ConfigurationError(
+            f"{where}: {component!r} must be a component of the system{nearest(component, ports)}"
+        )
+    port = ports[component].get(variable)
+    if port is None:
+        known = [p.name for p in ports[component].values() if p.causality == causality]
+        raise ConfigurationError(
+            f"{where}: {variable!r} must be {_a(causality)} of {component}, got an unknown name"
+            f"{nearest(variable, known)}"
+        )
+    if port.causality != causality:
+        raise ConfigurationError(
+            f"{where}: {end} must be {_a(causality)}, got {_a(port.causality)}"
+        )
+    return component, variable, port
+
+
+def _a(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiouAEIOU' else 'a'} {noun}"
+
+
+def _shape(port: Port) -> str:
+    return "×".join(str(n) for n in port.shape) or "scalar"
+
+
+def _span(system: System) -> tuple[int, int]:
+    """Start, and the last common multiple of all intervals that is not beyond the stop."""
+    for what, value in (("start", system.start_ns), ("stop", system.stop_ns)):
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise ConfigurationError(f"system: {what} must be a whole number of ns, got {value!r}")
+    if system.stop_ns <= system.start_ns:
+        raise ConfigurationError(
+            f"system: the stop must be after the start at {text_of(system.start_ns)}, got "
+            f"{text_of(system.stop_ns)}"
+        )
+    if system.stop_ns >= MAX_SECONDS * SECOND:
+        raise ConfigurationError(
+            f"system: the stop must be before {MAX_SECONDS:g} s, got {system.stop_ns / SECOND:g} s"
+        )
+    common = math.lcm(*(spec.interval_ns for spec in system.components.values()))
+    duration = system.stop_ns - system.start_ns
+    if common > duration:
+        raise ConfigurationError(
+            f"system: the run must be at least as long as the least common multiple of all "
+            f"communication intervals, {text_of(common)}, got {text_of(duration)}"
+        )
+    return system.start_ns, system.stop_ns - duration % common
+
+
+def _tick(name: str, ports: Mapping[str, Port], settings: Sequence[Setting]) -> int | None:
+    """Time between ticks in ns, None without ticks."""
+    for parameter in sorted(TICK_PARAMETERS & ports.keys()):
+        port = ports[parameter]
+        if (port.causality, port.type, port.shape) != ("parameter", "Float64", ()):
+            continue
+        given = next((s.values for s in settings if s.port is port), port.start)
+        if given is None:
+            continue
+        (value,) = given
+        tick = nanoseconds(value)
+        if tick <= 0 or not math.isclose(tick / SECOND, value, rel_tol=1e-12):
+            raise ConfigurationError(
+                f"{name}.{parameter}: must be a positive whole number of ns, got {value!r} s"
+            )
+        return tick
+    return None

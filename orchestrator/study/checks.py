@@ -1,0 +1,209 @@
+"""What is wrong with a study, in lines for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from itertools import compress
+from typing import Any
+
+from pydantic_core import ErrorDetails
+
+from ..errors import ConfigurationError, nearest, quoted, shortened
+from ..scenario import effects
+from ..scenario.messages import requirement
+from ..scenario.scenario import SETTERS, Scenario, no_effect
+from ..scenario.schema import Table, toml
+from . import design as designs
+from .definition import LONGEST_NAME, RESERVED, Definition, DesignTable, FactorTable
+from .design import TIMES, Number
+
+
+def problems(study: Definition) -> Iterator[str]:
+    """What is wrong with the factors; one line each."""
+    known = known_keys()
+    owner: dict[str, str] = {}
+    if not study.factors and study.design.kind != "single":
+        yield "factors: must have at least one, got none"
+    if study.factors and study.design.kind == "single":
+        yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
+    called: dict[str, str] = {}
+    for name, label in study.labels.items():
+        place = f"[factors.{shortened(name)}]"
+        if label in called:
+            yield f"{place} label: must differ from that of {called[label]}, got {quoted(label)}"
+        if study.factors[name].label and (TIMES.strip() in label or label in RESERVED):
+            yield f"{place} label: must be a word or a few, got {quoted(label)}"
+        called[label] = name
+    fixed = set(_flat(study.fixed))
+    if "seed" in fixed:
+        yield "fixed: must not have seed, the study's own seed rules"
+    for name, factor in study.factors.items():
+        place = f"[factors.{shortened(name)}]"
+        if not name.isidentifier() or name in RESERVED or len(name) > LONGEST_NAME:
+            yield (
+                f"{place}: must have a name of at most {LONGEST_NAME} letters, digits and _, "
+                f"none of {', '.join(RESERVED)}, got {quoted(name)}"
+            )
+        if not factor.keys:
+            yield f"{place} keys: must have at least one key, got none"
+        for key in factor.keys:
+            if key not in known and ".parameters." not in key:
+                yield f"{place} keys: there is no key {quoted(key)}{_near(key, known)}"
+                continue
+            if key in owner:
+                yield f"{place} keys: {key} must belong to one factor, got {owner[key]}, too"
+            if key in fixed:
+                yield f"{place} keys: {key} must not be among the fixed keys, too"
+            owner[key] = name
+        try:
+            designs.Factor(name, factor.levels)
+        except ConfigurationError as error:
+            yield f"{place} levels: {str(error).partition(': ')[2]}"
+            continue
+        if not all(key in known or ".parameters." in key for key in factor.keys):
+            continue
+        problem = next((p for v in factor.levels for p in _level(study, factor, v)), None)
+        if problem is not None:
+            yield f"{place} levels: {problem}"
+    yield from _design_problems(study)
+
+
+def _design_problems(study: Definition) -> Iterator[str]:
+    """What is wrong with the design; one line each."""
+    if study.design.kind != "fraction" and (study.design.generators or study.design.resolution):
+        yield "[design] kind: must be 'fraction' with generators or a resolution, got " + toml(
+            study.design.kind
+        )
+    if study.design.kind in ("sweep", "single") and study.design.centre_points:
+        yield (
+            f"[design] centre_points: must be 0 for kind '{study.design.kind}', got "
+            f"{study.design.centre_points}"
+        )
+    if study.seeding == "common" and study.design.centre_points > 1:
+        yield (
+            "[design] centre_points: must be at most 1 with seeding 'common', where they would all "
+            f"be the same run, got {study.design.centre_points}"
+        )
+
+
+def _level(study: Definition, factor: FactorTable, level: Number) -> Iterator[str]:
+    """What is wrong with a level alone; it may need another factor's, which is seen later."""
+    try:
+        study.base.override(dict.fromkeys(factor.keys, level))
+    except ConfigurationError as error:
+        for line in str(error).splitlines():
+            if any(line.startswith(f"override {key}: must be") for key in factor.keys):
+                yield line.removeprefix("override ")
+
+
+def idle_factors(study: Definition) -> Iterator[str]:
+    """Keys of factors that have no effect at any point; one line each."""
+    for name, factor in study.factors.items():
+        for key in factor.keys:
+            why = _why_idle(study, key)
+            if why is not None:
+                yield f"[factors.{name}] keys: {key} must have an effect, got none, as {why}"
+
+
+def _why_idle(study: Definition, key: str) -> str | None:
+    """Why a key has no effect at any point; None if it has one."""
+    path = tuple(key.split("."))
+    on = set(effects.conditions(path))
+    if not on and path not in SETTERS:
+        return None
+    decisive = {path, *on, *SETTERS}
+    names = [
+        any(tuple(k.split(".")) in decisive for k in factor.keys)
+        for factor in study.factors.values()
+    ]
+    why, seen = None, set()
+    for number, values in enumerate(study.plan.points, 1):
+        levels = tuple(compress(values, names))
+        if levels in seen:
+            continue
+        seen.add(levels)
+        try:
+            scenario = study.base.override(study.overrides(number))
+        except ConfigurationError as error:
+            lead = f"{no_effect(path)}, as "
+            found = [line for line in str(error).splitlines() if line.startswith(lead)]
+            if not found:
+                return None  # it is told elsewhere what is wrong with that point
+            why = found[0].removeprefix(lead)
+            continue
+        why = effects.in_vain(scenario, study.components(scenario), [path]).get(path)
+        if why is None:
+            return None
+    return why
+
+
+@cache
+def known_keys() -> tuple[str, ...]:
+    """Keys that a factor may have, ``table.key``."""
+    keys = []
+    for name, field in Scenario.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, Table):
+            keys += [f"{name}.{key}" for key in kind.model_fields if key not in _NO_FACTORS]
+    return tuple(keys)
+
+
+_NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade")
+
+
+def _near(key: str, known: Sequence[str]) -> str:
+    """The nearest key; one without its table counts by its own name."""
+    same = [k for k in known if k.partition(".")[2] == key.rpartition(".")[2]]
+    if same:
+        return f"; did you mean {same[0]!r}?"
+    if "." in key:
+        return nearest(key, known)
+    close = nearest(key, [k.partition(".")[2] for k in known])
+    for k in known:
+        if close == nearest(key, [k.partition(".")[2]]) != "":
+            return f"; did you mean {k!r}?"
+    return ""
+
+
+def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}"
+
+
+def line(error: ErrorDetails, where: str) -> str:
+    """A problem that pydantic found, in our wording."""
+    location = [str(part) for part in error["loc"]]
+    place, models = location[0], Definition.model_fields
+    table: type[Table] = Definition
+    if place == "design" and len(location) > 1:
+        table, place, location = DesignTable, f"[design] {location[1]}", location[1:]
+    elif place == "factors" and len(location) > 2:
+        table = FactorTable
+        place, location = f"[factors.{shortened(location[1])}] {location[2]}", location[2:]
+    elif place == "factors" and len(location) == 2:
+        place = f"[factors.{shortened(location[1])}]"
+    if error["type"] == "extra_forbidden":
+        inside = "" if table is Definition else place.partition("] ")[0] + "] "
+        return (
+            f"{where}: {inside}there is no key {quoted(location[0])}"
+            f"{nearest(location[0], table.model_fields if table is not Definition else models)}"
+        )
+    if error["type"] == "missing":
+        return f"{where}: {place}: must be given, got nothing"
+    if location[0] == "scenario":
+        return f"{where}: scenario: must be a name, a file or a table, got {_text(error['input'])}"
+    must, choices = requirement(error)
+    got = error["input"]
+    close = nearest(got, choices) if isinstance(got, str) else ""
+    return f"{where}: {place}: {must}, got {_text(got)}{close}"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float) and not math.isfinite(value):
+        return repr(value)
+    return shortened(toml(value))

@@ -1,0 +1,220 @@
+"""What a study file says: factors, design, replicates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+from sblcosim.fmus.host.nanoseconds import nanoseconds, settled
+from sblcosim.models import RECEIVERS
+
+from ..errors import ConfigurationError
+from ..scenario import effects
+from ..scenario.scenario import Scenario
+from ..scenario.scenario import load as load_scenario
+from ..scenario.schema import SEED, Name, Table
+from . import design as designs
+from .design import Design, Number
+
+RESERVED = (
+    "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
+    "runs", "mean", "std", "fit", "value",
+)
+"""Columns of a table of runs, or of what comes of it, that are no factors."""
+LONGEST_NAME = 60  # characters in a factor's name
+
+
+def _array(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _levels(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or any(
+        isinstance(v, bool) or not isinstance(v, int | float) for v in value
+    ):
+        raise PydanticCustomError("levels", "must be an array of numbers")
+    return tuple(value)
+
+
+_Texts = Annotated[tuple[str, ...], BeforeValidator(_array)]
+
+
+class FactorTable(Table):
+    """Table ``[factors.NAME]``.
+
+    Attributes
+    ----------
+    keys
+        Of the scenario, ``table.key``; all get the level.
+    levels
+        In the units of the keys; of two, the first is coded −1 and the second +1.
+    label, unit
+        What people read: in place of the name, and after the levels (default: from the suffix of
+        the keys).
+    """
+
+    keys: _Texts
+    levels: Annotated[tuple[Any, ...], BeforeValidator(_levels)]
+    label: str = ""
+    unit: str = ""
+
+
+class DesignTable(Table):
+    """Table ``[design]``.
+
+    Attributes
+    ----------
+    kind
+        ``full`` (two levels, all combinations), ``fraction`` (of that), ``sweep`` (one factor
+        at a time, any number of levels), or ``single`` (the scenario itself, without factors).
+    generators, resolution
+        Of a fraction, see `sblcosim.study.design.fractional`.
+    centre_points
+        Points in the middle of all factors.
+    order
+        Interactions up to this order must not be aliased with each other.
+    """
+
+    kind: Literal["full", "fraction", "sweep", "single"] = "full"
+    generators: _Texts = ()
+    resolution: Annotated[int, Field(ge=3)] | None = None
+    centre_points: Annotated[int, Field(ge=0, le=1000)] = 0
+    order: Annotated[int, Field(ge=1)] = 1
+
+
+class Definition(Table):
+    """A factorial campaign, as its file says it.
+
+    Attributes
+    ----------
+    scenario
+        Name, file, or tables of a scenario.
+    replicates
+        Runs of each point.
+    seeding
+        ``independent``: each run has its own noise; ``common``: all points of a replicate share it.
+    seed
+        Of the first run, and of the run order.
+    settling_time_s
+        Errors count from then on.
+    receivers
+        As in `sblcosim.run`; none: the scenario's own.
+    fixed
+        Keys of the scenario that are changed for all runs.
+    """
+
+    name: Name = "study"
+    title: str = ""
+    scenario: str | dict[str, Any]
+    replicates: Annotated[int, Field(ge=1)] = 1
+    seeding: Literal["independent", "common"] = "independent"
+    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = 1
+    settling_time_s: Annotated[
+        float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
+    ] = 0.0
+    receivers: _Texts = ()
+    fixed: dict[str, Any] = Field(default_factory=dict)
+    design: DesignTable = Field(default_factory=DesignTable)
+    factors: dict[str, FactorTable] = Field(default_factory=dict)
+
+    @cached_property
+    def base(self) -> Scenario:
+        """The scenario with the fixed keys."""
+        return load_scenario(self.scenario, self.fixed)
+
+    @cached_property
+    def plan(self) -> Design:
+        """The points."""
+        factors = [designs.Factor(name, f.levels) for name, f in self.factors.items()]
+        table = self.design
+        if table.kind == "single":
+            return Design((), ((),), (False,))
+        if table.kind == "full":
+            made = designs.full(factors, table.centre_points)
+        elif table.kind == "fraction":
+            made = designs.fractional(
+                factors, table.generators, table.resolution, table.centre_points
+            )
+        else:
+            made = designs.sweep(factors, self.sweep_base or [0.0])
+        made.require(min(table.order, len(factors)))
+        return made
+
+    @property
+    def sweep_base(self) -> list[Number]:
+        """Where the factors of a sweep are while another one is swept; none for a single factor."""
+        if self.design.kind != "sweep" or len(self.factors) < 2:
+            return []
+        return [self._base_of(name) for name in self.factors]
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What people read for the factors, by name."""
+        return {name: f.label or name for name, f in self.factors.items()}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the factors, by name; where none is given, those of the keys if they agree."""
+        return {name: f.unit or _unit(f.keys) for name, f in self.factors.items()}
+
+    def components(self, scenario: Scenario) -> effects.Ours:
+        """Our components in the runs, by the table whose keys they take."""
+        found = dict(effects.components_of(scenario))
+        if self.receivers:
+            named = all(name in RECEIVERS for name in self.receivers)
+            found["receiver"] = self.receivers if named else ()
+        return found
+
+    def _base_of(self, name: str) -> Number:
+        values = [value_of(self.base, key) for key in self.factors[name].keys]
+        if len(set(values)) > 1 or isinstance(values[0], bool | str | tuple | None):
+            keys = " and ".join(self.factors[name].keys)
+            raise ConfigurationError(
+                f"[factors.{name}] keys: must have one number in the scenario, from which the "
+                f"others are swept, got {', '.join(map(repr, values))} for {keys}"
+            )
+        number: Number = values[0]
+        return number
+
+    def overrides(self, point: int) -> dict[str, Number]:
+        """Keys of the scenario and their values at a point (from 1)."""
+        values = self.plan.points[point - 1]
+        return {
+            key: value
+            for factor, value in zip(self.factors.values(), values, strict=True)
+            for key in factor.keys
+        }
+
+    def run_seed(self, point: int, replicate: int) -> int:
+        """Seed of a run (both from 1)."""
+        if self.seeding == "common":
+            return self.seed + replicate - 1
+        return self.seed + (replicate - 1) * len(self.plan.points) + point - 1
+
+    @property
+    def settling_ns(self) -> int:
+        """The settling time in ns."""
+        return nanoseconds(self.settling_time_s)
+
+
+UNITS = {
+    "_deg_s": "°/s", "_deg_K": "°/K", "_K_s": "K/s", "_m_s": "m/s", "_m2_s3": "m²/s³",
+    "_s_s": "s/s", "_deg": "°", "_Hz": "Hz", "_K": "K", "_m": "m", "_s": "s",
+}
+"""Units by the suffixes of keys, the longer ones first."""
+
+
+def _unit(keys: Sequence[str]) -> str:
+    """The unit of all these keys; empty if it is not one and the same."""
+    found = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
+    return found.pop() if len(found) == 1 else ""
+
+
+def value_of(scenario: Scenario, key: str) -> Any:
+    value: Any = scenario
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else getattr(value, part, None)
+    return value

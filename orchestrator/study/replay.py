@@ -1,0 +1,61 @@
+"""One run of a study again, with its full record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..api import run as run_scenario
+from ..errors import ConfigurationError
+from ..results.result import Result
+from ..scenario.schema import CORE_COMPONENTS
+from .campaign import Point, digest_of, receivers_of, resolved, seeded_inputs
+from .store import table
+from .study import study_of
+
+
+def replay(
+    results: str | Path,
+    run_id: str,
+    *,
+    master: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Do a run of a study again, and record everything.
+
+    Parameters
+    ----------
+    results
+        Folder of results.
+    run_id
+        As in the table, or the beginning of it.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such run, or it cannot be done again: the FMUs have changed.
+    """
+    study = study_of(results)
+    runs = table(results)
+    found = runs[runs["run_id"].str.startswith(run_id)] if run_id else runs[:0]
+    if len(found) != 1:
+        what = f"the beginning of {len(found)}" if len(found) else "none of them"
+        raise ConfigurationError(
+            f"run: must be the run_id of one run in {results}, got {run_id!r}, which is {what}"
+        )
+    number, seed, run_id = (found.iloc[0][name] for name in ("point", "seed", "run_id"))
+    scenario, system, plan = resolved(study, int(number))
+    labels = [name for name in system.components if name not in CORE_COMPONENTS]
+    seeded, handovers = seeded_inputs(study, system, labels)
+    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+    digest = digest_of(system, plan, free, study.settling_ns)
+    if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
+        raise ConfigurationError(
+            f"run {run_id}: must be done again with the FMUs of then, got others"
+        )
+    return run_scenario(
+        scenario.override({"seed": int(seed)}),
+        receivers_of(study),
+        master=master,
+        progress=progress,
+    )

@@ -1,0 +1,195 @@
+"""The structure of the sources: which room imports which, no circles, nothing too long."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = {"orchestrator": "sblcosim", "fmus": "sblcosim.fmus", "models": "sblcosim.models"}
+MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS = 450, 60, 7
+
+LONG_MODULES: dict[str, str] = {}
+"""Modules that are one thing all the same, and what."""
+LONG_FUNCTIONS: dict[str, str] = {}
+"""Functions that are longer, or take more, and why."""
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module of the sources."""
+
+    name: str
+    path: Path
+    package: bool
+
+    @property
+    def tree(self) -> ast.Module:
+        return ast.parse(self.path.read_text("utf-8"))
+
+    @property
+    def where(self) -> str:
+        return self.path.relative_to(ROOT).as_posix()
+
+
+@cache
+def modules() -> dict[str, Module]:
+    found = {}
+    for folder, package in FOLDERS.items():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            inner = path.relative_to(ROOT / folder).with_suffix("").parts
+            is_package = inner[-1] == "__init__"
+            name = ".".join((package, *(inner[:-1] if is_package else inner)))
+            found[name] = Module(name, path, is_package)
+    return found
+
+
+def imports(module: Module) -> Iterator[str]:
+    """All that a module imports of the sources: in functions and for types only, too."""
+    known = modules()
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in known)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                package = module.name if module.package else module.name.rpartition(".")[0]
+                for _ in range(node.level - 1):
+                    package = package.rpartition(".")[0]
+                base = f"{package}.{base}" if base else package
+            for alias in node.names:
+                if f"{base}.{alias.name}" in known:
+                    yield f"{base}.{alias.name}"
+                elif base in known:
+                    yield base
+
+
+@cache
+def arrows() -> dict[str, set[str]]:
+    return {name: set(imports(module)) - {name} for name, module in modules().items()}
+
+
+@cache
+def rooms() -> dict[str, tuple[str, ...]]:
+    """The table of rooms in ARCHITECTURE.md: folders or modules, and what each may import."""
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    table = text.partition("<!-- rooms -->\n")[2].partition("\n\n")[0]
+    found = {}
+    for line in table.splitlines()[2:]:
+        room, _, allowed = (cell.strip() for cell in line.strip("|").split("|"))
+        for name in re.findall(r"`([^`]+)`", room):
+            found[name.rstrip("/")] = tuple(
+                cell.rstrip("/") for cell in re.findall(r"`([^`]+)`", allowed)
+            )
+    return found
+
+
+def room_of(module: Module) -> str:
+    """The innermost row of the table that holds a module."""
+    where = module.path.relative_to(ROOT).with_suffix("").as_posix().removesuffix("/__init__")
+    return max((r for r in rooms() if f"{where}/".startswith(f"{r}/")), key=len, default="")
+
+
+def circles() -> list[list[str]]:
+    """Groups of modules that import each other, by Tarjan's algorithm."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        index[name] = low[name] = len(index)
+        stack.append(name)
+        for other in sorted(arrows()[name]):
+            if other not in index:
+                visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], index[other])
+        if low[name] == index[name]:
+            group = stack[stack.index(name) :]
+            del stack[stack.index(name) :]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for name in arrows():
+        if name not in index:
+            visit(name)
+    return found
+
+
+def functions(module: Module) -> Iterator[tuple[str, int, int]]:
+    """All functions: their names, lines and parameters."""
+
+    def walk(node: ast.AST, above: str) -> Iterator[tuple[str, int, int]]:
+        for child in ast.iter_child_nodes(node):
+            name = f"{above}.{child.name}" if hasattr(child, "name") else above
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                given = child.args
+                taken = [*given.posonlyargs, *given.args, *given.kwonlyargs]
+                own = taken[1:] if taken and taken[0].arg in ("self", "cls") else taken
+                yield name, (child.end_lineno or child.lineno) - child.lineno + 1, len(own)
+            yield from walk(child, name)
+
+    yield from walk(module.tree, module.name.removeprefix("sblcosim."))
+
+
+def test_the_rooms_are_all_in_the_table_and_there() -> None:
+    assert len(rooms()) > 10
+    assert {m.where for m in modules().values() if not room_of(m)} == set()
+    for room, allowed in rooms().items():
+        assert (ROOT / room).is_dir() or (ROOT / f"{room}.py").is_file(), room
+        assert set(allowed) <= set(rooms()), room
+
+
+def test_the_table_of_rooms_goes_one_way() -> None:
+    order = list(rooms())
+    for room, allowed in rooms().items():
+        assert all(order.index(other) < order.index(room) for other in allowed), room
+
+
+def test_no_arrow_climbs() -> None:
+    known = modules()
+    climbing = []
+    for name, others in arrows().items():
+        room = room_of(known[name])
+        for other in others:
+            target = room_of(known[other])
+            if target not in (room, *rooms()[room]):
+                climbing.append(f"{known[name].where} imports {known[other].where}")
+    assert climbing == []
+
+
+def test_there_are_no_circles() -> None:
+    assert circles() == []
+
+
+def test_modules_are_short() -> None:
+    sizes = {m.where: len(m.path.read_text("utf-8").splitlines()) for m in modules().values()}
+    long = {where for where, lines in sizes.items() if lines > MOST_LINES}
+    assert long == set(LONG_MODULES)
+    assert all(LONG_MODULES.values())
+
+
+def test_functions_are_short_and_take_little() -> None:
+    long = {
+        name
+        for module in modules().values()
+        for name, lines, parameters in functions(module)
+        if lines > MOST_FUNCTION_LINES or parameters > MOST_PARAMETERS
+    }
+    assert long == set(LONG_FUNCTIONS)
+    assert all(LONG_FUNCTIONS.values())
+
+
+@pytest.mark.parametrize("name", ["sblcosim.study.study", "sblcosim.fmus.build.factory"])
+def test_the_graph_sees_imports_wherever_they_stand(name: str) -> None:
+    """It would find nothing wrong if it found nothing at all."""
+    assert len(arrows()[name]) >= 3
+    assert sum(map(len, arrows().values())) > 300
