@@ -25,6 +25,7 @@ from sblcosim.report import factorial as report
 from sblcosim.report import page
 from sblcosim.report.paper import page as paper
 from sblcosim.results import figures, metrics, result
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
 from sblcosim.study import campaign, executors, study
 from synthetic_record import make_record
@@ -96,7 +97,7 @@ CALLS: dict[str, Any] = {
     "report.paper.page.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
     "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
-    "scenario.scenario.Scenario.system fmi": sblcosim.load("paper-scenario-1").system,
+    "scenario.wiring.connect fmi": partial(connect, sblcosim.load("paper-scenario-1")),
     "simulation.execution.execute master": partial(execution.execute, None),
     "study.campaign.prepare master": partial(campaign.prepare, STUDY),
     "study.runner.run executor": lambda executor: executors.ready(
@@ -111,11 +112,11 @@ CALLS |= {
                                  ("analysis.fit.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
-    "analysis.workflow.of_study error": "analysis.of_table",
+    "analysis.workflow.of_study error": "analysis.workflow.of_table",
     "report.study.save error": "report.factorial.find",
-    "analysis.workflow.of_study transform": "analysis.of_table",
+    "analysis.workflow.of_study transform": "analysis.workflow.of_table",
     "report.study.save transform": "report.factorial.find",
-    "analysis.workflow.write theme": "analysis.save",
+    "analysis.workflow.write theme": "analysis.workflow.save",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 

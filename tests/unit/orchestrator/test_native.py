@@ -393,10 +393,11 @@ def test_an_unknown_master_is_refused_with_the_nearest_name(stranger):
 SANITIZED = """
 import sys
 from pathlib import Path
-from sblcosim import drivers, master, native
+from sblcosim.simulation import c_libraries
+from sblcosim.simulation.masters import native, python as master
 from test_native import assert_equal, ring
 two, three, driver = map(Path, sys.argv[1:])
-drivers.load = lambda name: __import__("ctypes").CDLL(str(driver))
+c_libraries.load = lambda name: __import__("ctypes").CDLL(str(driver))
 plan = ring(two, three, 20, 30, stop_ns=6000)
 assert_equal(native.execute(plan), master.execute(plan))
 native.execute(plan, record=("b.y", "a.was_on"))

@@ -191,7 +191,7 @@ def tampered(
         kept.extend((ours, callback, step))
         return ctypes.pointer(ours)
 
-    monkeypatch.setattr(lanes_driver, "engine_of", engine)
+    monkeypatch.setattr(lanes, "engine_of", engine)
     return kept
 
 

@@ -156,7 +156,7 @@ def test_every_flipped_bit_of_what_the_folder_says_is_found_or_means_nothing(out
 def test_damaged_but_valid_json_is_refused_in_one_line(out: Path, text: str) -> None:
     (out / "study.json").write_bytes(text.encode("utf-8", "surrogateescape"))
     for refused in (
-        store.table, store.study_of, small().run,
+        store.table, study.study_of, small().run,
         lambda place: runner.missing(campaign.prepare(small()), place),
         lambda place: replay.replay(place, "a"),
     ):

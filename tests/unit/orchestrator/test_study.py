@@ -450,7 +450,8 @@ def test_components_that_are_not_ours_run_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small().run(tmp_path / "lanes")
-    monkeypatch.setattr(lanes_driver, "unsupported", lambda plan: "ekf")
+    for module in (lanes, lanes_driver):
+        monkeypatch.setattr(module, "unsupported", lambda plan: "ekf")
     monkeypatch.setattr(runner, "_PART", 1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
@@ -540,7 +541,7 @@ def test_a_run_of_other_fmus_is_not_replayed(
 ) -> None:
     table = small().run(tmp_path / "out")
     original = campaign.digest_of
-    monkeypatch.setattr(runner, "digest_of", lambda *args: original(*args)[::-1])
+    monkeypatch.setattr(replay, "digest_of", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
         replay.replay(tmp_path / "out", table["run_id"][0])
 
