@@ -40,7 +40,8 @@ READY = Path(__file__).parents[1] / "ready"
 
 _SHELLS = {2: "fmi2.c", 3: "fmi3.c"}
 _LANES = ("lanes.h", "lanes.c", "dispatch.c")
-_HEADERS = ("engine.h", "elementary.h", "instance.h", "noise.h", "philox.h", "real.h")
+_HEADERS = ("engine.h", "elementary.h", "instance.h", "life_cycle.h", "noise.h", "philox.h", "real.h",
+    "snapshots.h", "steps.h", "values.h")
 
 
 def build(

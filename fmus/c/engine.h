@@ -46,7 +46,8 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
     for (int round = 0; round < MAX_ROUNDS; round++) {
         real w[N_W + 1];
         model_guard(loop, variant, x, engine_u(b), engine_p(b), t, &going);
-        going = r_if_else_zero(r_eq(going, going), going); /* a NaN has nothing to do */
+        /* A NaN has nothing to do. (Without r_truth the compilers' code would be another.) */
+        going = r_keep(m_true(r_truth(m_eq(going, going))), going);
         if (!r_any(going))
             return 1;
         engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
@@ -58,15 +59,15 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
             next[i] = x[i];
         model_body(loop, variant, next, engine_u(b), engine_p(b), w, t);
         for (int i = 0; i < N_X; i++)
-            x[i] = r_select(going, next[i], x[i]);
+            x[i] = r_blend(m_true(going), next[i], x[i]);
 #endif
-        b->rounds[loop] += r_integer(r_if_else_zero(going, r_set1(1.0)));
+        b->rounds[loop] += r_integer(r_truth(m_true(going)));
     }
 #if LANES == 1
     return 0;
 #else
     for (int i = 0; i < N_X; i++)
-        x[i] = r_select(going, r_set1(__builtin_nan("")), x[i]);
+        x[i] = r_blend(m_true(going), r_set1(__builtin_nan("")), x[i]);
     return 1;
 #endif
 }

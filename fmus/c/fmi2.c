@@ -5,6 +5,10 @@ typedef fmi2Boolean boolean;
 typedef fmi2CallbackLogger logger_callback;
 #define ARRAYS 0
 #include "instance.h"
+#include "life_cycle.h"
+#include "values.h"
+#include "steps.h"
+#include "snapshots.h"
 
 #define NOT_NULL(pointer)                                                                         \
     if (!(pointer))                                                                               \

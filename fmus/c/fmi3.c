@@ -5,6 +5,10 @@ typedef fmi3Boolean boolean;
 typedef fmi3LogMessageCallback logger_callback;
 #define ARRAYS 1
 #include "instance.h"
+#include "life_cycle.h"
+#include "values.h"
+#include "steps.h"
+#include "snapshots.h"
 
 #define NOT_NULL(pointer)                                                                         \
     if (!(pointer))                                                                               \

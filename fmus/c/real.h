@@ -208,23 +208,8 @@ R_INLINE real r_blend(mask m, real a, real b)
 #endif
 }
 
-/* ---- comparisons and logic: 1.0 or 0.0 ---- */
-
+/* 1.0 where the mask is set, else +0. */
 R_INLINE real r_truth(mask m) { return r_keep(m, r_set1(1.0)); }
-
-R_INLINE real r_lt(real a, real b) { return r_truth(m_lt(a, b)); }
-R_INLINE real r_le(real a, real b) { return r_truth(m_le(a, b)); }
-R_INLINE real r_eq(real a, real b) { return r_truth(m_eq(a, b)); }
-R_INLINE real r_ne(real a, real b) { return r_truth(m_ne(a, b)); }
-R_INLINE real r_and(real a, real b) { return r_truth(m_true(a) & m_true(b)); }
-R_INLINE real r_or(real a, real b) { return r_truth(m_true(a) | m_true(b)); }
-R_INLINE real r_not(real a) { return r_truth(m_eq(a, r_set1(0.0))); }
-
-/* c != 0 ? x : +0; whatever x is (inf, NaN), it leaves no trace where c is zero. */
-R_INLINE real r_if_else_zero(real c, real x) { return r_keep(m_true(c), x); }
-
-/* c != 0 ? a : b */
-R_INLINE real r_select(real c, real a, real b) { return r_blend(m_true(c), a, b); }
 
 /* Is the mask set in any lane? Asked before every loop and draw, so worth the processor's own
  * instruction. */

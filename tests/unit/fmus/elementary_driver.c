@@ -8,6 +8,16 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
+/* Masks as numbers, 1 or 0. */
+#define r_lt(a, b) r_truth(m_lt(a, b))
+#define r_le(a, b) r_truth(m_le(a, b))
+#define r_eq(a, b) r_truth(m_eq(a, b))
+#define r_ne(a, b) r_truth(m_ne(a, b))
+#define r_and(a, b) r_truth(m_true(a) & m_true(b))
+#define r_or(a, b) r_truth(m_true(a) | m_true(b))
+#define r_not(a) r_truth(~m_true(a))
+#define r_keep_true(c, x) r_keep(m_true(c), x)
+
 #define UNARY(name)                                                  \
     EXPORT void map_##name(const double *x, double *y, size_t n);    \
     EXPORT void map_##name(const double *x, double *y, size_t n)     \
@@ -50,7 +60,7 @@ BINARY(eq)
 BINARY(ne)
 BINARY(and)
 BINARY(or)
-BINARY(if_else_zero)
+BINARY(keep_true)
 
 EXPORT int lanes(void);
 EXPORT int lanes(void)
@@ -58,11 +68,11 @@ EXPORT int lanes(void)
     return LANES;
 }
 
-EXPORT void map_select(const double *c, const double *a, const double *b, double *y, size_t n);
-EXPORT void map_select(const double *c, const double *a, const double *b, double *y, size_t n)
+EXPORT void map_blend(const double *c, const double *a, const double *b, double *y, size_t n);
+EXPORT void map_blend(const double *c, const double *a, const double *b, double *y, size_t n)
 {
     for (size_t i = 0; i < n; i += LANES)
-        r_store(y + i, r_select(r_load(c + i), r_load(a + i), r_load(b + i)));
+        r_store(y + i, r_blend(m_true(r_load(c + i)), r_load(a + i), r_load(b + i)));
 }
 
 /* One answer for the whole array, which tests r_any in every lane. */

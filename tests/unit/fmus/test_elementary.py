@@ -40,7 +40,7 @@ INF, NAN = math.inf, math.nan
 UNARY = ["sin", "cos", "tan", "exp", "log", "atan", "asin", "acos"]
 UNARY += ["sqrt", "fabs", "sign", "floor", "ceil", "not", "negate"]
 BINARY = ["atan2", "fmod", "fmin", "fmax", "copysign", "lt"]
-BINARY += ["le", "eq", "ne", "and", "or", "if_else_zero"]
+BINARY += ["le", "eq", "ne", "and", "or", "keep_true"]
 
 
 @functools.cache
@@ -307,8 +307,8 @@ def test_comparisons_and_selection(lib: Library) -> None:
     same(lib("or", a, b), (a != 0) | (b != 0))
     same(lib("not", a), a == 0)
     same(lib("copysign", a, b), np.copysign(a, b))
-    same(lib("if_else_zero", a, b), np.where(a != 0, b, 0.0))
-    same(lib("select", a, b, a[::-1]), np.where(a != 0, b, a[::-1]))
+    same(lib("keep_true", a, b), np.where(a != 0, b, 0.0))
+    same(lib("blend", a, b, a[::-1]), np.where(a != 0, b, a[::-1]))
     same(lib("fmin", a, b), np.where((a < b) | np.isnan(b), a, b))
     same(lib("fmax", a, b), np.where((a > b) | np.isnan(b), a, b))
     np.testing.assert_array_equal(lib("fmin", a, b), np.fmin(a, b))
@@ -349,7 +349,7 @@ def everything(lib: Library) -> dict[str, NDArray[np.uint64]]:
     y = np.concatenate([rng.permutation(x[: len(x) - len(b)]), b])
     results = {name: canonical(lib(name, x)) for name in UNARY}
     results |= {name: canonical(lib(name, x, y)) for name in BINARY}
-    results["select"] = canonical(lib("select", x, y, x[::-1]))
+    results["blend"] = canonical(lib("blend", x, y, x[::-1]))
     turns = rng.uniform(size=8000)
     results["sincos_turn"] = canonical(np.concatenate(lib("sincos_turn", turns, results=2)))
     s, c = lib("sincos", x, results=2)
