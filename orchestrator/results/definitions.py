@@ -27,21 +27,24 @@ of its diagonal element.
 **Inconsistent** is a run whose mean NEES of the position lies above its 95 % band; unknown without
 any NEES.
 
+**Percentile** p of the errors' lengths, horizontal or total, is the order statistic x₍⌈p n / 100⌉₎
+of the n estimates that count: 50 % of the horizontal error is CEP50, 95 % is R95.
+
 **Late** is an estimate whose epoch lies in the last quarter of the run. **Lost** is a run without
 one, or in which the RMS of their errors exceeds that of the true distance to the platform.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-if TYPE_CHECKING:
-    from ..simulation.record import Estimates, Record
+from ..simulation.record import Estimates, Record
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -147,6 +150,52 @@ def judge(record: Record, receiver: str) -> Judged:
             distance_square=square_of(position - platform),
             nees=np.full(len(epoch), np.nan) if P is None else nees(error, of_position(P)),
         )
+
+
+def chosen(judged: Judged, which: Flags) -> Judged:
+    """Some of the estimates."""
+
+    def some(thing: Any) -> Any:
+        return None if thing is None else thing[which]
+
+    estimates = judged.estimates
+    kept = Estimates(**{f.name: some(getattr(estimates, f.name)) for f in fields(estimates)})
+    own = {f.name: some(getattr(judged, f.name)) for f in fields(judged) if f.name != "estimates"}
+    return Judged(kept, **own)
+
+
+def length_squares(judged: Judged) -> dict[str, Floats]:
+    """Squares of the lengths of the errors [m²], by the names of `LENGTHS`; shape (m,)."""
+    squares = {}
+    for frame, error, total in (
+        ("absolute", judged.error, judged.square),
+        ("relative", judged.relative, judged.relative_square),
+    ):
+        squares[f"{frame}_horizontal"] = error[:, 0] * error[:, 0] + error[:, 1] * error[:, 1]
+        squares[f"{frame}_total"] = total
+    return squares
+
+
+def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
+    """The order statistics x₍⌈p n / 100⌉₎ of n values: the least that p % do not exceed.
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    percentages
+        1 to 100; 100 is the largest value.
+
+    Returns
+    -------
+    Floats
+        Shape (len(percentages),); NaN without any value.
+    """
+    n = len(values)
+    if n == 0:
+        return np.full(len(percentages), np.nan)
+    found: Floats = np.sort(values)[[-(-p * n // 100) - 1 for p in percentages]]
+    return found
 
 
 def state_at(

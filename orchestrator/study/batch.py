@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, one_line
 from ..results.definitions import TRUTH
+from ..results.responses import PERCENTAGES, PERCENTILES, value_of
+from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
 from ..simulation.isolation import Children
@@ -27,6 +29,8 @@ from ..simulation.system import System
 from .campaign import Campaign, Group, Point, Run
 
 Floats = NDArray[np.float64]
+PERCENTILE_NAMES = list(PERCENTILES)
+"""In the order of `lanes.Outcome.order`."""
 _NEEDED = ("update_count", "epoch", "position")
 
 
@@ -45,8 +49,7 @@ def simulate(
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
             return simulate(campaign, runs, workers, master, progress, children)
-    sums = np.zeros((len(runs), len(campaign.receivers), len(SUMS)))
-    errors: list[str | None] = [None] * len(runs)
+    sums, extra, errors = _nothing(campaign, len(runs))
     durations = np.zeros(len(runs), np.int64)
     work = sum(steps_of(campaign, runs))
     passed = 0
@@ -65,12 +68,23 @@ def simulate(
             if group.in_lanes
             else _one_by_one(campaign, group, mine, workers, master, report, children)
         )
-        sums[rows] = made[0]
+        sums[rows], extra[rows] = made[:2]
         durations[rows] = group.plan.stop_ns - group.plan.start_ns
-        for i, error in zip(rows, made[1], strict=True):
+        for i, error in zip(rows, made[2], strict=True):
             errors[i] = error
         passed += share
-    return _table(campaign, runs, sums, durations, errors)
+    return _table(campaign, runs, sums, extra, durations, errors)
+
+
+Reduced = tuple[Floats, Floats, list[str | None]]
+"""Of some runs: the sums (runs, receivers, sums), the responses that the study asks for beside them
+(runs, receivers, responses), and errors."""
+
+
+def _nothing(campaign: Campaign, runs: int) -> Reduced:
+    receivers, asked = len(campaign.receivers), len(campaign.study.asked)
+    extra = np.full((runs, receivers, asked), np.nan)
+    return np.zeros((runs, receivers, len(SUMS))), extra, [None] * runs
 
 
 def steps_of(campaign: Campaign, runs: Iterable[Run]) -> Iterable[int]:
@@ -86,8 +100,7 @@ def _side_by_side(
     workers: int | None,
     progress: Callable[[float], None] | None,
     children: Children,
-) -> tuple[Floats, list[str | None]]:
-    """Sums, (runs, receivers, sums), and errors."""
+) -> Reduced:
     at = [group.places[r.place] for r in runs]
     seeds = np.array([r.seed for r in runs])
     variations: dict[str, Any] = {f"{name}.seed": seeds for name in campaign.seeded}
@@ -98,6 +111,7 @@ def _side_by_side(
             variations,
             handovers=campaign.handovers,
             settling_ns=campaign.study.settling_ns,
+            percentages=PERCENTAGES if campaign.study.asked else (),
             threads=workers,
             progress=progress,
         )
@@ -105,12 +119,17 @@ def _side_by_side(
         raise
     except FmuError as error:
         if len(runs) == 1:
-            return np.zeros((1, len(campaign.receivers), len(SUMS))), [one_line(error)]
+            return *_nothing(campaign, 1)[:2], [one_line(error)]
         # One run must not end the others.
         alone = [_side_by_side(campaign, group, [r], 1, None, children) for r in runs]
-        return np.concatenate([a for a, _ in alone]), [e for _, es in alone for e in es]
+        sums, extra = (np.concatenate([a[i] for a in alone]) for i in (0, 1))
+        return sums, extra, [e for a in alone for e in a[2]]
+    _, extra, errors = _nothing(campaign, len(runs))
     sums = np.stack([outcome.sums[label] for label in campaign.receivers], axis=1)
-    errors: list[str | None] = [None] * len(runs)
+    if campaign.study.asked:
+        order = np.stack([outcome.order[label] for label in campaign.receivers], axis=1)
+        at = [PERCENTILE_NAMES.index(r.name) for r in campaign.study.asked]
+        extra = order.reshape(*order.shape[:2], -1)[:, :, at]
     # The other masters know where a run went wrong, and end it there; and a record knows all truth.
     doubtful = sums[:, :, [SUMS.index("broken"), SUMS.index("unjudged")]] > 0
     bad = doubtful.any(axis=(1, 2)) | ~np.isfinite(sums).all(axis=(1, 2))
@@ -118,10 +137,10 @@ def _side_by_side(
         rows: list[int] = np.flatnonzero(bad).tolist()
         mine = [runs[i] for i in rows]
         again = _one_by_one(campaign, group, mine, workers, None, silent, children)
-        sums[rows] = again[0]
-        for i, problem in zip(rows, again[1], strict=True):
+        sums[rows], extra[rows] = again[:2]
+        for i, problem in zip(rows, again[2], strict=True):
             errors[i] = problem
-    return sums, errors
+    return sums, extra, errors
 
 
 def silent(share: float) -> None:
@@ -136,7 +155,7 @@ def _one_by_one(
     master: str | None,
     progress: Callable[[float], None],
     children: Children,
-) -> tuple[Floats, list[str | None]]:
+) -> Reduced:
     """As `_side_by_side`, through records."""
     known = {c.name for c in group.plan.columns}
     ports = [f"{label}.{port}" for label in campaign.receivers for port in PORTS]
@@ -154,8 +173,8 @@ def _one_by_one(
         wanted = [name for name in record if name in names]
         return execution.execute(plan, record=wanted, master=master, children=children)
 
-    def one(run: Run) -> tuple[Floats, str | None]:
-        rows = np.zeros((len(campaign.receivers), len(SUMS)))
+    def one(run: Run) -> tuple[Floats, Floats, str | None]:
+        (sums,), (extra,), _ = _nothing(campaign, 1)
         try:
             with patience(campaign.step_timeout):
                 outcome = execution.survive(
@@ -166,12 +185,20 @@ def _one_by_one(
         except BuildError:
             raise
         except FmuError as error:
-            return rows, one_line(error)
+            return sums, extra, one_line(error)
         left = {c.name for c in outcome.plan.components}
+        settling_ns = campaign.study.settling_ns
+        problems = [_line(message) for message in outcome.failures.values()]
         for i, receiver in enumerate(campaign.receivers):
             if receiver in left:
-                rows[i] = sums_of(outcome.record, receiver, campaign.study.settling_ns)
-        return rows, "; ".join(map(_line, outcome.failures.values())) or None
+                sums[i] = sums_of(outcome.record, receiver, settling_ns)
+                seen = Observed(outcome.record, receiver, settling_ns)
+                for k, response in enumerate(campaign.study.asked):
+                    try:
+                        extra[i, k] = value_of(response, seen)
+                    except ConfigurationError as error:
+                        problems.append(one_line(error))
+        return sums, extra, "; ".join(problems) or None
 
     made = []
     # Python components hold the interpreter's lock, and need not be made for threads.
@@ -187,7 +214,8 @@ def _one_by_one(
             pool.shutdown(wait=False, cancel_futures=True)
             children.kill()
             raise
-    return np.array([sums for sums, _ in made]), [error for _, error in made]
+    sums, extra = (np.array([m[i] for m in made]) for i in (0, 1))
+    return sums, extra, [m[2] for m in made]
 
 
 def _line(message: str) -> str:
@@ -214,6 +242,7 @@ def _table(
     campaign: Campaign,
     runs: Sequence[Run],
     sums: Floats,
+    extra: Floats,
     durations: NDArray[np.int64],
     errors: list[str | None],
 ) -> pd.DataFrame:
@@ -233,6 +262,8 @@ def _table(
     for number, label in enumerate(campaign.receivers):
         found = responses(sums[:, number], durations)
         columns |= {f"{label}.{name}": found[name].array for name in found}
+        for k, response in enumerate(study.asked):
+            columns[f"{label}.{response.name}"] = extra[:, number, k]
         problems = np.flatnonzero(found["broken"] | (found["estimates"] == 0))
         for i in problems:
             if found["broken"][i]:

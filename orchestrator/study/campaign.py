@@ -25,6 +25,7 @@ from ..errors import (
     SblcosimError,
     check_choice,
 )
+from ..results.responses import Response
 from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
@@ -136,6 +137,13 @@ class Campaign:
                 "factors": {"__all__": {"label", "unit"}},
             }
         )
+        if study["responses"]:
+            study["responses"] = [
+                r.name if r.shipped else {"name": r.name, "from": r.origin, "sha256": r.sha256}
+                for r in self.study.asked
+            ]
+        else:
+            del study["responses"]
         content = {"study": study, "scenario": self.study.base.given(), "fmus": self.fmus}
         plain: dict[str, Any] = artifacts.plain(content)
         return plain
@@ -180,17 +188,22 @@ def prepare(
             number,
             tuple(map(float, values)),
             system,
-            digest_of(system, plan, free, study.settling_ns),
+            digest_of(system, plan, free, study.settling_ns, study.asked),
         )
         for number, (values, (_, system, plan)) in enumerate(
             zip(study.plan.points, made, strict=True), 1
         )
     ]
     _check_effects(study, points)
+    functions = any(not r.shipped for r in study.asked)
+    if functions and master == "lanes":
+        raise ConfigurationError(
+            "master: must not be lanes where responses are functions, which need a record"
+        )
     fmus = {c.name: c.source.sha256 for c in plans[0].components if isinstance(c.source, Fmu)}
+    groups = _groups(points, plans, free, master, functions)
     return Campaign(
-        study, tuple(points), _groups(points, plans, free, master), labels, seeded, handovers, fmus,
-        step_timeout,
+        study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
     )
 
 
@@ -301,7 +314,13 @@ def _without_raw(system: System) -> System:
     )
 
 
-def digest_of(system: System, plan: Plan, free: Iterable[str], settling_ns: int) -> str:
+def digest_of(
+    system: System,
+    plan: Plan,
+    free: Iterable[str],
+    settling_ns: int,
+    asked: Iterable[Response] = (),
+) -> str:
     """Hash of all that has a say in the responses, except what is ``free``."""
     content = {
         "components": {
@@ -320,12 +339,20 @@ def digest_of(system: System, plan: Plan, free: Iterable[str], settling_ns: int)
         "connections": sorted(f"{c.source} {c.target}" for c in system.connections),
         "span_ns": [plan.start_ns, plan.stop_ns, settling_ns],
     }
+    responses = sorted(f"{r.name} {r.sha256}" for r in asked)
+    if responses:
+        content["responses"] = responses
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _groups(
-    points: Sequence[Point], plans: Sequence[Plan], free: Iterable[str], master: str | None
+    points: Sequence[Point],
+    plans: Sequence[Plan],
+    free: Iterable[str],
+    master: str | None,
+    functions: bool,
 ) -> tuple[Group, ...]:
+    """Points that differ in parameters only; functions need records, and so each run alone."""
     alike: dict[Any, list[int]] = {}
     for place, (point, plan) in enumerate(zip(points, plans, strict=True)):
         specs = point.system.components
@@ -348,7 +375,9 @@ def _groups(
     groups = []
     for places in alike.values():
         plan = plans[places[0]]
-        if master is None:
+        if functions:
+            in_lanes = False
+        elif master is None:
             in_lanes = lanes_driver.unsupported(plan) is None and native.available()
         else:
             in_lanes = master == "lanes"

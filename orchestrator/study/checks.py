@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from ..errors import ConfigurationError, nearest, quoted, shortened
+from ..errors import ConfigurationError, instance, nearest, quoted, shortened
+from ..results.responses import ALL_PERCENTILES, PERCENTILES, RESPONSES, Response
 from ..scenario import effects
 from ..scenario.messages import requirement
 from ..scenario.scenario import SETTERS, Scenario, no_effect
@@ -68,6 +69,25 @@ def problems(study: Definition) -> Iterator[str]:
         if problem is not None:
             yield f"{place} levels: {problem}"
     yield from _design_problems(study)
+    yield from _response_problems(study)
+
+
+def _response_problems(study: Definition) -> Iterator[str]:
+    """What is wrong with the responses; one line each."""
+    seen: dict[str, Response] = {}
+    for entry in study.responses:
+        if isinstance(entry, Response):
+            if seen.setdefault(entry.name, entry).sha256 != entry.sha256:
+                yield f"responses: must have one response {entry.name}, got another of that name"
+        elif entry in RESPONSES and entry not in PERCENTILES:
+            yield f"responses: must not have {entry}, which is always there"
+        elif entry != ALL_PERCENTILES and entry not in PERCENTILES:
+            known = (*PERCENTILES, ALL_PERCENTILES)
+            close = nearest(entry, known) if isinstance(entry, str) else ""
+            yield (
+                "responses: must be names of percentiles or FILE.py:FUNCTION, got "
+                f"{shortened(instance(entry))}{close}"
+            )
 
 
 def _design_problems(study: Definition) -> Iterator[str]:

@@ -12,6 +12,7 @@ from sblcosim.fmus.host.nanoseconds import nanoseconds, settled
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError
+from ..results.responses import ALL_PERCENTILES, PERCENTILES, Response
 from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
@@ -102,6 +103,9 @@ class Definition(Table):
         Errors count from then on.
     receivers
         As in `sblcosim.run`; none: the scenario's own.
+    responses
+        What is noted of each run beside the usual: names of percentiles (``absolute_total_p95_m``;
+        ``percentiles``: all of them), and functions, as ``file.py:function`` or as they are.
     fixed
         Keys of the scenario that are changed for all runs.
     """
@@ -116,6 +120,7 @@ class Definition(Table):
         float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
     ] = 0.0
     receivers: _Texts = ()
+    responses: Annotated[tuple[Any, ...], BeforeValidator(_array)] = ()
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)
     factors: dict[str, FactorTable] = Field(default_factory=dict)
@@ -124,6 +129,19 @@ class Definition(Table):
     def base(self) -> Scenario:
         """The scenario with the fixed keys."""
         return load_scenario(self.scenario, self.fixed)
+
+    @cached_property
+    def asked(self) -> tuple[Response, ...]:
+        """The responses beside the usual, each once."""
+        found: dict[str, Response] = {}
+        for entry in self.responses:
+            if isinstance(entry, Response):
+                found[entry.name] = entry
+            elif entry == ALL_PERCENTILES:
+                found |= PERCENTILES
+            elif entry in PERCENTILES:
+                found[entry] = PERCENTILES[entry]
+        return tuple(found.values())
 
     @cached_property
     def plan(self) -> Design:

@@ -48,7 +48,7 @@ def replay(
     labels = [name for name in system.components if name not in CORE_COMPONENTS]
     seeded, handovers = seeded_inputs(study, system, labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-    digest = digest_of(system, plan, free, study.settling_ns)
+    digest = digest_of(system, plan, free, study.settling_ns, study.asked)
     if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
         raise ConfigurationError(
             f"run {run_id}: must be done again with the FMUs of then, got others"

@@ -6,8 +6,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
+from ..results.responses import of_file, of_function, of_origin
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.schema import SEED
 from . import runner, store
@@ -61,7 +63,10 @@ def shipped() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
 
 
-def load(source: str | Path | Mapping[str, Any]) -> Study:
+def load(
+    source: str | Path | Mapping[str, Any],
+    responses: Sequence[str | Callable[..., Any]] = (),
+) -> Study:
     """Read a study and check it.
 
     Parameters
@@ -69,6 +74,9 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
     source
         Name of a study that comes with the project (``"paper-scenario-1"``), path of a TOML file,
         or nested tables.
+    responses
+        Beside those of the source: names of percentiles, ``file.py:function``, or functions of a
+        `sblcosim.results.responses.Run`.
 
     Raises
     ------
@@ -86,6 +94,11 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
             str((folder / r).resolve()) if isinstance(r, str) and r.endswith(".fmu") else r
             for r in raw["receivers"]
         ]
+    raw["responses"] = [
+        *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
+    ]
+    if not raw["responses"]:
+        del raw["responses"]
     try:
         study = Study.model_validate(raw)
     except ValidationError as error:
@@ -114,11 +127,30 @@ def load(source: str | Path | Mapping[str, Any]) -> Study:
     return study
 
 
+def _responses(given: Any, folder: Path) -> list[Any]:
+    """What is given as responses, functions looked up; what is wrong is told later."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise ConfigurationError(
+            f"responses: must be an array of names or functions, got {shortened(instance(given))}"
+        )
+    found: list[Any] = []
+    for entry in given:
+        if isinstance(entry, str) and ":" in entry:
+            found.append(of_file(entry, folder))
+        else:
+            found.append(of_function(entry) if inspect.isfunction(entry) else entry)
+    return found
+
+
 def study_of(results: str | Path) -> Study:
     """The study whose results a folder holds."""
     content = store.described(Path(results))
     definition = content["definition"]
     tables = {k: v for k, v in definition["study"].items() if v is not None}
+    tables["responses"] = [
+        r if isinstance(r, str) else of_origin(r["name"], r["from"], r["sha256"])
+        for r in tables.get("responses", ())
+    ]
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
     names = content.get("names", {})
     tables["factors"] = {k: v | names.get(k, {}) for k, v in tables["factors"].items()}

@@ -189,10 +189,11 @@ static inline void add(real *sum, mask condition, real value)
     *sum = *sum + r_keep(condition, value);
 }
 
-/* Judge what a receiver shows at an instant. */
-static void reduce(const struct plan *p, const struct receiver *r, const real *v,
-                   const struct memory *m, real *counted, double settled, double late,
-                   real hold_ns, real *s)
+/* Judge what a receiver shows at an instant. squares: room for those of this instant's estimates,
+ * LENGTHS of them, or NULL; infinite where a lane has none. Returns whether there is any. */
+static int reduce(const struct plan *p, const struct receiver *r, const real *v,
+                  const struct memory *m, real *counted, double settled, double late,
+                  real hold_ns, real *s, double *squares)
 {
     const real count = v[r->update_count], one = r_set1(1.0), zero = r_set1(0.0);
     const mask valid = r->valid >= 0 ? m_true(v[r->valid]) : m_lt(zero, count);
@@ -201,7 +202,7 @@ static void reduce(const struct plan *p, const struct receiver *r, const real *v
     *counted = count;
     s[UPDATES] = count;
     if (!m_any(new))
-        return;
+        return 0;
     real epoch = v[r->epoch];
     mask missing = new;
     real position[3], platform_error[3], platform[3];
@@ -294,6 +295,16 @@ static void reduce(const struct plan *p, const struct receiver *r, const real *v
         add(&s[NIS_DEGREES], judged, degrees);
         add(&s[NIS_ESTIMATES], judged, one);
     }
+    if (squares == NULL || !m_any(use))
+        return 0;
+    const real none = r_set1(__builtin_inf());
+    r_store(squares + LENGTH_ABSOLUTE_HORIZONTAL * LANES,
+            r_blend(use, e[0] * e[0] + e[1] * e[1], none));
+    r_store(squares + LENGTH_ABSOLUTE_TOTAL * LANES, r_blend(use, square, none));
+    r_store(squares + LENGTH_RELATIVE_HORIZONTAL * LANES,
+            r_blend(use, relative[0] * relative[0] + relative[1] * relative[1], none));
+    r_store(squares + LENGTH_RELATIVE_TOTAL * LANES, r_blend(use, relative_square, none));
+    return 1;
 }
 
 #if LANES == 1
@@ -307,15 +318,18 @@ const uint32_t sblcosim_lanes_version = LANES_VERSION;
  * instant, memory for what it showed when it was due last, else NULL. moments: room for
  * p->remembered moments of MOMENT values each, aligned to 64. values[c]: parameters and
  * inputs of component c at the start, (groups, elements, LANES). sums: (groups, receivers, SUMS,
- * LANES). record: (groups, instants, elements of all spans, LANES) or NULL. done counts instants.
+ * LANES). record: (groups, instants, elements of all spans, LANES) or NULL. squares: of the lengths
+ * of the errors, (groups, receivers, room, LENGTHS, LANES), or NULL; filled: how many rows of each
+ * have some, (groups, receivers). done counts instants.
  *
- * Returns 0; -1 if *cancel became nonzero; else 1-based component + (1-based element << 16) of a
+ * Returns 0; -1 if *cancel became nonzero; -2 if there is no room for more squares; else 1-based component + (1-based element << 16) of a
  * parameter that cannot be run side by side. */
 API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blocks,
                                           double *const *held, void *moments,
                                           int64_t groups,
                                           const double *const *values, double *sums,
-                                          double *record, const volatile int32_t *cancel,
+                                          double *record, double *squares, int64_t room,
+                                          int64_t *filled, const volatile int32_t *cancel,
                                           volatile int64_t *done)
 {
     const int64_t start = p->instants_ns[0];
@@ -369,9 +383,16 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                 const real hold =
                     r_set1(last ? 0.0 : (double)(p->instants_ns[row + 1] - now));
                 remember(&memory, p->truth, shown, row, now);
-                for (int r = 0; r < p->n_receivers; r++)
-                    reduce(p, &p->receivers[r], shown[p->receivers[r].component], &memory,
-                           &counted[r], settled, late, hold, total[r]);
+                for (int r = 0; r < p->n_receivers; r++) {
+                    const int64_t of = g * p->n_receivers + r;
+                    double *const row_of = squares
+                        ? squares + (of * room + filled[of]) * LENGTHS * LANES : NULL;
+                    if (squares && filled[of] == room)
+                        return -2;
+                    if (reduce(p, &p->receivers[r], shown[p->receivers[r].component], &memory,
+                               &counted[r], settled, late, hold, total[r], row_of))
+                        filled[of]++;
+                }
             }
             if (record)
                 for (int i = 0; i < p->n_spans; i++) {

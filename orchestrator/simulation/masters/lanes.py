@@ -9,6 +9,7 @@ kept of a run are the sums of `sblcosim.results.sums`, or a record on request.
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +25,7 @@ from ..plan import Plan, PlannedComponent
 from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
+    LENGTHS,
     MAX_COMPONENTS,
     MAX_RECEIVERS,
     MOMENT,
@@ -42,6 +44,9 @@ from .lanes_driver import (
 )
 
 _GROUPS_PER_CALL = 16
+ROOM_BYTES = 128 * 2**20
+"""Memory of a thread for the errors of the runs under way, where their order is asked for. One run
+may take more, if it is as long as that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +58,15 @@ class Outcome:
     sums
         By receiver: the sums of `sblcosim.results.sums.SUMS`, shape (runs, len(SUMS)); of none if
         the system has no target and platform to judge them by.
+    order
+        By receiver, if asked for: order statistics of the lengths of the errors [m], shape (runs,
+        len(LENGTHS), percentages); NaN without an estimate.
     values, time_ns, intervals_ns
         If asked for: recorded variables, (runs, instants, *shape), at these times; see `Record`.
     """
 
     sums: Mapping[str, Floats]
+    order: Mapping[str, Floats]
     time_ns: NDArray[np.int64]
     values: Mapping[str, NDArray[Any]]
     intervals_ns: Mapping[str, int]
@@ -78,6 +87,7 @@ def execute(
     handovers: Sequence[Connection] = (),
     record: Sequence[str] = (),
     settling_ns: int = 0,
+    percentages: Sequence[int] = (),
     lanes: int = 0,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
@@ -96,6 +106,9 @@ def execute(
         ``"component.variable"`` of outputs to keep at all instants.
     settling_ns
         Errors count from this time after the start.
+    percentages
+        1 to 100: which order statistics of the lengths of the errors are wanted, x₍⌈p n / 100⌉₎
+        of n estimates. Long runs then go through fewer lanes, as their errors are kept meanwhile.
     lanes
         Simulations side by side: 1, 2, 4, 8, or 0 for what suits this processor.
     threads
@@ -110,9 +123,14 @@ def execute(
     FmuError
         The engines disagree about a parameter, or this processor cannot do that many lanes.
     """
-    return _Batch(plan, variations, handovers, record, settling_ns, lanes).run(
-        threads or os.cpu_count() or 1, progress
-    )
+    while True:
+        batch = _Batch(plan, variations, handovers, record, settling_ns, lanes)
+        # Numbers do not depend on the lanes, so fewer of them need less memory for the same.
+        if not percentages or batch.lanes == 1 or batch.room_bytes <= ROOM_BYTES:
+            break
+        lanes = batch.lanes // 2
+    batch.percentages = tuple(percentages)
+    return batch.run(threads or os.cpu_count() or 1, progress)
 
 
 class _Batch:
@@ -151,6 +169,23 @@ class _Batch:
         if len(self.receivers) > MAX_RECEIVERS:
             raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
         self._translate(handovers, record, settling_ns)
+        self.percentages: tuple[int, ...] = ()
+
+    @property
+    def room(self) -> int:
+        """Most estimates that any receiver gives in a run."""
+        span = self.plan.stop_ns - self.plan.start_ns
+        ticks = [
+            max(c.tick_ns or 0, c.interval_ns)
+            for c in self.plan.components
+            if c.name in self.receivers
+        ]
+        return span // min(ticks, default=span) + 1
+
+    @property
+    def room_bytes(self) -> int:
+        """Memory for the lengths of the errors of a group of runs."""
+        return self.room * len(self.receivers) * len(LENGTHS) * self.lanes * 8
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
         """Number of runs; component, first element and (runs, size) values of what varies."""
@@ -271,6 +306,11 @@ class _Batch:
         sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
         width = sum(count for _, _, count in self.spans)
         history = np.empty((groups if width else 0, len(self.instants), width, self.lanes))
+        order = np.empty((groups, len(self.receivers), len(LENGTHS), self.lanes,
+                          len(self.percentages)))
+        at_once = _GROUPS_PER_CALL
+        if self.percentages:
+            at_once = max(1, min(at_once, ROOM_BYTES // max(self.room_bytes, 1)))
         cancel = ctypes.c_int32(0)
         counters: list[ctypes.c_int64] = []
         local = threading.local()
@@ -280,8 +320,9 @@ class _Batch:
                 local.memory = _Memory(self)
                 local.done = ctypes.c_int64(0)
                 counters.append(local.done)
-            last = min(first + _GROUPS_PER_CALL, groups)
+            last = min(first + at_once, groups)
             values = self._values(first, last)
+            squares, filled = local.memory.squares(self, last - first)
             status = self._drive()(
                 ctypes.byref(self.c_plan), local.memory.blocks, local.memory.held,
                 ctypes.c_void_p(local.memory.moments),
@@ -289,14 +330,20 @@ class _Batch:
                 (ctypes.c_void_p * len(values))(*(v.ctypes.data for v in values)),
                 ctypes.c_void_p(sums[first:].ctypes.data),
                 ctypes.c_void_p(history[first:].ctypes.data if width else None),
+                ctypes.c_void_p(squares.ctypes.data if squares.size else None),
+                ctypes.c_int64(self.room), ctypes.c_void_p(filled.ctypes.data),
                 ctypes.byref(cancel), ctypes.byref(local.done),
             )
             if status > 0:
                 raise self._disagreement(int(status))
+            if status == -2:
+                raise FmuError("a receiver must not give more estimates than it has updates")
+            if squares.size:
+                self._in_order(squares, filled, sums[first:last], order[first:last])
 
         with ThreadPoolExecutor(threads) as pool:
             try:
-                futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
+                futures = [pool.submit(chunk, i) for i in range(0, groups, at_once)]
                 total = groups * max(len(self.instants) - 1, 1)
                 for future in futures:
                     while True:
@@ -312,7 +359,7 @@ class _Batch:
                 raise
         if progress:
             progress(1.0)
-        return self._outcome(sums, history)
+        return self._outcome(sums, order, history)
 
     def _drive(self) -> Any:
         drive = loaded_driver()[f"sblcosim_drive_{self.lanes}"]
@@ -344,8 +391,22 @@ class _Batch:
             "must be whole nanoseconds"
         )
 
-    def _outcome(self, sums: Floats, history: Floats) -> Outcome:
+    def _in_order(
+        self, squares: Floats, filled: NDArray[np.int64], sums: Floats, order: Floats
+    ) -> None:
+        """The order statistics of some groups, from the squares of the lengths."""
+        counts = sums[:, :, SUMS.index("estimates")].astype(np.int64)
+        for place in np.ndindex(filled.shape):
+            # A vectorised sort; what a lane has not is infinite, and so at its end.
+            ordered = np.sort(squares[place][: filled[place]].transpose(1, 2, 0).copy(), axis=-1)
+            for lane, n in enumerate(counts[place]):
+                at = [-(-p * n // 100) - 1 for p in self.percentages]
+                order[place][:, lane] = np.sqrt(ordered[:, lane, at]) if n else np.nan
+
+    def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
         by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
+        shape = (len(order) * self.lanes, *order.shape[1:3], order.shape[4])
+        ordered = np.moveaxis(order, 3, 1).reshape(shape)
         values = {}
         start = 0
         if self.spans:
@@ -357,6 +418,9 @@ class _Batch:
                 start += count
         return Outcome(
             {name: by_run[:, i] for i, name in enumerate(self.receivers)},
+            {name: ordered[: self.runs, i] for i, name in enumerate(self.receivers)}
+            if self.percentages
+            else {},
             self.instants,
             values,
             self.plan.intervals_ns,
@@ -405,6 +469,16 @@ class _Memory:
         self.moments = self._aligned(campaign.remembered * MOMENT * campaign.lanes * 8)
         self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
         self.held = (ctypes.c_void_p * len(held))(*held)
+        self._squares = np.empty(0)
+
+    def squares(self, batch: _Batch, groups: int) -> tuple[Floats, NDArray[np.int64]]:
+        """Room for the errors of some groups, and how much of it is filled."""
+        filled = np.zeros((groups, len(batch.receivers)), np.int64)
+        shape = (*filled.shape, batch.room, len(LENGTHS), batch.lanes)
+        size = math.prod(shape) if batch.percentages else 0
+        if self._squares.size < size:
+            self._squares = np.empty(size)
+        return self._squares[:size].reshape(shape if size else 0), filled
 
     def _aligned(self, size: int) -> int:
         memory = np.zeros(size + 64, np.uint8)

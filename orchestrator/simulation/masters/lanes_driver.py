@@ -37,6 +37,9 @@ SUMS = (
 epoch older than it remembers, or ahead. It is for whoever has the record to judge such a run.
 """
 
+LENGTHS = ("absolute_horizontal", "absolute_total", "relative_horizontal", "relative_total")
+"""Lengths of errors whose order statistics can be asked for; ``enum length`` of the C driver."""
+
 ENTRY = "sblcosim_lanes"
 MAX_COMPONENTS, MAX_RECEIVERS = 64, 16
 MOMENT = 13  # values that the driver remembers of an instant
@@ -45,6 +48,7 @@ DRIVER = c_libraries.Driver(
     lanes=True,
     header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
     " /* sums per receiver and run */\n"
+    f"enum length {{ {', '.join(f'LENGTH_{name.upper()}' for name in LENGTHS)}, LENGTHS }};\n"
     f"enum {{ MAX_COMPONENTS = {MAX_COMPONENTS}, MAX_RECEIVERS = {MAX_RECEIVERS}, "
     f"MOMENT = {MOMENT} }};\n",
 )

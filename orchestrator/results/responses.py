@@ -1,0 +1,379 @@
+"""Responses: what a study notes of each run, one number each.
+
+Those that are shipped are in `RESPONSES`, each with its definition in Python. Most are sums, which
+the lanes master makes while a run goes on (`sblcosim.results.sums`); tests hold both together.
+A function of one's own is a response, too::
+
+    def worst_after_a_minute_m(run):
+        late = run.used.epoch_s > 60.0
+        return np.sqrt(run.used.square[late]).max()
+
+``sblcosim.study.load(source, responses=[worst_after_a_minute_m])``, or in a study file
+``responses = ["mine.py:worst_after_a_minute_m"]``. Its column is named after it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import cloudpickle
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+from ..simulation.masters.lanes_driver import LENGTHS
+from ..simulation.record import Record
+from .definitions import (
+    AXES,
+    FRAMES,
+    Judged,
+    chosen,
+    inconsistent,
+    judge,
+    length_squares,
+    order_statistics,
+)
+from .metrics import availability, lost
+
+Floats = NDArray[np.float64]
+
+PERCENTAGES = (50, 67, 95, 100)
+"""Order statistics of the errors that are shipped; 100 is the largest."""
+ALL_PERCENTILES = "percentiles"
+"""In a study file: all of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One receiver in one run: what a response is a function of.
+
+    Attributes
+    ----------
+    record
+        Outputs by ``"component.variable"``: the truth (`definitions.TRUTH`) and the receiver's
+        ports, at all communication instants.
+    receiver
+        Its label.
+    settling_ns
+        Errors count from this time after the start [ns].
+    """
+
+    record: Record
+    receiver: str
+    settling_ns: int = 0
+
+    @cached_property
+    def judged(self) -> Judged:
+        """All estimates beside the truth."""
+        return judge(self.record, self.receiver)
+
+    @cached_property
+    def used(self) -> Judged:
+        """The estimates that count: from the settling time on, and not broken."""
+        after = float(self.record.time_ns[0] + self.settling_ns) / 1e9
+        return chosen(self.judged, ~self.judged.broken & (after <= self.judged.epoch_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A number per run and receiver.
+
+    Attributes
+    ----------
+    name
+        Of its column, after the receiver's; what ends in ``_m`` is in metres.
+    words
+        For people.
+    definition
+        NaN where there is no such number.
+    shipped
+        Whether it is one of `RESPONSES`.
+    needs_covariance
+        Whether it takes a receiver that tells its covariance.
+    origin, sha256
+        Of a function of somebody's own: where it comes from, and the hash of its source.
+    """
+
+    name: str
+    words: str
+    definition: Callable[[Run], Any]
+    shipped: bool = True
+    needs_covariance: bool = False
+    origin: str = ""
+    sha256: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Its unit, or nothing."""
+        return unit_of(self.name)
+
+    def __reduce__(self) -> Any:
+        if self.shipped:
+            return _of_name, (self.name,)
+        # By value: a worker need not have the file, nor the module.
+        return _unpacked, (_by_value(self.definition), self.name, self.origin, self.sha256)
+
+    def __repr__(self) -> str:
+        return f"<response {self.name}{f' from {self.origin}' if self.origin else ''}>"
+
+
+def unit_of(column: str) -> str:
+    """Unit of a response, from its name."""
+    return "m" if column.endswith("_m") else ""
+
+
+# --- Those that are shipped ----------------------------------------------------------------------
+
+
+def _mean(values: Floats) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _errors(frame: str, run: Run) -> tuple[Floats, Floats]:
+    """Errors by axis and the squares of their lengths."""
+    used = run.used
+    if frame == "absolute":
+        return used.error, used.square
+    return used.relative, used.relative_square
+
+
+def _axis_mean(frame: str, axis: int, run: Run) -> float:
+    return _mean(_errors(frame, run)[0][:, axis])
+
+
+def _axis_rms(frame: str, axis: int, run: Run) -> float:
+    return float(np.sqrt(_mean(_errors(frame, run)[0][:, axis] ** 2)))
+
+
+def _total_mean(frame: str, run: Run) -> float:
+    return _mean(np.sqrt(_errors(frame, run)[1]))
+
+
+def _total_rms(frame: str, run: Run) -> float:
+    return float(np.sqrt(_mean(_errors(frame, run)[1])))
+
+
+def _percentile(length: str, percentage: int, run: Run) -> float:
+    return float(order_statistics(np.sqrt(length_squares(run.used)[length]), (percentage,))[0])
+
+
+def _nees(run: Run) -> Floats:
+    return run.used.nees[~np.isnan(run.used.nees)]
+
+
+def _nis(run: Run) -> tuple[Floats, Floats]:
+    """Of the estimates with measurements: NIS and its degrees of freedom."""
+    estimates = run.used.estimates
+    if estimates.nis is None:
+        return np.empty(0), np.empty(0)
+    tested = ~np.isnan(estimates.nis)
+    if estimates.nis_degrees is None:
+        return estimates.nis[tested], np.empty(0)
+    tested &= estimates.nis_degrees > 0
+    return estimates.nis[tested], estimates.nis_degrees[tested].astype(np.float64)
+
+
+def _inconsistent(run: Run) -> float:
+    claims = _nees(run)
+    flag, known = inconsistent(_mean(claims), len(claims))
+    return float(flag) if known else float("nan")
+
+
+def _updates(run: Run) -> float:
+    return float(run.record.values[f"{run.receiver}.update_count"][-1])
+
+
+def _available(run: Run) -> float:
+    return availability(run.record.time_ns, run.record.valid(run.receiver))
+
+
+def _shipped() -> Iterator[Response]:
+    yield Response("estimates", "estimates", lambda run: len(run.used.epoch_s))
+    for frame in FRAMES:
+        beside = " relative to the platform" if frame == "relative" else ""
+        for i, axis in enumerate(AXES):
+            name = f"{frame}_{axis}"
+            text = f"error in {axis}{beside}"
+            yield Response(f"{name}_mean_m", f"mean {text}", partial(_axis_mean, frame, i))
+            yield Response(f"{name}_rms_m", f"RMS {text}", partial(_axis_rms, frame, i))
+        total = f"total error{beside}"
+        yield Response(f"{frame}_total_mean_m", f"mean {total}", partial(_total_mean, frame))
+        yield Response(f"{frame}_total_rms_m", f"RMS {total}", partial(_total_rms, frame))
+    yield Response(
+        "nees_position", "NEES of the position", lambda run: _mean(_nees(run)),
+        needs_covariance=True,
+    )  # fmt: skip
+    yield Response("nees_estimates", "estimates with NEES", lambda run: len(_nees(run)))
+    yield Response("nis", "NIS", lambda run: _mean(_nis(run)[0]))
+    yield Response("nis_degrees", "degrees of freedom of NIS", lambda run: _nis(run)[1].sum())
+    yield Response("availability", "availability", _available)
+    yield Response("updates", "updates", _updates)
+    yield Response(
+        "inconsistent", "share of inconsistent runs", _inconsistent, needs_covariance=True
+    )
+    yield Response("lost", "share of lost runs", lambda run: lost(run.record, run.receiver))
+    yield Response("broken", "share of broken runs", lambda run: run.judged.broken.any())
+
+
+def _percentiles() -> Iterator[Response]:
+    for length in LENGTHS:
+        frame, _, what = length.partition("_")
+        text = f"{what} error" + (" relative to the platform" if frame == "relative" else "")
+        for p in PERCENTAGES:
+            name, words = (f"p{p}", f"{p} % of the") if p < 100 else ("max", "largest")
+            yield Response(
+                f"{length}_{name}_m", f"{words} {text}", partial(_percentile, length, p)
+            )
+
+
+def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response]:
+    named: dict[str, Response] = {}
+    for response in responses:
+        if response.name in named:
+            raise ValueError(f"{response.name}: must be the name of one response, got two")
+        named[response.name] = response
+    return MappingProxyType(named)
+
+
+PERCENTILES = _registered(_percentiles())
+"""The order statistics of the lengths of the errors; a study has those that it asks for."""
+RESPONSES = _registered((*_shipped(), *PERCENTILES.values()))
+"""All responses that are shipped, by name."""
+
+
+# --- Those of somebody's own ---------------------------------------------------------------------
+
+
+def of_function(function: Callable[[Run], Any], origin: str = "") -> Response:
+    """The response that a function is.
+
+    Raises
+    ------
+    ConfigurationError
+        It is none, its name is a response's or no name, or nobody knows its source.
+    """
+    name = getattr(function, "__name__", "")
+    if not callable(function) or not name.isidentifier():
+        raise ConfigurationError(
+            f"responses: must be names or functions with a name, got {instance(function)}"
+        )
+    if name in RESPONSES:
+        raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
+    try:
+        source = inspect.getsource(function)
+    except (OSError, TypeError):
+        raise ConfigurationError(
+            f"responses: {name} must be a function from a file or a notebook, so that a run is "
+            "known by its source, got none"
+        ) from None
+    sha256 = hashlib.sha256(source.encode()).hexdigest()
+    origin = origin or f"{function.__module__}:{name}"
+    return Response(name, _readable(name), function, False, origin=origin, sha256=sha256)
+
+
+def of_file(text: str, folder: Path) -> Response:
+    """The response ``file.py:function``; the file may be relative to a folder.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file or function, or the file cannot be imported.
+    """
+    file, _, name = text.rpartition(":")
+    path = folder / file
+    where = f"responses: {quoted(text)}"
+    if not path.is_file():
+        raise ConfigurationError(f"{where} must be FILE.py:FUNCTION, got no file {quoted(file)}")
+    source = path.read_bytes()
+    # Not among sys.modules: what is in it is then sent to other processes by value.
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ConfigurationError(f"{where} must be FILE.py:FUNCTION, got a file of another kind")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ConfigurationError(
+            f"{where} must be importable, got {type(error).__name__}: {one_line(error)}"
+        ) from error
+    functions = [n for n, thing in vars(module).items() if inspect.isfunction(thing)]
+    if name not in functions:
+        raise ConfigurationError(
+            f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
+            f"{nearest(name, functions)}"
+        )
+    made = of_function(getattr(module, name), text)
+    # The whole file: the function may use what else is in it.
+    return replace(made, sha256=hashlib.sha256(source).hexdigest())
+
+
+def of_origin(name: str, origin: str, sha256: str) -> Response:
+    """A response of somebody's own of which nothing but the name, origin and hash are known."""
+
+    def gone(run: Run) -> float:
+        raise ConfigurationError(
+            f"responses: {name} must be at hand to do more runs, got none; it is {origin}"
+        )
+
+    return Response(name, _readable(name), gone, False, origin=origin, sha256=sha256)
+
+
+def value_of(response: Response, run: Run) -> float:
+    """A response of a run, as a number.
+
+    Raises
+    ------
+    ConfigurationError
+        The function has raised an exception, or returned something else.
+    """
+    with np.errstate(all="ignore"):
+        try:
+            value = response.definition(run)
+        except ConfigurationError:
+            raise
+        except Exception as error:
+            raise ConfigurationError(
+                f"{run.receiver}.{response.name}: must not raise an exception, got "
+                f"{type(error).__name__}: {one_line(error)}"
+            ) from error
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ConfigurationError(
+            f"{run.receiver}.{response.name}: must be a number, got {shortened(instance(value))}"
+        ) from None
+
+
+def _readable(name: str) -> str:
+    return name.removesuffix("_m").replace("_", " ")
+
+
+def _of_name(name: str) -> Response:
+    return RESPONSES[name]
+
+
+def _by_value(function: Callable[[Run], Any]) -> bytes:
+    module = sys.modules.get(function.__module__)
+    known = module is not None and module.__name__ != "__main__"
+    if known:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        packed: bytes = cloudpickle.dumps(function)
+    finally:
+        if known:
+            cloudpickle.unregister_pickle_by_value(module)
+    return packed
+
+
+def _unpacked(packed: bytes, name: str, origin: str, sha256: str) -> Response:
+    function = cloudpickle.loads(packed)
+    return Response(name, _readable(name), function, False, origin=origin, sha256=sha256)

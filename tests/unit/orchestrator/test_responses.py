@@ -1,0 +1,247 @@
+"""Responses: each as its definition in Python says, and functions of one's own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim.errors import ConfigurationError
+from sblcosim.results import responses, sums
+from sblcosim.results.definitions import TRUTH, order_statistics
+from sblcosim.results.responses import PERCENTAGES, PERCENTILES, RESPONSES, Run, value_of
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.execution import execute
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.resolve import resolve
+from sblcosim.study import campaign, study
+
+RECEIVERS = ("ekf", "sequential", "multilateration")
+STUDY: dict[str, Any] = {
+    "scenario": "paper-scenario-1",
+    "fixed": {"time.duration_s": 8.0, "acoustics.loss_probability": 0.3},
+    "replicates": 3,
+    "receivers": ["ekf"],
+    "settling_time_s": 1.0,
+    "factors": {"gps": {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}},
+}
+
+
+def plan_of(scenario: str, **keys: Any) -> Any:
+    return resolve(connect(sblcosim.load(scenario, keys), RECEIVERS))
+
+
+PLANS = {
+    "losses": ("paper-scenario-1", {"time.duration_s": 12.0, "acoustics.loss_probability": 0.4}),
+    "random": ("harbour-random", {"time.duration_s": 30.0, "acoustics.outlier_probability": 0.1}),
+    "nothing": ("paper-scenario-2", {"time.duration_s": 5.0, "acoustics.loss_probability": 1.0}),
+}
+
+
+@pytest.mark.parametrize("settling_ns", [0, 3_000_000_000])
+@pytest.mark.parametrize("name", PLANS)
+def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -> None:
+    scenario, keys = PLANS[name]
+    record = execute(plan_of(scenario, **keys))
+    span = int(record.time_ns[-1] - record.time_ns[0])
+    for receiver in RECEIVERS:
+        made = sums.responses(sums.sums_of(record, receiver, settling_ns)[None], span).iloc[0]
+        run = Run(record, receiver, settling_ns)
+        assert [*made.index, *PERCENTILES] == list(RESPONSES)
+        for column, value in made.items():
+            defined = value_of(RESPONSES[str(column)], run)
+            got = math.nan if value is pd.NA else float(value)
+            assert defined == pytest.approx(got, rel=1e-12, abs=0, nan_ok=True), column
+
+
+@pytest.mark.parametrize("name", PLANS)
+@pytest.mark.parametrize("number", [1, 2, 4, 8])
+def test_percentiles_of_the_lanes_are_the_order_statistics_of_the_record(
+    name: str, number: int
+) -> None:
+    scenario, keys = PLANS[name]
+    plan = plan_of(scenario, **keys)
+    ports = [f"{r}.{p}" for r in RECEIVERS for p in ("valid", "update_count", "epoch", "position")]
+    seeds = {f"{c}.seed": np.arange(7.0) + 1 for c in ("target", "platform", "acoustics")}
+    outcome = lanes.execute(
+        plan, seeds, record=[*TRUTH, *ports], settling_ns=2_000_000_000,
+        percentages=PERCENTAGES, lanes=number,
+    )  # fmt: skip
+    for run in range(7):
+        for receiver in RECEIVERS:
+            seen = Run(outcome.record(run), receiver, 2_000_000_000)
+            defined = [value_of(response, seen) for response in PERCENTILES.values()]
+            np.testing.assert_array_equal(outcome.order[receiver][run].ravel(), defined)
+
+
+def test_long_runs_go_through_fewer_lanes_to_the_same_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = plan_of("paper-scenario-1", **{"time.duration_s": 10.0})
+    seeds = {"acoustics.seed": np.arange(40.0)}
+    whole = lanes.execute(plan, seeds, percentages=(95,), threads=2)
+    used: list[int] = []
+    original = lanes._Batch.run
+
+    def noted(self: Any, *given: Any) -> Any:
+        used.append(self.lanes)
+        return original(self, *given)
+
+    monkeypatch.setattr(lanes._Batch, "run", noted)
+    for room in (1, 2 * 10 * 3 * 4 * 8 * 10):
+        monkeypatch.setattr(lanes, "ROOM_BYTES", room)
+        small = lanes.execute(plan, seeds, percentages=(95,), threads=2)
+        for receiver in RECEIVERS:
+            np.testing.assert_array_equal(small.order[receiver], whole.order[receiver])
+    assert used[0] == 1
+    assert lanes.execute(plan, seeds).order == {}
+    assert used[-1] >= used[0]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 19, 20, 21, 100, 1000])
+def test_a_percentile_is_the_least_value_that_so_many_do_not_exceed(n: int) -> None:
+    values = np.random.default_rng(n).normal(size=n)
+    for p in range(1, 101):
+        (found,) = order_statistics(values, (p,))
+        assert 100 * (values <= found).sum() >= p * n > 100 * (values < found).sum()
+
+
+def test_without_estimates_there_is_no_percentile() -> None:
+    assert np.isnan(order_statistics(np.empty(0), PERCENTAGES)).all()
+
+
+# --- In studies ----------------------------------------------------------------------------------
+
+
+def worst_after_three_seconds_m(run: Run) -> float:
+    return float(np.sqrt(run.used.square[run.used.epoch_s > 3.0]).max())
+
+
+def test_percentiles_are_there_if_they_are_asked_for(tmp_path: Path) -> None:
+    plain = study.load(STUDY).run(tmp_path / "plain")
+    asked = study.load(STUDY | {"responses": ["percentiles"]}).run(tmp_path / "asked")
+    assert [c for c in asked if c not in plain] == [f"ekf.{name}" for name in PERCENTILES]
+    pd.testing.assert_frame_equal(
+        asked[plain.columns].drop(columns="run_id"), plain.drop(columns="run_id"),
+        check_exact=True,
+    )  # fmt: skip
+    one = study.load(STUDY, responses=["absolute_total_p95_m"]).run(tmp_path / "one")
+    assert (one["ekf.absolute_total_p95_m"] == asked["ekf.absolute_total_p95_m"]).all()
+    native = study.load(STUDY | {"responses": ["percentiles"]}).run(
+        tmp_path / "native", master="native"
+    )
+    pd.testing.assert_frame_equal(native, asked, check_exact=True)
+
+
+def test_a_function_is_a_response_wherever_it_is_run(tmp_path: Path) -> None:
+    made = study.load(STUDY, responses=[worst_after_three_seconds_m])
+    here = made.run(tmp_path / "here")
+    for i, row in here.iterrows():
+        record = study_record(tmp_path / "here", row["run_id"])
+        expected = worst_after_three_seconds_m(Run(record, "ekf", 1_000_000_000))
+        assert row["ekf.worst_after_three_seconds_m"] == expected, i
+    there = study.load(STUDY, responses=[worst_after_three_seconds_m]).run(
+        tmp_path / "there", executor="processes", workers=2
+    )
+    pd.testing.assert_frame_equal(there, here, check_exact=True)
+    assert study.study_of(tmp_path / "here").asked[0].name == "worst_after_three_seconds_m"
+
+
+def study_record(folder: Path, run_id: str) -> Any:
+    from sblcosim.study.replay import replay
+
+    result = replay(folder, run_id)
+    return result.data
+
+
+FILE = """
+import numpy as np
+LIMIT = {limit}
+
+def share_above(run):
+    return (np.sqrt(run.used.square) > LIMIT).mean()
+
+def fails(run):
+    raise RuntimeError("nothing\\nto say")
+
+def words(run):
+    return "many"
+"""
+
+
+def test_a_function_of_a_file_is_known_by_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    toml = (
+        'scenario = "paper-scenario-1"\nreceivers = ["ekf"]\nresponses = ["mine.py:share_above"]\n'
+        '[fixed.time]\nduration_s = 4.0\n[design]\nkind = "single"\n'
+    )
+    (tmp_path / "study.toml").write_text(toml)
+    file.write_text(FILE.format(limit=0.4))
+    first = study.load(tmp_path / "study.toml").run(tmp_path / "first")
+    assert 0 <= first["ekf.share_above"][0] <= 1
+    again = study.load(tmp_path / "study.toml").run(tmp_path / "again")
+    assert again["run_id"].tolist() == first["run_id"].tolist()
+    file.write_text(FILE.format(limit=0.0))
+    other = study.load(tmp_path / "study.toml")
+    assert other.run(tmp_path / "other")["ekf.share_above"][0] == 1.0
+    assert other.run(tmp_path / "other")["run_id"].tolist() != first["run_id"].tolist()
+    with pytest.raises(ConfigurationError, match=r"must be that of .*|with other"):
+        other.run(tmp_path / "first")
+
+
+def test_a_function_that_fails_is_told_in_the_table(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(FILE.format(limit=1))
+    texts = [f"{tmp_path / 'mine.py'}:{name}" for name in ("fails", "words")]
+    table = study.load(STUDY | {"responses": texts, "replicates": 1}).run(tmp_path / "out")
+    assert table["ekf.fails"].isna().all()
+    assert table["error"].tolist() == 2 * [
+        "ekf.fails: must not raise an exception, got RuntimeError: nothing to say; "
+        "ekf.words: must be a number, got 'many'"
+    ]
+    assert table["ekf.absolute_total_rms_m"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("absolute_total_p96_m", "percentiles or FILE.py:FUNCTION, got .*did you mean"),
+        ("lost", "must not have lost, which is always there"),
+        (3, "must be names of percentiles or FILE.py:FUNCTION, got 3"),
+        ("none.py:mine", "'none.py:mine' must be FILE.py:FUNCTION, got no file 'none.py'"),
+        ("mine.py:share_abov", "must name a function of 'mine.py', .*did you mean 'share_above'"),
+        ("broken.py:f", r"'broken.py:f' must be importable, got ZeroDivisionError: division by"),
+    ],
+)
+def test_what_is_no_response_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: object, message: str
+) -> None:
+    (tmp_path / "mine.py").write_text(FILE.format(limit=1))
+    (tmp_path / "broken.py").write_text("1 / 0\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        study.load(STUDY | {"responses": [entry]})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_belongs_to_one_response() -> None:
+    def lost(run: Run) -> float:
+        return 0.0
+
+    with pytest.raises(ConfigurationError, match="lost must not be the name of one that is"):
+        study.load(STUDY, responses=[lost])
+    with pytest.raises(ValueError, match="estimates: must be the name of one response, got two"):
+        responses._registered([RESPONSES["estimates"], RESPONSES["estimates"]])
+    first = worst_after_three_seconds_m
+    other = eval("lambda run: 0.0")
+    with pytest.raises(ConfigurationError, match="must be names or functions with a name"):
+        study.load(STUDY, responses=[first, other])
+
+
+def test_lanes_cannot_do_functions() -> None:
+    made = study.load(STUDY, responses=[worst_after_three_seconds_m])
+    with pytest.raises(ConfigurationError, match="master: must not be lanes where responses are"):
+        campaign.prepare(made, master="lanes")
