@@ -396,12 +396,16 @@ class _Batch:
     ) -> None:
         """The order statistics of some groups, from the squares of the lengths."""
         counts = sums[:, :, SUMS.index("estimates")].astype(np.int64)
+        at = np.maximum(-(-counts[..., None] * np.array(self.percentages) // 100) - 1, 0)
         for place in np.ndindex(filled.shape):
             # A vectorised sort; what a lane has not is infinite, and so at its end.
-            ordered = np.sort(squares[place][: filled[place]].transpose(1, 2, 0).copy(), axis=-1)
-            for lane, n in enumerate(counts[place]):
-                at = [-(-p * n // 100) - 1 for p in self.percentages]
-                order[place][:, lane] = np.sqrt(ordered[:, lane, at]) if n else np.nan
+            if not filled[place]:
+                order[place] = np.nan
+                continue
+            ordered = squares[place][: filled[place]].transpose(1, 2, 0).copy()
+            ordered.sort(axis=-1)
+            found = np.take_along_axis(ordered, at[place][None], axis=-1)
+            order[place] = np.where(counts[place][:, None] > 0, np.sqrt(found), np.nan)
 
     def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
         by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
