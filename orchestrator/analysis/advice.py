@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from scipy import optimize, special, stats
 
 from ..errors import ConfigurationError, nearest
-from .fit import check_columns
+from .runs import check_columns
 
 Floats = NDArray[np.float64]
 TOLERANCE = 1e-9

@@ -22,7 +22,9 @@ from scipy import stats
 from ..study.design import TIMES
 from ..style import LINES, PLAIN, Theme, ThemeName, new_figure, use
 from .advice import Advice
-from .fit import Factorial, box_cox, minus
+from .box_cox import box_cox
+from .sentences import minus
+from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
@@ -35,7 +37,7 @@ MARGIN = 0.35
 
 
 def plot_pareto(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
 ) -> Axes:
     """The `most` largest standardised effects |t|, the largest on top (the paper's Figure 15).
 
@@ -91,7 +93,7 @@ def plot_pareto(
 
 
 def plot_interactions(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each pair of levels (the paper's Figure 16).
 
@@ -142,7 +144,7 @@ def plot_interactions(
 
 
 def plot_main_effects(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17)."""
     with use(theme, ax) as look:
@@ -179,7 +181,7 @@ def plot_main_effects(
 
 
 def plot_residuals(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Residuals four times (the paper's Figure 18).
 
@@ -225,9 +227,9 @@ def plot_residuals(
 
 
 def plot_box_cox(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """Profile of the Box–Cox transform; see `sblcosim.analysis.fit.box_cox`."""
+    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`."""
     profile = box_cox(analysis)
     with use(theme, ax) as look:
         if ax is None:
@@ -326,12 +328,12 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
         panel.text(0.48, y, f"{value:g}", va="center", fontsize="small")
 
 
-def _with_unit(analysis: Factorial, factor: str) -> str:
+def _with_unit(analysis: Analysis, factor: str) -> str:
     unit = analysis.units.get(factor)
     return f"{factor} [{unit}]" if unit else factor
 
 
-def _quantity(analysis: Factorial) -> str:
+def _quantity(analysis: Analysis) -> str:
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 
 

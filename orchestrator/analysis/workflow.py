@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import pandas as pd
@@ -18,10 +18,21 @@ from ..study import store
 from ..study.study import Study
 from . import figures
 from .advice import PERCENTILE, Advice, advise
-from .fit import Error, Factorial, Transform, analyse
+from .factorial import Factorial, analyse
+from .options import Error, Transform
 
 RESPONSE = "absolute_total_rms_m"
 """The paper's: RMS of the total error."""
+
+
+class Choices(TypedDict, total=False):
+    """Options of `of_study` that have defaults."""
+
+    receiver: str | None
+    order: int | None
+    transform: Transform
+    error: Error
+    practical: float | None
 
 
 def of_study(
@@ -34,7 +45,7 @@ def of_study(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """Analyse the runs in a folder of results; see `sblcosim.analysis.fit.analyse`.
+    """Analyse the runs in a folder of results; see `sblcosim.analysis.factorial.analyse`.
 
     The tables have the columns' names; what is printed or drawn has the study's labels.
 

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
 from .. import style
 from ..analysis import figures as plots
-from ..analysis.fit import (
-    Error,
-    Factorial,
-    Transform,
-    answer,
-    box_cox,
-    detectable,
-    figures,
-    limit_of,
-    percent,
-    quantity,
-)
-from ..analysis.fit import minus as true_minus
-from ..analysis.workflow import RESPONSE, of_table
+from ..analysis.box_cox import box_cox
+from ..analysis.factorial import Factorial
+from ..analysis.options import Transform
+from ..analysis.power import detectable
+from ..analysis.sentences import answer, limit_of, percent, quantity, rounded
+from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
 from ..study.study import Study
+from .formats import minus, number, probability, signed, span
 from .page import Block, Picture, Table, Text
 
 MOST_ROWS = 40
@@ -39,8 +31,8 @@ ERRORS = {"pure": "the scatter between replicates (pure error)",
 BOX_COX = "The Box–Cox profile"
 FEW = 10
 """Degrees of freedom below which intervals are rough."""
-NAMED = 3
-"""Undecided effects that a sentence names."""
+MAX_LISTED = 3
+"""Most undecided effects that a sentence lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +48,9 @@ class Findings:
     profile
         Box–Cox.
     detectable
-        Smallest effect that is found with a probability of `POWER`, by term.
+        Smallest effect that is detected with a probability of `POWER`, by term.
     missing
-        Why what is not there is not.
+        Reasons for each of these that is None.
     """
 
     study: Study
@@ -72,15 +64,7 @@ class Findings:
 
 
 def find(
-    study: Study,
-    table: pd.DataFrame,
-    response: str = RESPONSE,
-    *,
-    receiver: str | None = None,
-    order: int | None = None,
-    transform: Transform = "none",
-    error: Error = "pure",
-    practical: float | None = None,
+    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[Choices]
 ) -> Findings:
     """Analyse a study in all ways that a report has room for.
 
@@ -89,22 +73,22 @@ def find(
     ConfigurationError
         As `sblcosim.analysis.of_study`.
     """
-    options: dict[str, Any] = {"receiver": receiver, "order": order, "error": error}
-    data = of_table(study, table, response, transform=transform, practical=practical, **options)
+    data = of_table(study, table, response, **choices)
     shown = data.readable
     missing: list[str] = []
 
-    def attempt(what: str, make: Callable[[], Any]) -> Any:
-        if transform != "none":
+    def attempt(what: str, compute: Callable[[], Any]) -> Any:
+        if data.transform != "none":
             return None
         try:
-            return make()
+            return compute()
         except ConfigurationError:
             missing.append(f"{what} {_why_not(what, data)}.")
             return None
 
-    def again(kind: Transform) -> Factorial:
-        return of_table(study, table, response, transform=kind, **options).readable
+    def again(transform: Transform) -> Factorial:
+        other: Choices = {**choices, "transform": transform, "practical": None}
+        return of_table(study, table, response, **other).readable
 
     return Findings(
         study,
@@ -158,7 +142,7 @@ def what_matters(analysis: Factorial) -> str:
         text += f"; none is surely larger than {line}"
     parts = [f"{text}."]
     if groups["open"]:
-        named, rest = groups["open"][:NAMED], len(groups["open"]) - NAMED
+        named, rest = groups["open"][:MAX_LISTED], len(groups["open"]) - MAX_LISTED
         more = f" and {rest} smaller ones" if rest > 0 else ""
         parts.append(f"More runs would have to decide about {', '.join(named)}{more}.")
     if groups["too small"]:
@@ -203,39 +187,6 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
 
 
 # --- Tables --------------------------------------------------------------------------------------
-
-
-def number(value: Any, digits: int = 3) -> str:
-    """A number for people, or a dash."""
-    if value is None or pd.isna(value):
-        return "–"
-    if np.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if 10**digits <= abs(value) < 1e7:
-        return minus(f"{value:,.0f}")
-    return minus(f"{value:.{digits}g}")
-
-
-def minus(text: str) -> str:
-    """With true minus signs before numbers, and units kept beside them."""
-    return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", true_minus(text))
-
-
-def signed(value: float, digits: int = 3) -> str:
-    """A number with its sign."""
-    return f"{'+' if value > 0 else ''}{figures(value, digits)}"
-
-
-def probability(p: float) -> str:
-    """A p value."""
-    if pd.isna(p):
-        return "–"
-    return "< 0.0001" if p < 1e-4 else f"{p:.4f}"
-
-
-def span(low: float, high: float, show: Callable[[float], str] = signed) -> str:
-    """An interval."""
-    return "–" if pd.isna(low) else f"{show(low)} to {show(high)}"
 
 
 def factor_table(study: Study) -> Table:
@@ -323,7 +274,7 @@ def ratio_table(found: Findings) -> Table | None:
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
     low, high = row["ratio_low"], row["ratio_high"]
-    return f"{figures(row['ratio'])} ({figures(low)} to {figures(high)})"
+    return f"{rounded(row['ratio'])} ({rounded(low)} to {rounded(high)})"
 
 
 def anova_table(a: Factorial) -> Table:
@@ -418,6 +369,10 @@ def draw(job: Job) -> str:
     """The figure's SVG."""
     axes = job.function(*job.arguments, theme="light")
     return style.svg(axes[0] if isinstance(axes, Sequence) else axes, job.name)
+
+
+def get_ready() -> None:
+    """Do nothing: a process that calls this has imported what drawing needs."""
 
 
 def jobs(found: Findings, prefix: str = "") -> list[Job]:
