@@ -12,7 +12,7 @@ finite response, is worse than any limit. There are two requirements:
 - *The mean is within the limit.* No bound of a mean holds against bad runs that were never seen. So
   this is a statement for a stated share c of contamination: bad runs that are at least this share
   have been seen at every point, for which n = ln(risk)/ln(1 − c) runs are needed, as
-  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them two bounds are made: of the mean of the
+  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them there are two bounds: of the mean of the
   runs that are not lost, which is compared with the limit, and, exact, of the share of those that
   are (Clopper and Pearson), which is compared with c.
 
@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 LEVEL_TOLERANCE = 1e-9
 """How far, relatively, a level may be from the one that a cost is given for."""
 PERCENTILE = 90.0
-"""Which percentile is offered where nobody said."""
+"""Default percentile."""
 
 
 def ordinal(number: float) -> str:
@@ -57,11 +57,11 @@ class Question:
     Attributes
     ----------
     response, unit, factors
-        What was asked about, and the factors of the design.
+        Response and its unit, and the factors of the design.
     limit
         The requirement; None if there is none.
     percentile
-        Which percentile of the runs is to meet it; None for their mean.
+        Percentile of the runs that is to meet it; None for their mean.
     contamination
         Share of bad runs that a statement about a mean takes into account.
     confidence
@@ -216,7 +216,7 @@ class Advice(Question):
         return "\n".join(lines)
 
     def _notes(self) -> list[str]:
-        """What the numbers mean."""
+        """How to read the numbers."""
         lines = [
             f"Each run counts with one number, its {self.response}: means and percentiles are "
             "over runs, not over the instants of a run.",

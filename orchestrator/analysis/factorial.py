@@ -161,7 +161,7 @@ def analyse(
     unit
         Of the response, for texts.
     replicate, run_order
-        Names of those columns. Without a run order one is drawn, the same every time.
+        Names of these columns. Without a run order one is drawn, the same every time.
 
     Raises
     ------

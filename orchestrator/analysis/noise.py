@@ -23,13 +23,13 @@ class FTest:
     Attributes
     ----------
     estimate
-        What is tested, if it is a single number; else NaN.
+        Estimate of the tested quantity if it is a single number; else NaN.
     ss
         Its sum of squares.
     df, df_error
         Degrees of freedom; not whole numbers where they are corrected.
     f, p
-        Statistic, and probability of a larger one if there is nothing.
+        Statistic, and probability of a larger one under the null hypothesis.
     """
 
     estimate: float

@@ -10,7 +10,7 @@ from .options import Options
 
 
 def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) -> None:
-    """Refuse what are not different columns of numbers."""
+    """Refuse factors and a response that are not different columns of numbers."""
     if not factors:
         raise ConfigurationError("factors: must name at least one column, got none")
     if len(set(factors)) < len(factors):

@@ -22,7 +22,7 @@ class Analysis:
     Attributes
     ----------
     response, unit, transform
-        What was analysed. With ``log`` it is the natural logarithm, with ``spread`` that of the
+        The analysed quantity. With ``log`` it is the natural logarithm, with ``spread`` that of the
         standard deviation over the replicates of a point; effects are then differences of
         logarithms.
     levels
@@ -37,7 +37,7 @@ class Analysis:
         degrees of freedom, those of t. With Lenth's method there is neither: None and NaN. With
         common random numbers each effect has a scatter of its own: ``pure`` and NaN.
     practical
-        Smallest effect that matters, in units of the effects; None if nobody said.
+        Smallest effect that matters, in units of the effects; None if not given.
     effects
         One row per term: ``order``, ``coefficient``, ``effect``, ``std_error`` (of the effect),
         ``t``, ``p``, ``low``, ``high`` (confidence interval), ``share`` (of the total sum of
@@ -129,7 +129,7 @@ class Analysis:
 
     @property
     def quantity(self) -> str:
-        """What the effects are effects on."""
+        """The analysed quantity in words."""
         word = {"none": "", "log": "ln ", "spread": "ln s of "}[self.transform]
         return f"{word}{self.response}"
 

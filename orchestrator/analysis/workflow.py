@@ -22,7 +22,7 @@ from .factorial import Factorial, analyse
 from .options import Error, Transform
 
 RESPONSE = "absolute_total_rms_m"
-"""The paper's: RMS of the total error."""
+"""RMS of the total error, as in the paper."""
 
 
 class Choices(TypedDict, total=False):
@@ -54,7 +54,7 @@ def of_study(
     response
         A column of the table of runs, without the receiver's name.
     receiver
-        Whose; default: the first.
+        Receiver of the response; default: the first.
 
     Raises
     ------
@@ -78,20 +78,20 @@ def of_table(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """As `of_study`, of a study and its runs."""
+    """As `of_study`, for a study and its runs."""
     if study.design.kind not in FACTORIAL:
         raise ConfigurationError(
             f"{study.name}: must be a two-level factorial design ({' or '.join(FACTORIAL)}) for an "
             f"analysis of effects, got kind {study.design.kind!r}"
         )
     column = column_of(table, response, receiver)
-    found = analyse(
+    analysis = analyse(
         in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
         error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
-        found, units=study.units, labels=study.labels, label=words(column, table)
+        analysis, units=study.units, labels=study.labels, label=words(column, table)
     )
 
 
@@ -135,7 +135,7 @@ _OF_COVARIANCE = ("inconsistent", "nees_position")
 
 
 def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """The same with a column as numbers, NaN where it is missing."""
+    """The same table with a column of numbers, NaN where a value is missing."""
     return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
@@ -145,7 +145,7 @@ def unit_of(column: str) -> str:
 
 
 def words(column: str, table: pd.DataFrame) -> str:
-    """A response for people to read; its receiver is named where there are several."""
+    """A response for people to read, with its receiver if there are several."""
     receiver, _, response = column.partition(".")
     match = re.fullmatch(r"(absolute|relative)_(x|y|z|total)_(mean|rms)_m", response)
     if match:
@@ -198,8 +198,23 @@ def advice_on_study(
         As `of_study`; or the costs do not fit the study.
     """
     study, table = store.study_of(results), store.table(results)
+    prices = _prices(study, costs)
+    points = table[~table["point"].isin(_centre(study))]
+    column = column_of(table, response, receiver)
+    lost = f"{column.partition('.')[0]}.lost"
+    return advise(
+        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
+        percentile=percentile, contamination=contamination, confidence=confidence,
+        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
+    )
+
+
+def _prices(
+    study: Study, costs: str | Path | Mapping[str, Sequence[float]]
+) -> dict[str, dict[float, float]]:
+    """Cost of each level by factor, from a file or a mapping."""
     where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
-    prices = {}
+    prices: dict[str, dict[float, float]] = {}
     for name, values in given.items():
         if name not in study.factors:
             raise ConfigurationError(
@@ -220,18 +235,11 @@ def advice_on_study(
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
         prices[name] = dict(zip(levels, values, strict=True))
-    points = table[~table["point"].isin(_centre(study))]
-    column = column_of(table, response, receiver)
-    lost = f"{column.partition('.')[0]}.lost"
-    return advise(
-        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
-        percentile=percentile, contamination=contamination, confidence=confidence,
-        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
-    )
+    return prices
 
 
 def _centre(study: Study) -> list[int]:
-    """Points that have none of the levels."""
+    """Numbers of the centre points."""
     return [number for number, centre in enumerate(study.plan.centre, 1) if centre]
 
 
@@ -274,7 +282,7 @@ def save(
 
 
 def about(analysis: Factorial) -> dict[str, object]:
-    """For the manifest."""
+    """Entry of the manifest."""
     return {
         "analysis": {
             "response": analysis.response, "factors": list(analysis.factors),
@@ -288,7 +296,7 @@ def write(
     folder: Path,
     theme: style.ThemeName = "light",
 ) -> None:
-    """As `save`, into a folder that there is."""
+    """As `save`, into an existing folder."""
     for name in ("effects", "anova", "main_effects", "interactions"):
         artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
     shown = analysis.readable
