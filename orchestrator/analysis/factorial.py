@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Factorial(Analysis):
-    __doc__ = Analysis.__doc__
+    __doc__ = Analysis.__doc__  # the class that users see
 
     def summary(self, most: int = 12) -> str:
         """The analysis in words, with the `most` largest effects."""
@@ -172,7 +172,8 @@ def analyse(
     factors = tuple(factors)
     check_columns(table, factors, response)
     options = Options(
-        seeding, transform, error, practical, confidence, unit, replicate, run_order
+        seeding=seeding, transform=transform, error=error, practical=practical,
+        confidence=confidence, unit=unit, replicate=replicate, run_order=run_order,
     )
     chosen = chosen_terms(factors, order, terms)
     data = usable(table, factors, response, options)
