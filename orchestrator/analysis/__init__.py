@@ -8,7 +8,7 @@ from .. import lazy
 
 if TYPE_CHECKING:
     from .advice import Advice, advise
-    from .fit import Factorial, analyse
+    from .factorial import Factorial, analyse
     from .workflow import advice_on_study, of_study, of_table, save, save_advice
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
 __getattr__, __dir__ = lazy.names(
     __name__,
     {
-        "Advice": "advice", "Factorial": "fit", "advice_on_study": "workflow", "advise": "advice",
-        "analyse": "fit", "of_study": "workflow", "of_table": "workflow", "save": "workflow",
-        "save_advice": "workflow",
+        "Advice": "advice", "Factorial": "factorial", "advice_on_study": "workflow",
+        "advise": "advice", "analyse": "factorial", "of_study": "workflow",
+        "of_table": "workflow", "save": "workflow", "save_advice": "workflow",
     },
 )  # fmt: skip

@@ -12,17 +12,11 @@ finite response, is worse than any limit. There are two requirements:
 - *The mean is within the limit.* No bound of a mean holds against bad runs that were never seen. So
   this is a statement for a stated share c of contamination: bad runs that are at least this share
   have been seen at every point, for which n = ln(risk)/ln(1 − c) runs are needed, as
-  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them two bounds are made: of the mean of the
+  (1 − c)ⁿ ≤ risk; with fewer nothing is said. With them there are two bounds: of the mean of the
   runs that are not lost, which is compared with the limit, and, exact, of the share of those that
   are (Clopper and Pearson), which is compared with c.
 
-The bound of the mean holds for skewed runs. For runs that are all at most B, it is the quantile
-1 − risk of Σ wᵢ xᵢ, where the n runs and B have weights from the flat Dirichlet distribution
-(N. Gaffke, Math. Methods Statist. 14, 2005, 451–467; Learned-Miller and Thomas, arXiv:1905.06208);
-for runs of two values it is Clopper and Pearson's. B is not known. It is taken to be twice as far
-from the median as the worst run seen. With wᵢ = Eᵢ/ΣE for exponential E, P(Σ wᵢ xᵢ > t) is
-P(Σ Eᵢ (xᵢ − t) > 0), by Lugannani and Rice's saddlepoint formula (Adv. Appl. Prob. 12, 1980,
-475–490).
+The bounds are those of `sblcosim.analysis.bounds`.
 """
 
 from __future__ import annotations
@@ -36,20 +30,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import optimize, special, stats
 
 from ..errors import ConfigurationError, nearest
-from .fit import check_columns
+from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
+from .runs import check_columns
 
 Floats = NDArray[np.float64]
-TOLERANCE = 1e-9
+LEVEL_TOLERANCE = 1e-9
 """How far, relatively, a level may be from the one that a cost is given for."""
-LEAST_RUNS = 3
-"""Runs that a mean needs for its bound, whatever the contamination."""
-REACH = 2.0
-"""How far from the median, in units of the worst run's distance, runs are taken to be possible."""
 PERCENTILE = 90.0
-"""Which percentile is offered where nobody said."""
+"""Default percentile."""
 
 
 def ordinal(number: float) -> str:
@@ -61,35 +51,21 @@ def ordinal(number: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Advice:
-    """The design points by cost.
+class Question:
+    """What is asked of the runs.
 
     Attributes
     ----------
     response, unit, factors
-        What was asked about, and the factors of the design.
+        Response and its unit, and the factors of the design.
     limit
         The requirement; None if there is none.
     percentile
-        Which percentile of the runs is to meet it; None for their mean.
+        Percentile of the runs that is to meet it; None for their mean.
     contamination
         Share of bad runs that a statement about a mean takes into account.
     confidence
         That no point is said to meet the requirement that does not.
-    points
-        One row per point, the cheapest first: factors, ``cost``, ``runs``, ``lost`` (runs that are
-        lost or have no finite response), ``lost_upper`` (bound of their share), ``estimate`` and
-        ``upper`` (of the percentile, or of the mean of the runs that are not lost; infinite where
-        there is no bound), ``front`` (no point is cheaper and better, by the estimates) and
-        ``meets``.
-    chosen
-        The cheapest point that meets the requirement, as its place in `points`; None if none does.
-    runs_needed
-        Runs per point from which on there can be a bound.
-    free
-        Factors that no cost was given for.
-    beside
-        The other question, answered from the same runs; None without a limit.
     """
 
     response: str
@@ -99,11 +75,6 @@ class Advice:
     percentile: float | None
     contamination: float
     confidence: float
-    points: pd.DataFrame
-    chosen: int | None
-    runs_needed: int
-    free: tuple[str, ...] = ()
-    beside: Advice | None = None
 
     @property
     def statistic(self) -> str:
@@ -111,6 +82,43 @@ class Advice:
         if self.percentile is None:
             return f"mean of {self.response}"
         return f"{ordinal(self.percentile)} percentile of {self.response}"
+
+    def tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
+        """Which points have, as far as was seen, no more lost runs than a mean may leave out."""
+        if self.percentile is not None:
+            return pd.Series(True, points.index)
+        return points["lost"] <= self.contamination * points["runs"]
+
+
+@dataclass(frozen=True, eq=False)
+class Advice(Question):
+    """The design points by cost.
+
+    Attributes
+    ----------
+    response, unit, factors, limit, percentile, contamination, confidence
+        The question.
+    points
+        One row per point, the cheapest first: factors, ``cost``, ``runs``, ``lost`` (runs that are
+        lost or have no finite response), ``lost_upper`` (bound of their share), ``estimate`` and
+        ``upper`` (of the percentile, or of the mean of the runs that are not lost; infinite where
+        there is no bound), ``front`` (no point is cheaper and better, by the estimates) and
+        ``meets``.
+    chosen
+        Row in `points` of the cheapest point that meets the requirement; None if none does.
+    runs_needed
+        Fewest runs per point for a bound.
+    free
+        Factors that no cost was given for.
+    beside
+        The other question, answered from the same runs; None without a limit.
+    """
+
+    points: pd.DataFrame
+    chosen: int | None
+    runs_needed: int
+    free: tuple[str, ...] = ()
+    beside: Advice | None = None
 
     def named(self, labels: Mapping[str, str], response: str) -> Advice:
         """The same for people to read: other names for factors and response."""
@@ -158,7 +166,7 @@ class Advice:
         if (self.points["runs"] < self.runs_needed).all():
             return f"{self._too_few()} {self._missing()}"
         text = f"No point is sure to have a {wish}."
-        possible = self.points[self._tolerable(self.points)]
+        possible = self.points[self.tolerable(self.points)]
         hopeful = possible.index[possible["estimate"] <= self.limit]
         if len(hopeful):
             return (
@@ -191,14 +199,8 @@ class Advice:
             f"{self.missing} are missing."
         )
 
-    def _tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
-        """Which points have no more lost runs, by what was seen, than a mean may leave out."""
-        if self.percentile is not None:
-            return pd.Series(True, points.index)
-        return points["lost"] <= self.contamination * points["runs"]
-
-    def _levels(self, place: int) -> str:
-        levels = self.points.loc[place, list(self.factors)].astype(float)
+    def _levels(self, row: int) -> str:
+        levels = self.points.loc[row, list(self.factors)].astype(float)
         return ", ".join(f"{name} {level:g}" for name, level in levels.items())
 
     def __str__(self) -> str:
@@ -214,7 +216,7 @@ class Advice:
         return "\n".join(lines)
 
     def _notes(self) -> list[str]:
-        """What the numbers mean."""
+        """How to read the numbers."""
         lines = [
             f"Each run counts with one number, its {self.response}: means and percentiles are "
             "over runs, not over the instants of a run.",
@@ -271,7 +273,7 @@ def advise(
     unit: str = "",
     lost: str | None = None,
 ) -> Advice:
-    """Find the cost–accuracy front of a design, and the cheapest point that meets a requirement.
+    """Find the cost–accuracy front of a design and the cheapest point that meets a requirement.
 
     Parameters
     ----------
@@ -302,11 +304,35 @@ def advise(
     ConfigurationError
         A column, a cost or a number is not as it must be.
     """
-    factors = tuple(factors)
-    check_columns(table, factors, response)
+    question = Question(
+        response, unit, tuple(factors), limit, percentile, contamination, confidence
+    )
+    _check(table, question, costs, lost)
+    values = table[response].to_numpy(np.float64)
+    gone = ~np.isfinite(values)
+    if lost is not None:
+        gone |= table[lost].to_numpy(np.float64, na_value=0.0) != 0
+    runs = table[list(question.factors)].assign(value=np.where(gone, inf, values))
+    advice = _answered(question, runs, costs)
+    if limit is None:
+        return advice
+    other = replace(question, percentile=PERCENTILE if percentile is None else None)
+    return replace(advice, beside=_answered(other, runs, costs))
+
+
+def _check(
+    table: pd.DataFrame,
+    question: Question,
+    costs: Mapping[str, Mapping[float, float]],
+    lost: str | None,
+) -> None:
+    """Refuse a question that the table cannot answer."""
+    factors, percentile, limit = question.factors, question.percentile, question.limit
+    check_columns(table, factors, question.response)
     if percentile is not None and not 0 < percentile < 100:
         raise ConfigurationError(f"percentile: must be between 0 and 100, got {percentile}")
-    for name, value in (("confidence", confidence), ("contamination", contamination)):
+    for name in ("confidence", "contamination"):
+        value = getattr(question, name)
         if not 0 < value < 1:
             raise ConfigurationError(f"{name}: must be between 0 and 1, got {value}")
     if limit is not None and not np.isfinite(limit):
@@ -323,34 +349,16 @@ def advise(
             raise ConfigurationError(
                 f"costs: must be of the factors, got {name!r}" + nearest(name, factors)
             )
-    values = table[response].to_numpy(np.float64)
-    gone = ~np.isfinite(values)
-    if lost is not None:
-        gone |= table[lost].to_numpy(np.float64, na_value=0.0) != 0
-    runs = table[list(factors)].assign(value=np.where(gone, inf, values))
-    found = _weighed(runs, factors, response, costs, limit, percentile, contamination, confidence)
-    found = replace(found, unit=unit)
-    if limit is None:
-        return found
-    other = PERCENTILE if percentile is None else None
-    beside = _weighed(runs, factors, response, costs, limit, other, contamination, confidence)
-    return replace(found, beside=replace(beside, unit=unit))
 
 
-def _weighed(
-    runs: pd.DataFrame,
-    factors: tuple[str, ...],
-    response: str,
-    costs: Mapping[str, Mapping[float, float]],
-    limit: float | None,
-    percentile: float | None,
-    contamination: float,
-    confidence: float,
+def _answered(
+    question: Question, runs: pd.DataFrame, costs: Mapping[str, Mapping[float, float]]
 ) -> Advice:
-    """One of the two questions; `runs` has the factors and ``value``, infinite if lost."""
+    """The points, weighed; `runs` has the factors and ``value``, infinite if lost."""
+    factors, limit, percentile = question.factors, question.limit, question.percentile
     groups = runs.groupby(list(factors), sort=True)["value"]
-    risk = (1 - confidence) / groups.ngroups
-    share = 1 - contamination if percentile is None else percentile / 100
+    risk = (1 - question.confidence) / groups.ngroups
+    share = 1 - question.contamination if percentile is None else percentile / 100
     needed = ceil(log(risk) / log(share) - TOLERANCE)
     if percentile is None:
         needed = max(needed, LEAST_RUNS)
@@ -359,88 +367,32 @@ def _weighed(
         y = np.sort(values.to_numpy(np.float64))
         n, lost = len(y), int(np.isinf(y).sum())
         estimate, upper = (
-            _mean(y[: n - lost], risk) if percentile is None else _percentile(y, share, risk)
+            mean_bound(y[: n - lost], risk) if percentile is None
+            else percentile_bound(y, share, risk)
         )
         if n < needed:
             upper = inf
-        rows.append((n, lost, _share(lost, n, risk), estimate, upper))
+        rows.append((n, lost, share_bound(lost, n, risk), estimate, upper))
     points = groups.size().reset_index()[list(factors)]
     points["cost"] = sum((_cost(points[name], costs[name]) for name in costs), np.zeros(len(rows)))
     columns = ["runs", "lost", "lost_upper", "estimate", "upper"]
     points[columns] = pd.DataFrame(rows, columns=columns)
     points = points.sort_values(["cost", "estimate"], kind="stable", ignore_index=True)
-    advice = Advice(
-        response=response,
-        unit="",
-        factors=factors,
-        limit=limit,
-        percentile=percentile,
-        contamination=contamination,
-        confidence=confidence,
-        points=points,
-        chosen=None,
-        runs_needed=needed,
-        free=tuple(name for name in factors if name not in costs),
-    )
     # cheapest first: a point is on the front if it is better than all before it
-    rank = points["estimate"].where(advice._tolerable(points), inf)
+    rank = points["estimate"].where(question.tolerable(points), inf)
     points["front"] = rank < rank.cummin().shift(fill_value=inf)
     meets = pd.Series(False, points.index) if limit is None else points["upper"] <= limit
     if percentile is None:
-        meets &= points["lost_upper"] <= contamination
+        meets &= points["lost_upper"] <= question.contamination
     points["meets"] = meets
     meeting = points.index[meets]
-    return replace(advice, chosen=int(meeting[0]) if len(meeting) else None)
-
-
-def _mean(y: Floats, risk: float) -> tuple[float, float]:
-    """Mean of the runs, in ascending order, and its upper bound."""
-    if len(y) == 0:
-        return inf, inf
-    mean, median = float(y.mean()), float(np.median(y))
-    if len(y) < LEAST_RUNS:
-        return mean, inf
-    least, worst = float(y[0]), median + REACH * float(y[-1] - median)
-    if least == worst:
-        return mean, mean
-    x = (np.append(y, worst) - least) / (worst - least)
-    # θ = 0 is the mean of x, θ = 1 the worst run
-    ends = (0.0, 1 - 1e-12) if risk < 0.5 else (-1e9, 0.0)
-    theta = float(optimize.brentq(lambda theta: _weights(x, theta)[1] - risk, *ends, xtol=1e-15))
-    return mean, least + (worst - least) * _weights(x, theta)[0]
-
-
-def _weights(x: Floats, theta: float) -> tuple[float, float]:
-    """A value t between the least and the largest x, and P(Σ Eᵢ (xᵢ − t) > 0).
-
-    With dᵢ = xᵢ − t, K(s) = −Σ ln(1 − s dᵢ) has its saddlepoint K′(s) = 0 at s = θ/(1 − θ t) for
-    t = Σ vᵢ xᵢ / Σ vᵢ, vᵢ = 1/(1 − θ xᵢ): θ gives both without solving anything.
-    """
-    v = 1 / (1 - theta * x)
-    t = float((v * x).sum() / v.sum())
-    scale = 1 - theta * t
-    w = float(np.sign(theta)) * float(np.sqrt(max(0.0, -2 * np.log(v * scale).sum())))
-    u = theta * float(np.sqrt((((x - t) * v) ** 2).sum()))
-    if abs(w) < 1e-4:
-        return t, 0.5
-    return t, float(special.ndtr(-w) + np.exp(-w * w / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w))
-
-
-def _share(count: int, runs: int, risk: float) -> float:
-    """Clopper and Pearson's upper bound of a share."""
-    return 1.0 if count == runs else float(stats.beta.isf(risk, count + 1, runs - count))
-
-
-def _percentile(y: Floats, share: float, risk: float) -> tuple[float, float]:
-    """The run that so many of the others are not above, and an upper bound of the percentile.
-
-    The runs are in ascending order.
-    """
-    n = len(y)
-    estimate = float(y[ceil(share * n - TOLERANCE) - 1])
-    # of k = 1 … n the smallest with P(Binomial(n, share) ≥ k) ≤ risk
-    enough = stats.binom.sf(np.arange(n), n, share) <= risk
-    return estimate, float(y[enough.argmax()]) if enough.any() else inf
+    return Advice(
+        **vars(question),
+        points=points,
+        chosen=int(meeting[0]) if len(meeting) else None,
+        runs_needed=needed,
+        free=tuple(name for name in factors if name not in costs),
+    )
 
 
 def _cost(levels: pd.Series[float], costs: Mapping[float, float]) -> Floats:
@@ -452,11 +404,11 @@ def _cost(levels: pd.Series[float], costs: Mapping[float, float]) -> Floats:
             f"costs.{levels.name}: must be finite and not negative, got {list(costs.values())}"
         )
     values = levels.to_numpy(np.float64)
-    same = np.isclose(values[:, None], known, rtol=TOLERANCE, atol=0)
+    same = np.isclose(values[:, None], known, rtol=LEVEL_TOLERANCE, atol=0)
     if not same.any(axis=1).all():
         missing = values[~same.any(axis=1)][0]
         raise ConfigurationError(
             f"costs.{levels.name}: must have every level of the design, got none for {missing:g}"
         )
-    found: Floats = prices[same.argmax(axis=1)]
-    return found
+    price: Floats = prices[same.argmax(axis=1)]
+    return price

@@ -1,7 +1,7 @@
 """Figures of a factorial analysis, as the paper's Figures 15 to 18, 22 to 24 and 28 to 30.
 
-Each function draws into the place of the axes it is given, or into a new figure. Those with
-several panels put them there and return them.
+Each function draws into the axes it is given, or into a new figure. Those with several panels
+replace the axes by them and return them.
 """
 
 from __future__ import annotations
@@ -22,20 +22,22 @@ from scipy import stats
 from ..study.design import TIMES
 from ..style import LINES, PLAIN, Theme, ThemeName, new_figure, use
 from .advice import Advice
-from .fit import Factorial, box_cox, minus
+from .box_cox import box_cox
+from .sentences import minus
+from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
-"""Points of a cloud from which on an SVG holds their picture instead."""
+"""From this many points on, an SVG holds a raster image of them."""
 PERCENT = (0.01, 0.1, 1, 5, 20, 50, 80, 95, 99, 99.9, 99.99)
 LONGEST_TERM = 36
-"""Characters of a term in one line."""
+"""Longest term on one line [characters]."""
 MARGIN = 0.35
-"""Room beside the two levels of a factor, in units of their distance."""
+"""Margin beside the two levels of a factor, in units of their distance."""
 
 
 def plot_pareto(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
 ) -> Axes:
     """The `most` largest standardised effects |t|, the largest on top (the paper's Figure 15).
 
@@ -47,20 +49,20 @@ def plot_pareto(
         size = table["effect" if analysis.lenth else "t"].abs().sort_values(
             ascending=False, kind="stable"
         )
-        # without any scatter t is infinite, or, where there is no effect either, not defined
+        # Without any scatter t is infinite, or undefined if the effect is zero, too.
         finite = size[np.isfinite(size)].max() if np.isfinite(size).any() else 1.0
         endless = bool(np.isinf(size).any())
         shown = size.fillna(0.0).clip(upper=2 * finite).head(most).iloc[::-1]
         if ax is None:
             ax = new_figure(7.2, 1.5 + 0.25 * len(shown)).add_subplot()
         rises = (table.loc[shown.index, "effect"] > 0).to_numpy()
-        places = np.arange(len(shown))
+        positions = np.arange(len(shown))
         handles: list[Line2D | Patch] = []
         for side, word, colour, hatch in (
             (rises, "positive effect: more from low to high", look.receivers[0], ""),
             (~rises, "negative effect", look.receivers[1], "///"),
         ):
-            ax.barh(places[side], shown.to_numpy()[side], height=0.7, color=colour, hatch=hatch,
+            ax.barh(positions[side], shown.to_numpy()[side], height=0.7, color=colour, hatch=hatch,
                     edgecolor=look.paper, lw=0)
             handles.append(Patch(facecolor=colour, hatch=hatch, edgecolor=look.paper, lw=0,
                                  label=word))
@@ -74,10 +76,10 @@ def plot_pareto(
             lines = [(analysis.reference,
                       f"t({alpha:.4g}, {analysis.df:.4g}) = {analysis.reference:.3f}", LINES[1])]
             ax.set_xlabel("Standardised effect |t|")
-        for place, word, style in lines:
-            ax.axvline(place, color=look.ink, ls=style, lw=1.2)
+        for value, word, style in lines:
+            ax.axvline(value, color=look.ink, ls=style, lw=1.2)
             handles.append(Line2D([], [], color=look.ink, ls=style, lw=1.2, label=word))
-        ax.set_yticks(places, [_short(name) for name in shown.index], **PLAIN)
+        ax.set_yticks(positions, [_short(name) for name in shown.index], **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         part = f", {len(shown)} of {len(size)}" if len(shown) < len(size) else ""
@@ -91,7 +93,7 @@ def plot_pareto(
 
 
 def plot_interactions(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each pair of levels (the paper's Figure 16).
 
@@ -142,7 +144,7 @@ def plot_interactions(
 
 
 def plot_main_effects(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17)."""
     with use(theme, ax) as look:
@@ -166,7 +168,7 @@ def plot_main_effects(
             ax.plot(middle, np.full(len(factors), centre["mean"].iloc[0]), "D", ms=4.5, mfc="none",
                     color=look.receivers[1], label="centre points")
         ax.set_xticks(ticks, names)
-        room = 13 if own else 9  # an axes of somebody else's may be narrow
+        room = 13 if own else 9  # axes of the caller may be narrow
         ax.set_xticks([2 * i + 0.5 for i in range(len(factors))],
                       [_wrapped(_with_unit(analysis, name), room) for name in factors], minor=True,
                       **PLAIN)
@@ -179,7 +181,7 @@ def plot_main_effects(
 
 
 def plot_residuals(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Residuals four times (the paper's Figure 18).
 
@@ -225,9 +227,9 @@ def plot_residuals(
 
 
 def plot_box_cox(
-    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """Profile of the Box–Cox transform; see `sblcosim.analysis.fit.box_cox`."""
+    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`."""
     profile = box_cox(analysis)
     with use(theme, ax) as look:
         if ax is None:
@@ -247,7 +249,7 @@ def plot_box_cox(
                         fontsize="small")
         ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
         ax.set_title("Box–Cox profile", loc="left")
-        # below: wherever it is within, it may hide a word or the curve
+        # Below the axes: inside, it may hide a word or the curve.
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return ax
 
@@ -295,16 +297,16 @@ def _panels(
     ax: Axes | None,
     heights: Sequence[float] | None = None,
 ) -> list[Axes]:
-    """Panels in a new figure, or in the place of `ax`, which vanishes."""
+    """Panels in a new figure, or instead of `ax`, which vanishes."""
     if ax is None:
         panels = new_figure(width, height).subplots(rows, columns, squeeze=False,
                                                     height_ratios=heights)
         return list(panels.flat)
-    place = ax.get_subplotspec()
-    if place is None:
+    spec = ax.get_subplotspec()
+    if spec is None:
         raise ValueError("ax: must be in a grid of axes, as Figure.subplots makes them")
     ax.set_axis_off()
-    grid = place.subgridspec(rows, columns, height_ratios=heights)
+    grid = spec.subgridspec(rows, columns, height_ratios=heights)
     figure = ax.figure
     return [figure.add_subplot(grid[i, j]) for i, j in product(range(rows), range(columns))]
 
@@ -315,7 +317,7 @@ def _side(high: int, look: Theme) -> dict[str, Any]:
 
 
 def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None:
-    """A factor's name, and what its two lines look like."""
+    """A factor's name and the styles of its two lines."""
     panel.set_axis_off()
     panel.set(xlim=(0, 1), ylim=(0, 1))
     panel.text(0.5, 0.56 if levels else 0.1, _wrapped(factor, 14), ha="center", va="bottom",
@@ -326,12 +328,12 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
         panel.text(0.48, y, f"{value:g}", va="center", fontsize="small")
 
 
-def _with_unit(analysis: Factorial, factor: str) -> str:
+def _with_unit(analysis: Analysis, factor: str) -> str:
     unit = analysis.units.get(factor)
     return f"{factor} [{unit}]" if unit else factor
 
 
-def _quantity(analysis: Factorial) -> str:
+def _quantity(analysis: Analysis) -> str:
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 
 

@@ -28,7 +28,7 @@ def means(
     table
         One row per run: factors and response. Runs without a finite response are left out.
     base
-        Where the factors are while another one is swept; not needed for a single one.
+        Levels of the factors while another one is swept; not needed for a single factor.
 
     Returns
     -------
@@ -61,15 +61,15 @@ def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, floa
 
 
 def plot_means(
-    found: pd.DataFrame,
+    table: pd.DataFrame,
     quantity: str = "response",
     units: dict[str, str] | None = None,
     ax: Sequence[Axes] | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
-    """What `means` gives, a panel for each factor; bars are the confidence intervals."""
+    """Plot the table of `means`, a panel for each factor; bars are the confidence intervals."""
     with use(theme, ax) as look:
-        factors = list(dict.fromkeys(found["factor"]))
+        factors = list(dict.fromkeys(table["factor"]))
         if ax is None:
             columns = min(len(factors), 3)
             rows = ceil(len(factors) / columns)
@@ -78,7 +78,7 @@ def plot_means(
         for panel in ax[len(factors) :]:
             panel.set_axis_off()
         for panel, factor in zip(ax, factors, strict=False):
-            mine = found[found["factor"] == factor]
+            mine = table[table["factor"] == factor]
             reach = (mine["high"] - mine["mean"]).fillna(0.0)
             panel.errorbar(mine["value"], mine["mean"], reach, fmt="-o", ms=4.5, capsize=3,
                            color=look.receivers[1])

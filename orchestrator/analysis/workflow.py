@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import pandas as pd
 
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
+from ..results.responses import RESPONSES, readable, unit_of
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
-from .fit import Error, Factorial, Transform, analyse
+from .factorial import Factorial, analyse
+from .options import Error, Transform
 
 RESPONSE = "absolute_total_rms_m"
-"""The paper's: RMS of the total error."""
+"""RMS of the total error, as in the paper."""
+
+
+class Choices(TypedDict, total=False):
+    """Options of `of_study` that have defaults."""
+
+    receiver: str | None
+    order: int | None
+    transform: Transform
+    error: Error
+    practical: float | None
 
 
 def of_study(
@@ -34,7 +45,7 @@ def of_study(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """Analyse the runs in a folder of results; see `sblcosim.analysis.fit.analyse`.
+    """Analyse the runs in a folder of results; see `sblcosim.analysis.factorial.analyse`.
 
     The tables have the columns' names; what is printed or drawn has the study's labels.
 
@@ -43,7 +54,7 @@ def of_study(
     response
         A column of the table of runs, without the receiver's name.
     receiver
-        Whose; default: the first.
+        Receiver of the response; default: the first.
 
     Raises
     ------
@@ -67,20 +78,20 @@ def of_table(
     error: Error = "pure",
     practical: float | None = None,
 ) -> Factorial:
-    """As `of_study`, of a study and its runs."""
+    """As `of_study`, for a study and its runs."""
     if study.design.kind not in FACTORIAL:
         raise ConfigurationError(
             f"{study.name}: must be a two-level factorial design ({' or '.join(FACTORIAL)}) for an "
             f"analysis of effects, got kind {study.design.kind!r}"
         )
     column = column_of(table, response, receiver)
-    found = analyse(
+    analysis = analyse(
         in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
         error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
-        found, units=study.units, labels=study.labels, label=words(column, table)
+        analysis, units=study.units, labels=study.labels, label=words(column, table)
     )
 
 
@@ -115,43 +126,24 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
         )
     column = f"{chosen}.{response}"
     if table[column].isna().all():
-        why = f"; no estimate of {chosen} has a covariance" if response in _OF_COVARIANCE else ""
+        told = response in RESPONSES and RESPONSES[response].needs_covariance
+        why = f"; no estimate of {chosen} has a covariance" if told else ""
         raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
     return column
 
 
-_OF_COVARIANCE = ("inconsistent", "nees_position")
-
-
 def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """The same with a column as numbers, NaN where it is missing."""
+    """The same table with a column of numbers, NaN where a value is missing."""
     return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
-def unit_of(column: str) -> str:
-    """Unit of a response."""
-    return "m" if column.endswith("_m") else ""
-
-
 def words(column: str, table: pd.DataFrame) -> str:
-    """A response for people to read; its receiver is named where there are several."""
+    """A response for people to read, with its receiver if there are several."""
     receiver, _, response = column.partition(".")
-    match = re.fullmatch(r"(absolute|relative)_(x|y|z|total)_(mean|rms)_m", response)
-    if match:
-        frame, axis, statistic = match.groups()
-        how = {"mean": "mean", "rms": "RMS"}[statistic]
-        what = f"{how} total error" if axis == "total" else f"{how} error in {axis}"
-        text = what + (" relative to the platform" if frame == "relative" else "")
-    else:
-        text = WORDS.get(response, response.replace("_", " "))
+    known = RESPONSES.get(response)
+    text = readable(response) if known is None else known.words
     several = len({c.partition(".")[0] for c in table.columns if "." in c}) > 1
     return f"{text} of {receiver}" if several else text
-
-
-WORDS = {
-    "nees_position": "NEES of the position", "nis": "NIS",
-    "inconsistent": "share of inconsistent runs", "lost": "share of lost runs",
-}
 
 
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
@@ -187,8 +179,23 @@ def advice_on_study(
         As `of_study`; or the costs do not fit the study.
     """
     study, table = study_of(results), store.table(results)
+    prices = _prices(study, costs)
+    points = table[~table["point"].isin(_centre(study))]
+    column = column_of(table, response, receiver)
+    lost = f"{column.partition('.')[0]}.lost"
+    return advise(
+        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
+        percentile=percentile, contamination=contamination, confidence=confidence,
+        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
+    )
+
+
+def _prices(
+    study: Study, costs: str | Path | Mapping[str, Sequence[float]]
+) -> dict[str, dict[float, float]]:
+    """Cost of each level by factor, from a file or a mapping."""
     where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
-    prices = {}
+    prices: dict[str, dict[float, float]] = {}
     for name, values in given.items():
         if name not in study.factors:
             raise ConfigurationError(
@@ -209,18 +216,11 @@ def advice_on_study(
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
         prices[name] = dict(zip(levels, values, strict=True))
-    points = table[~table["point"].isin(_centre(study))]
-    column = column_of(table, response, receiver)
-    lost = f"{column.partition('.')[0]}.lost"
-    return advise(
-        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
-        percentile=percentile, contamination=contamination, confidence=confidence,
-        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
-    )
+    return prices
 
 
 def _centre(study: Study) -> list[int]:
-    """Points that have none of the levels."""
+    """Numbers of the centre points."""
     return [number for number, centre in enumerate(study.plan.centre, 1) if centre]
 
 
@@ -263,7 +263,7 @@ def save(
 
 
 def about(analysis: Factorial) -> dict[str, object]:
-    """For the manifest."""
+    """Entry of the manifest."""
     return {
         "analysis": {
             "response": analysis.response, "factors": list(analysis.factors),
@@ -277,7 +277,7 @@ def write(
     folder: Path,
     theme: style.ThemeName = "light",
 ) -> None:
-    """As `save`, into a folder that there is."""
+    """As `save`, into an existing folder."""
     for name in ("effects", "anova", "main_effects", "interactions"):
         artifacts.write_table(getattr(analysis, name).reset_index(), folder, name)
     shown = analysis.readable

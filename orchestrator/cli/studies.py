@@ -246,11 +246,11 @@ def analyse(
         from typing import get_args
 
         from .. import artifacts
-        from ..analysis import fit, workflow
+        from ..analysis import options, workflow
         from ..report import study as reports
 
-        check_choice("transform", transform, get_args(fit.Transform))
-        check_choice("error", error, get_args(fit.Error))
+        check_choice("transform", transform, get_args(options.Transform))
+        check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
         text = reports.save(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .. import artifacts
-from ..analysis.fit import Factorial
+from ..analysis.factorial import Factorial
 from ..scenario.schema import toml
 from ..study.study import Study
 from .page import Block, Code, Section, Table, Text

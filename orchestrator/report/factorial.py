@@ -1,33 +1,25 @@
-"""What a report says about a study: the answer, what matters, tables and figures."""
+"""The parts of a report on a factorial study: the answer, what matters, tables and figures."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
 from .. import style
 from ..analysis import figures as plots
-from ..analysis.fit import (
-    Error,
-    Factorial,
-    Transform,
-    answer,
-    box_cox,
-    detectable,
-    figures,
-    limit_of,
-    percent,
-    quantity,
-)
-from ..analysis.fit import minus as true_minus
-from ..analysis.workflow import RESPONSE, of_table
+from ..analysis.box_cox import box_cox
+from ..analysis.factorial import Factorial
+from ..analysis.options import Transform
+from ..analysis.power import detectable
+from ..analysis.sentences import answer, limit_of, percent, quantity, rounded
+from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
 from ..study.study import Study
+from .formats import minus, number, probability, signed, span
 from .page import Block, Picture, Table, Text
 
 MOST_ROWS = 40
@@ -39,8 +31,8 @@ ERRORS = {"pure": "the scatter between replicates (pure error)",
 BOX_COX = "The Box–Cox profile"
 FEW = 10
 """Degrees of freedom below which intervals are rough."""
-NAMED = 3
-"""Undecided effects that a sentence names."""
+MAX_LISTED = 3
+"""Most undecided effects that a sentence lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +48,9 @@ class Findings:
     profile
         Box–Cox.
     detectable
-        Smallest effect that is found with a probability of `POWER`, by term.
+        Smallest effect that is detected with a probability of `POWER`, by term.
     missing
-        Why what is not there is not.
+        Reasons for each of these that is None.
     """
 
     study: Study
@@ -72,39 +64,31 @@ class Findings:
 
 
 def find(
-    study: Study,
-    table: pd.DataFrame,
-    response: str = RESPONSE,
-    *,
-    receiver: str | None = None,
-    order: int | None = None,
-    transform: Transform = "none",
-    error: Error = "pure",
-    practical: float | None = None,
+    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[Choices]
 ) -> Findings:
-    """Analyse a study in all ways that a report has room for.
+    """Analyse a study in all the ways that a report shows.
 
     Raises
     ------
     ConfigurationError
         As `sblcosim.analysis.of_study`.
     """
-    options: dict[str, Any] = {"receiver": receiver, "order": order, "error": error}
-    data = of_table(study, table, response, transform=transform, practical=practical, **options)
+    data = of_table(study, table, response, **choices)
     shown = data.readable
     missing: list[str] = []
 
-    def attempt(what: str, make: Callable[[], Any]) -> Any:
-        if transform != "none":
+    def attempt(what: str, compute: Callable[[], Any]) -> Any:
+        if data.transform != "none":
             return None
         try:
-            return make()
+            return compute()
         except ConfigurationError:
             missing.append(f"{what} {_why_not(what, data)}.")
             return None
 
-    def again(kind: Transform) -> Factorial:
-        return of_table(study, table, response, transform=kind, **options).readable
+    def again(transform: Transform) -> Factorial:
+        other: Choices = {**choices, "transform": transform, "practical": None}
+        return of_table(study, table, response, **other).readable
 
     return Findings(
         study,
@@ -119,7 +103,7 @@ def find(
 
 
 def _why_not(what: str, a: Factorial) -> str:
-    """Why an analysis could not be made, in words for those who did not ask for it."""
+    """Why an analysis is not possible, in words for those who did not ask for it."""
     y = a.table[a.response]
     fewest, need = int(a.points["runs"].min()), 3 if a.seeding == "common" else 2
     if what == SPREAD and fewest < need:
@@ -138,7 +122,7 @@ def _why_not(what: str, a: Factorial) -> str:
 
 
 def what_matters(analysis: Factorial) -> str:
-    """How many effects are there, and which are large enough to care about."""
+    """How many effects are significant, and which of them matter."""
     effects = analysis.ranked()
     significant = int(effects["significant"].sum())
     text = f"{significant} of {len(effects)} effects are statistically significant"
@@ -158,7 +142,7 @@ def what_matters(analysis: Factorial) -> str:
         text += f"; none is surely larger than {line}"
     parts = [f"{text}."]
     if groups["open"]:
-        named, rest = groups["open"][:NAMED], len(groups["open"]) - NAMED
+        named, rest = groups["open"][:MAX_LISTED], len(groups["open"]) - MAX_LISTED
         more = f" and {rest} smaller ones" if rest > 0 else ""
         parts.append(f"More runs would have to decide about {', '.join(named)}{more}.")
     if groups["too small"]:
@@ -167,7 +151,7 @@ def what_matters(analysis: Factorial) -> str:
 
 
 def unit(analysis: Factorial) -> str:
-    """The response's, with a space before it."""
+    """Unit of the response after a space."""
     return f" {analysis.unit}" if analysis.unit else ""
 
 
@@ -205,39 +189,6 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
 # --- Tables --------------------------------------------------------------------------------------
 
 
-def number(value: Any, digits: int = 3) -> str:
-    """A number for people, or a dash."""
-    if value is None or pd.isna(value):
-        return "–"
-    if np.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if 10**digits <= abs(value) < 1e7:
-        return minus(f"{value:,.0f}")
-    return minus(f"{value:.{digits}g}")
-
-
-def minus(text: str) -> str:
-    """With true minus signs before numbers, and units kept beside them."""
-    return re.sub(r"(?<=\d) (?=(m|s)\b)", "\u00a0", true_minus(text))
-
-
-def signed(value: float, digits: int = 3) -> str:
-    """A number with its sign."""
-    return f"{'+' if value > 0 else ''}{figures(value, digits)}"
-
-
-def probability(p: float) -> str:
-    """A p value."""
-    if pd.isna(p):
-        return "–"
-    return "< 0.0001" if p < 1e-4 else f"{p:.4f}"
-
-
-def span(low: float, high: float, show: Callable[[float], str] = signed) -> str:
-    """An interval."""
-    return "–" if pd.isna(low) else f"{show(low)} to {show(high)}"
-
-
 def factor_table(study: Study) -> Table:
     """Factors and levels."""
     rows = []
@@ -250,9 +201,9 @@ def factor_table(study: Study) -> Table:
     )
 
 
-def effect_table(found: Findings) -> Table:
+def effect_table(findings: Findings) -> Table:
     """The effects, the largest first, with everything that is known about each."""
-    a = found.shown
+    a = findings.shown
     ranked = a.ranked()
     level = f"{a.confidence:.4g}".removeprefix("0.")
     own = f" [{a.unit}]" if a.unit else ""
@@ -266,7 +217,7 @@ def effect_table(found: Findings) -> Table:
     for name, row in ranked.head(MOST_ROWS).iterrows():
         cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
                  number(row["t"]), probability(row["p"]), percent(row["share"]),
-                 number(found.detectable[str(name)], 2)]
+                 number(findings.detectable[str(name)], 2)]
         if a.transform != "none":
             cells.append(_ratio(row))
         if "verdict" in ranked:
@@ -284,9 +235,9 @@ def effect_table(found: Findings) -> Table:
                  (len(head) - 1,) if "verdict" in ranked else (), note)
 
 
-def ratio_table(found: Findings) -> Table | None:
+def ratio_table(findings: Findings) -> Table | None:
     """Effects on the logarithm of the response and on its spread, as ratios high over low."""
-    a, log, spread = found.shown, found.log, found.spread
+    a, log, spread = findings.shown, findings.log, findings.spread
     if log is None and spread is None:
         return None
     head = ["Effect", *(["Ratio of the response", "p"] if log is not None else []),
@@ -323,7 +274,7 @@ def ratio_table(found: Findings) -> Table | None:
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
     low, high = row["ratio_low"], row["ratio_high"]
-    return f"{figures(row['ratio'])} ({figures(low)} to {figures(high)})"
+    return f"{rounded(row['ratio'])} ({rounded(low)} to {rounded(high)})"
 
 
 def anova_table(a: Factorial) -> Table:
@@ -339,9 +290,9 @@ def anova_table(a: Factorial) -> Table:
                  ("Source", "Sum of squares", "df", "Mean square", "F", "p"), rows)
 
 
-def model_table(found: Findings) -> Table:
+def model_table(findings: Findings) -> Table:
     """The model as a whole."""
-    a = found.shown
+    a = findings.shown
     rows: list[tuple[str, str]] = [
         ("Runs", f"{a.runs:,}" + (f", {a.dropped:,} left out" if a.dropped else "")),
         ("Design points", str(len(a.points))),
@@ -378,11 +329,11 @@ def model_table(found: Findings) -> Table:
     return Table("The model", ("Quantity", "Value"), rows, (1,), note)
 
 
-def tables(found: Findings) -> list[Block]:
-    """All of them, with a sentence where one is needed."""
-    a = found.shown
-    blocks: list[Block] = [effect_table(found), model_table(found)]
-    if (ratios := ratio_table(found)) is not None:
+def tables(findings: Findings) -> list[Block]:
+    """All tables, with a sentence where one is needed."""
+    a = findings.shown
+    blocks: list[Block] = [effect_table(findings), model_table(findings)]
+    if (ratios := ratio_table(findings)) is not None:
         blocks.insert(1, ratios)
     if a.lack_of_fit is not None and a.lack_of_fit.p < 1 - a.confidence:
         blocks.append(Text(
@@ -392,9 +343,9 @@ def tables(found: Findings) -> list[Block]:
                if a.error == "pure" else "are wider than they would have to be")
             + "; the model's predictions for single points do not follow all of them.", "note"))
     blocks.append(anova_table(a))
-    if found.profile is not None:
-        blocks.append(Text(box_cox_sentence(found.profile)))
-    blocks += [Text(text, "note") for text in found.missing]
+    if findings.profile is not None:
+        blocks.append(Text(box_cox_sentence(findings.profile)))
+    blocks += [Text(text, "note") for text in findings.missing]
     if a.aliases:
         blocks.append(Table(
             "Aliased terms: what one line says is true of their sum", ("Term", "Aliased with"),
@@ -407,7 +358,7 @@ def tables(found: Findings) -> list[Block]:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A figure to be drawn: a function of ours, which takes a theme, and its arguments."""
+    """A figure to draw: a function that takes a theme, and its other arguments."""
 
     name: str
     function: Callable[..., Any]
@@ -420,24 +371,28 @@ def draw(job: Job) -> str:
     return style.svg(axes[0] if isinstance(axes, Sequence) else axes, job.name)
 
 
-def jobs(found: Findings, prefix: str = "") -> list[Job]:
+def get_ready() -> None:
+    """Do nothing: a process that calls this has imported what drawing needs."""
+
+
+def jobs(findings: Findings, prefix: str = "") -> list[Job]:
     """The paper's four pictures, and the Box–Cox profile."""
-    a = found.shown
-    made = [
+    a = findings.shown
+    pictures = [
         Job(f"{prefix}pareto", plots.plot_pareto, (a,)),
         Job(f"{prefix}main_effects", plots.plot_main_effects, (a,)),
         Job(f"{prefix}residuals", plots.plot_residuals, (a,)),
     ]
     if len(a.factors) > 1:
-        made.insert(1, Job(f"{prefix}interactions", plots.plot_interactions, (a,)))
-    if found.profile is not None:
-        made.append(Job(f"{prefix}box_cox", plots.plot_box_cox, (a,)))
-    return made
+        pictures.insert(1, Job(f"{prefix}interactions", plots.plot_interactions, (a,)))
+    if findings.profile is not None:
+        pictures.append(Job(f"{prefix}box_cox", plots.plot_box_cox, (a,)))
+    return pictures
 
 
-def picture(found: Findings, name: str, svg: str, prefix: str = "") -> Picture:
+def picture(findings: Findings, name: str, svg: str, prefix: str = "") -> Picture:
     """A figure with its caption."""
-    a = found.shown
+    a = findings.shown
     top = ", ".join(map(str, a.ranked().index[:3]))
     captions = {
         "pareto": (_pareto(a),
@@ -470,11 +425,11 @@ def _pareto(a: Factorial) -> str:
             "also as one of many; hatched bars are negative effects.")
 
 
-def summary(found: Findings) -> list[Block]:
-    """The answer, and what of it matters."""
+def summary(findings: Findings) -> list[Block]:
+    """The answer, what matters, and the better levels."""
     blocks: list[Block] = [
-        Text(minus(answer(found.shown)), "answer"), Text(minus(what_matters(found.shown))),
+        Text(minus(answer(findings.shown)), "answer"), Text(minus(what_matters(findings.shown))),
     ]
-    if text := direction(found.shown):
+    if text := direction(findings.shown):
         blocks.append(Text(minus(text)))
     return blocks

@@ -10,13 +10,14 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..analysis import sweep, workflow
-from ..analysis.fit import Error, Transform
-from ..analysis.fit import quantity as quantity_of
+from ..analysis.options import Error, Transform
+from ..analysis.sentences import quantity as quantity_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
 from . import factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
-from .factorial import Findings, number, span
+from .factorial import Findings
+from .formats import number, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 
 REPORT = "report.html"

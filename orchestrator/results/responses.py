@@ -277,7 +277,7 @@ def of_function(function: Callable[[Run], Any], origin: str = "") -> Response:
         ) from None
     sha256 = hashlib.sha256(source.encode()).hexdigest()
     origin = origin or f"{function.__module__}:{name}"
-    return Response(name, _readable(name), function, False, origin=origin, sha256=sha256)
+    return Response(name, readable(name), function, False, origin=origin, sha256=sha256)
 
 
 def of_file(text: str, folder: Path) -> Response:
@@ -324,7 +324,7 @@ def of_origin(name: str, origin: str, sha256: str) -> Response:
             f"responses: {name} must be at hand to do more runs, got none; it is {origin}"
         )
 
-    return Response(name, _readable(name), gone, False, origin=origin, sha256=sha256)
+    return Response(name, readable(name), gone, False, origin=origin, sha256=sha256)
 
 
 def value_of(response: Response, run: Run) -> float:
@@ -353,7 +353,8 @@ def value_of(response: Response, run: Run) -> float:
         ) from None
 
 
-def _readable(name: str) -> str:
+def readable(name: str) -> str:
+    """A name that nobody has words for."""
     return name.removesuffix("_m").replace("_", " ")
 
 
@@ -376,4 +377,4 @@ def _by_value(function: Callable[[Run], Any]) -> bytes:
 
 def _unpacked(packed: bytes, name: str, origin: str, sha256: str) -> Response:
     function = cloudpickle.loads(packed)
-    return Response(name, _readable(name), function, False, origin=origin, sha256=sha256)
+    return Response(name, readable(name), function, False, origin=origin, sha256=sha256)

@@ -17,7 +17,8 @@ from typing import Any
 import html5lib
 import pytest
 from sblcosim.analysis import workflow
-from sblcosim.analysis.fit import Factorial, tied
+from sblcosim.analysis.factorial import Factorial
+from sblcosim.analysis.ranking import tied
 from sblcosim.cli import app
 from sblcosim.report.paper import page
 from sblcosim.study import store

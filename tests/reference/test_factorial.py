@@ -12,7 +12,9 @@ from itertools import combinations, product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.fit import TIMES, Factorial, analyse, lenth
+from sblcosim.analysis.factorial import Factorial, analyse
+from sblcosim.analysis.noise import lenth
+from sblcosim.study.design import TIMES
 
 PLASMA = (
     (550, 669, 633, 642, 1037, 749, 1075, 729),

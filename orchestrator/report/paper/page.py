@@ -28,7 +28,8 @@ from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
 from ... import artifacts
-from ...analysis.fit import answer, places
+from ...analysis.ranking import ranking
+from ...analysis.sentences import answer
 from ...api import run as run_scenario
 from ...errors import ConfigurationError
 from ...results import figures
@@ -44,7 +45,8 @@ from ...study.study import Study
 from ...style import ThemeName, new_figure, use
 from .. import factorial
 from ..common import DEFINITIONS, method, reproduce, seeding
-from ..factorial import Findings, Job, number, signed, span
+from ..factorial import Findings, Job
+from ..formats import minus, number, signed, span
 from ..page import Block, Page, Picture, Section, Table, Text, render
 from ..study import REPORT
 
@@ -492,7 +494,7 @@ def _painters(workers: int | None) -> Iterator[Executor | None]:
         try:
             with deferring_sigint():
                 for _ in range(count):
-                    pool.submit(factorial.number, 0.0)  # they import what they need
+                    pool.submit(factorial.get_ready)
             yield pool
         except BaseException:
             pool.shutdown(cancel_futures=True)
@@ -541,8 +543,8 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
         blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
                            "cannot be told apart that can be without --quick.", "note"))
     for n, found in numbers.findings.items():
-        blocks.append(Text(factorial.minus(f"Scenario {n}. {answer(found.shown)}"), "answer"))
-        blocks.append(Text(factorial.minus(factorial.what_matters(found.shown))))
+        blocks.append(Text(minus(f"Scenario {n}. {answer(found.shown)}"), "answer"))
+        blocks.append(Text(minus(factorial.what_matters(found.shown))))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
         number_, table = _table_of(n)
@@ -574,7 +576,7 @@ def _order_row(n: int, found: Findings) -> tuple[str, ...]:
     """The paper's most influential factors and ours, in words."""
     labels = found.study.labels
     named = [labels[name] for name in facts()["order"][str(n)]["named"]]
-    ranks = places(found.shown)
+    ranks = ranking(found.shown)
     groups: dict[str, list[str]] = {}
     for name, rank in ranks.items():
         groups.setdefault(rank, []).append(name)
@@ -781,7 +783,7 @@ def _residuals(found: Findings) -> str:
         text += (" They scatter more where the fitted value is larger, so that the intervals in "
                  "metres are an average over the points; the ratios below, from the logarithm, "
                  "suffer less from it.")
-    return factorial.minus(text)
+    return minus(text)
 
 
 def _averages(n: int, numbers: Numbers) -> list[Block]:
@@ -837,7 +839,7 @@ def _ranking(n: int, found: Findings) -> Table:
     labels = found.study.labels
     named = {labels[name] for name in facts()["order"][str(n)]["named"]}
     rows = []
-    for name, place in places(a).items():
+    for name, place in ranking(a).items():
         row: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", place, signed(row["effect"]),
                      span(row["low"], row["high"]), number(abs(row["t"]))))

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import advice
+from sblcosim.analysis import advice, bounds
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
 from sblcosim.errors import ConfigurationError
@@ -67,7 +67,7 @@ def test_an_estimate_within_the_limit_is_not_enough():
 
 
 def test_bound_of_a_mean_of_two_values_is_clopper_and_pearson_s(monkeypatch):
-    monkeypatch.setattr(advice, "REACH", 1.0)  # no run can be worse than the worst
+    monkeypatch.setattr(bounds, "REACH", 1.0)  # no run can be worse than the worst
     for threes in (1, 3, 10, 25):
         y = np.r_[np.ones(30 - threes), np.full(threes, 3.0)]
         found = advise(pd.DataFrame({"a": 1.0, "y": y}), ["a"], "y", {}, **MEAN).points
@@ -223,7 +223,7 @@ def test_bounds_of_means_hold_where_bad_runs_were_seen(kind: str, n: int):
     rng = np.random.default_rng(n)
     y = np.sort(draw(kind, rng, (2000, n)), axis=1)
     seen = y[:, -1] > 5 if kind == "contaminated" else np.full(len(y), True)
-    missed = np.array([advice._mean(row, 0.05)[1] < 1 for row in y])
+    missed = np.array([bounds.mean_bound(row, 0.05)[1] < 1 for row in y])
     print(f"{kind}, {n} runs: misses {missed.mean():.2%}, {missed[seen].mean():.2%} if seen")
     if not (kind == "lognormal" and n < 20):
         assert missed[seen].mean() <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / seen.sum())

@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import artifacts, calibrate, style
-from sblcosim.analysis import advice, fit, sweep, workflow
+from sblcosim.analysis import advice, factorial, sweep, workflow
 from sblcosim.analysis import figures as effect_figures
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
@@ -35,7 +35,7 @@ TRACKS = {"ekf": metrics.track(RECORD, "ekf")}
 RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"]).assign(
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
-FOUND = fit.analyse(RUNS, "ab", "y")
+FOUND = factorial.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result("x", {}, RECORD, ["ekf"])
@@ -83,11 +83,11 @@ CALLS: dict[str, Any] = {
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
     "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
-    "analysis.fit.analyse seeding": partial(fit.analyse, RUNS, "ab", "y"),
-    "analysis.fit.analyse error": partial(fit.analyse, RUNS, "ab", "y"),
+    "analysis.factorial.analyse seeding": partial(factorial.analyse, RUNS, "ab", "y"),
+    "analysis.factorial.analyse error": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.workflow.of_table error": partial(of_runs, workflow.of_table),
     "report.factorial.find error": partial(of_runs, report.find),
-    "analysis.fit.analyse transform": partial(fit.analyse, RUNS, "ab", "y"),
+    "analysis.factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.figures.plot_front theme": partial(effect_figures.plot_front, ADVICE),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.factorial.find transform": partial(of_runs, report.find),
@@ -109,7 +109,7 @@ CALLS |= {
     for name in ("plot_pareto", "plot_interactions", "plot_main_effects", "plot_residuals",
                  "plot_box_cox")
     for where, module, given in (("analysis.figures", effect_figures, (FOUND,)),
-                                 ("analysis.fit.Factorial", FOUND, ()))
+                                 ("analysis.factorial.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
     "analysis.workflow.of_study error": "analysis.workflow.of_table",

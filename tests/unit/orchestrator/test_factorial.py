@@ -6,7 +6,11 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis.fit import analyse, answer, box_cox, detectable, lenth
+from sblcosim.analysis.box_cox import box_cox
+from sblcosim.analysis.factorial import analyse
+from sblcosim.analysis.noise import lenth
+from sblcosim.analysis.power import detectable
+from sblcosim.analysis.sentences import answer
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 from statsmodels.regression.linear_model import OLS

@@ -10,7 +10,7 @@ from sblcosim import style
 from sblcosim.analysis import figures as plots
 from sblcosim.analysis import sweep
 from sblcosim.analysis.advice import advise
-from sblcosim.analysis.fit import Factorial, analyse
+from sblcosim.analysis.factorial import Factorial, analyse
 
 ALL = (
     plots.plot_pareto, plots.plot_interactions, plots.plot_main_effects, plots.plot_residuals

@@ -12,8 +12,11 @@ import pandas as pd
 import pytest
 from sblcosim import style
 from sblcosim.analysis import figures
-from sblcosim.analysis.fit import analyse, percent, places
+from sblcosim.analysis.factorial import analyse
+from sblcosim.analysis.ranking import ranking
+from sblcosim.analysis.sentences import percent
 from sblcosim.report import factorial
+from sblcosim.report.formats import number
 from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
 from sblcosim.report.paper import page as paper
 from sblcosim.study import study
@@ -105,11 +108,11 @@ def test_a_factor_without_a_unit_has_that_of_its_keys() -> None:
 
 def test_factors_whose_effects_cannot_be_told_apart_share_a_place() -> None:
     shown = analysed({"gps": 8, "arm": 2, "loss": -2})
-    assert places(shown) == {
+    assert ranking(shown) == {
         "GPS error": "1", "baseline": "2 to 3", "packet loss": "2 to 3"
     }
     apart = analysed({"gps": 8, "arm": 5, "loss": -2})
-    assert list(places(apart).values()) == ["1", "2", "3"]
+    assert list(ranking(apart).values()) == ["1", "2", "3"]
 
 
 def test_what_is_significant_and_what_matters_are_told_apart() -> None:
@@ -134,7 +137,7 @@ def test_the_better_level_is_the_one_with_the_smaller_response() -> None:
      (float("inf"), "∞"), (3.2e9, "3.2e+09")],
 )
 def test_numbers_are_for_people(value: float, text: str) -> None:
-    assert factorial.number(value) == text
+    assert number(value) == text
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,86 @@
+"""Which power of the response suits the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import log
+
+import numpy as np
+import pandas as pd
+from scipy import optimize, stats
+
+from ..errors import ConfigurationError
+from .model import Floats, coded_levels, design_matrix
+from .tables import Analysis
+
+
+def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.DataFrame:
+    """Profile of the Box–Cox transform of the response: which power suits the model.
+
+    Returns
+    -------
+    DataFrame
+        ``lambda`` (1: as it is, 0: its logarithm; without `lambdas` from −2 to 2, the best one and
+        the ends of its interval among them), ``log_likelihood``, up to a constant, and
+        ``inside``: whether λ is in the confidence interval, by the likelihood ratio. With common
+        random numbers the replicates' means are part of the model.
+
+    Raises
+    ------
+    ConfigurationError
+        The response is not positive or already transformed, or no degrees of freedom are left.
+    """
+    y = analysis.table[analysis.response].to_numpy(np.float64)
+    if analysis.transform != "none" or (y <= 0).any():
+        raise ConfigurationError(
+            f"{analysis.response}: must be positive and as it is for a Box–Cox profile, got "
+            + ("a logarithm" if analysis.transform != "none" else f"{y.min():g}")
+        )
+    coded = coded_levels(analysis.table, analysis.levels)
+    x = design_matrix(coded, analysis.terms)
+    if analysis.seeding == "common":
+        replicate = analysis.replicate_effects
+        assert replicate is not None
+        blocks = pd.get_dummies(analysis.table[replicate.index.name], dtype=float)
+        x = np.hstack([x, blocks.to_numpy()[:, 1:]])
+    if len(y) <= x.shape[1]:
+        raise ConfigurationError(
+            f"runs: must be more than the {x.shape[1]} terms for a Box–Cox profile, got {len(y)}"
+        )
+    q = np.linalg.qr(x)[0]
+    logs = np.log(y)
+    logs -= logs.mean()  # scaled by the geometric mean, so that no power overflows
+
+    def height(power: float) -> float:
+        z = np.expm1(power * logs) / power if abs(power) > 1e-12 else logs
+        left = float(((z - q @ (q.T @ z)) ** 2).sum())
+        return -len(y) / 2 * log(left / len(y)) if left > 0 else np.inf
+
+    depth = float(stats.chi2.ppf(analysis.confidence, 1)) / 2
+    grid = np.linspace(-2, 2, 41) if lambdas is None else np.asarray(lambdas, np.float64)
+    value = np.array([height(power) for power in grid])
+    if lambdas is None and np.isfinite(value).all():
+        grid = np.union1d(grid, _summit(height, grid, value, depth))
+        value = np.array([height(power) for power in grid])
+    inside = value >= value.max() - depth - 1e-6
+    return pd.DataFrame({"lambda": grid, "log_likelihood": value, "inside": inside})
+
+
+def _summit(
+    height: Callable[[float], float], grid: Floats, value: Floats, depth: float
+) -> list[float]:
+    """Powers of the maximum and, on both sides, of the points lower by `depth`."""
+    top = int(value.argmax())
+    low, high = grid[max(top - 1, 0)], grid[min(top + 1, len(grid) - 1)]
+    best = float(optimize.minimize_scalar(
+        lambda power: -height(power), bounds=(low, high), method="bounded",
+        options={"xatol": 1e-5},
+    ).x)
+    if value[top] > height(best):
+        best = float(grid[top])
+    line = height(best) - depth
+    ends = [
+        float(optimize.brentq(lambda power: height(power) - line, best, end, xtol=1e-7))
+        for end in (grid[0], grid[-1]) if best != end and height(end) < line
+    ]
+    return [best, *ends]

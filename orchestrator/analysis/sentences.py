@@ -1,0 +1,207 @@
+"""What an analysis says, in words and in numbers for people to read."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from .model import MAX_LISTED
+from .ranking import tied_groups
+from .tables import Analysis
+
+
+def summary(analysis: Analysis, most: int) -> str:
+    """The answer, the `most` largest effects, and notes."""
+    columns = ["effect", "std_error", "low", "high", "t", "p", "share"]
+    columns += [c for c in ("ratio", "verdict") if c in analysis.effects]
+    shown = analysis.ranked()[columns].head(most)
+    formats: dict[Any, Any] = dict.fromkeys([*columns, "ratio"], "{:.4g}".format)
+    formats |= {"share": percent, "p": _p, "t": "{:.2f}".format}
+    formats.pop("verdict", None)
+    rest = len(analysis.effects) - len(shown)
+    lines = [
+        f"Effects on {analysis.quantity}",
+        answer(analysis),
+        "",
+        shown.to_string(formatters=formats, index_names=False),
+        *([f"and {rest} smaller"] if rest else []),
+        "",
+        *notes(analysis),
+    ]
+    return "\n".join(lines)
+
+
+def _p(p: float) -> str:
+    return "<1e-300" if p < 1e-300 else f"{p:.2g}"
+
+
+def answer(analysis: Analysis, most: int = 3) -> str:
+    """What matters, in a few sentences: the largest main effects and the largest interaction.
+
+    A factor is named from its worse to its better level, as if less of the response is better.
+    Factors whose effects cannot be told apart share a rank; ranks are named until there are
+    `most` factors.
+    """
+    a = analysis
+    ranked = a.ranked()
+    worth = ranked["significant"].astype(bool)
+    what = {"none": "", "log": "geometric mean of the ", "spread": "spread of the "}[a.transform]
+    what = f"the {what}{a.response}"
+    if not worth.any():
+        return f"No effect on {what} can be told from noise."
+    if "verdict" in ranked:
+        worth &= ranked["verdict"] != "too small"
+        if not worth.any():
+            return (f"No effect on {what} is large enough to matter: those that can be told from "
+                    f"noise are smaller than {limit_of(a)}.")
+    single, several = ranked[worth & (ranked["order"] == 1)], ranked[worth & (ranked["order"] > 1)]
+    level = f"{100 * a.confidence:.4g}% interval" + (" by Lenth's method" if a.lenth else "")
+    parts: list[str] = []
+    named: list[str] = []
+    for same in tied_groups(a, [str(name) for name in single.index]):
+        if len(named) >= most:
+            break
+        shown, rest = same[: most + 1], len(same) - most - 1
+        named += shown
+        words: list[str] = []
+        for name in shown:
+            size, interval = _reach(a, name)
+            first = not parts and not words
+            words.append(
+                f"{name} from {_worse_to_better(a, name)}, by {size}"
+                + (f" on average ({level} {interval})" if first else f" ({interval})")
+            )
+        text = ", tied with ".join(words)
+        parts.append(text + (f", and with {rest} more" if rest > 0 else ""))
+    if parts:
+        sentences = [f"{what[0].upper()}{what[1:]} falls most with {'; then with '.join(parts)}."]
+    else:
+        sentences = [f"No factor alone changes {what} surely."]
+    if len(several):
+        name = str(several.index[0])
+        named.append(name)
+        size, interval = _signed(a, name)
+        sentences.append(
+            f"The largest interaction is {name} ({size}, {interval})." if parts else
+            f"The largest interaction is {name} ({size}, {level} {interval})."
+        )
+    same_as = [f"{name} from {' and '.join(a.aliases[name])}" for name in named
+               if name in a.aliases]
+    if same_as:
+        sentences.append(
+            "This holds as far as interactions that are not in the model may be neglected: the "
+            f"design points cannot tell {'; '.join(same_as)}."
+        )
+    elif len(a.factors) > 1 and all(len(term) == 1 for term in a.terms):
+        sentences.append("Interactions are not in the model.")
+    return " ".join(sentences)
+
+
+def limit_of(analysis: Analysis) -> str:
+    """The smallest effect that matters, in words."""
+    assert analysis.practical is not None
+    if analysis.transform != "none":
+        return f"a factor of {np.exp(analysis.practical):.3g}"
+    return f"{analysis.practical:g} {analysis.unit}".rstrip()
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
+
+
+def rounded(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, trailing zeros among them, and a true minus."""
+    if not np.isfinite(value):
+        return "–" if np.isnan(value) else "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    text = f"{value:#.{digits}g}" if abs(value) < 10**digits else f"{value:,.0f}"
+    return minus(text.removesuffix("."))
+
+
+def percent(share: float) -> str:
+    """A share."""
+    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
+
+
+def minus(text: str) -> str:
+    """With true minus signs before numbers."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<=\de)-(?=\d)", "−", text))
+
+
+def _worse_to_better(analysis: Analysis, name: str) -> str:
+    low, high = (quantity(x, analysis.units.get(name, "")) for x in analysis.levels[name])
+    row: Any = analysis.effects.loc[name]
+    return f"{high} to {low}" if row.effect > 0 else f"{low} to {high}"
+
+
+def _reach(analysis: Analysis, name: str) -> tuple[str, str]:
+    """By how much the response falls to the better level, and the interval of it."""
+    row: Any = analysis.effects.loc[name]
+    ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
+    if analysis.transform != "none":
+        size, *ends = np.exp([abs(row.effect), *ends])
+        return f"a factor of {rounded(size)}", f"{rounded(ends[0])} to {rounded(ends[1])}"
+    unit = f" {analysis.unit}" if analysis.unit else ""
+    return f"{rounded(abs(row.effect))}{unit}", f"{rounded(ends[0])} to {rounded(ends[1])}"
+
+
+def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
+    """An effect and its interval, as a ratio if it is one of logarithms."""
+    row: Any = analysis.effects.loc[name]
+    if analysis.transform != "none":
+        return f"×{rounded(row.ratio)}", f"{rounded(row.ratio_low)} to {rounded(row.ratio_high)}"
+    unit = f" {analysis.unit}" if analysis.unit else ""
+    sign = "+" if row.effect > 0 else ""
+    return f"{sign}{rounded(row.effect)}{unit}", f"{rounded(row.low)} to {rounded(row.high)}"
+
+
+def notes(analysis: Analysis) -> list[str]:
+    """Method, quality and tests of the model, in sentences."""
+    a = analysis
+    points = len(a.points)
+    how = {
+        "ols": "ordinary least squares, errors from the "
+        + ("scatter between replicates (pure error)" if a.error == "pure" else
+           "scatter about the model (residual, lack of fit in it)")
+        + f", {a.df:g} degrees of freedom",
+        "replicates": f"effects of each of {a.df + 1:g} replicates and their scatter, for the "
+        "runs of a replicate share their noise",
+        "lenth": "Lenth's pseudo standard error, for nothing is left to estimate the error from",
+    }[a.method]
+    lines = [
+        f"{a.runs} {'values' if a.transform == 'spread' else 'runs'} at {points} points, "
+        f"{len(a.effects)} terms; {how}."
+    ]
+    if a.dropped:
+        lines.append(f"{a.dropped} runs are left out: no finite response"
+                     + (", or an incomplete replicate." if a.seeding == "common" else "."))
+    if np.isfinite(a.r2_adjusted):
+        predicted = f", predicted {a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else ""
+        lines.append(f"R² {a.r2:.2%}, adjusted {a.r2_adjusted:.2%}{predicted}; "
+                     f"root of the residual mean square {a.rmse:.4g}"
+                     + (", of the jackknife's values." if a.transform == "spread"
+                        and a.seeding == "common" else "."))
+    if a.lenth is not None:
+        unit = f" {a.unit}" if a.unit else ""
+        lines.append(
+            f"Lenth: pseudo standard error {a.lenth.pse:.4g}{unit}; an effect is significant from "
+            f"{a.lenth.me:.4g}{unit} on, the largest of all from {a.lenth.sme:.4g}{unit} on."
+        )
+    for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
+        if test is not None:
+            lines.append(f"{word}: F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
+                         f"p {_p(test.p) if test.p < 1e-300 else f'= {_p(test.p)}'}.")
+    if a.practical is not None:
+        lines.append(f"An effect matters from {limit_of(a)} on, its whole interval beyond it.")
+    if a.reduced:
+        lines.append("Main effects only: the design points cannot tell the interactions of two "
+                     "factors apart.")
+    if a.aliases:
+        pairs = [f"{term} with {', '.join(same)}" for term, same in a.aliases.items()]
+        more = f" and {len(pairs) - MAX_LISTED} more" if len(pairs) > MAX_LISTED else ""
+        lines.append(f"Aliased: {'; '.join(pairs[:MAX_LISTED])}{more}.")
+    return lines
