@@ -78,7 +78,7 @@ def save(
         (folder / REPORT).write_text(render(page), "utf-8")
     shown = means.replace({"factor": study.labels})
     shown = shown if study.factors else shown.drop(columns=["factor", "value"])
-    text = _means_answer(study, means, workflow.words(column, table), workflow.unit_of(column))
+    text = _means_answer(study, means, workflow.words(column, table), unit_of(column))
     return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
 
 
@@ -193,7 +193,7 @@ def _means_page(
     failed: int,
     again: Section,
 ) -> Page:
-    quantity, unit = workflow.words(column, table), workflow.unit_of(column)
+    quantity, unit = workflow.words(column, table), unit_of(column)
     own = f" [{unit}]" if unit else ""
     rows = [
         (study.labels.get(row["factor"], "all runs"), number(row["value"]), number(row["runs"], 6),
