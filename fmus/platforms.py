@@ -10,10 +10,8 @@ from __future__ import annotations
 import platform
 import struct
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .build.description import Fmi
+from .standard import Fmi
 
 ZIG_TARGETS = {
     "x86_64-linux": "x86_64-linux-gnu.2.17",

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from ..errors import BuildError
 from ..files import write_file
 from ..platforms import in_folders, suffix
+from ..standard import Fmi
 from ..terminals import TERMINALS
-from .description import PACKAGE, Fmi, build_description, model_description, terminals
+from .description import PACKAGE, build_description, model_description, terminals
 from .documentation import index_html
 
 if TYPE_CHECKING:

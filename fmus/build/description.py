@@ -6,18 +6,16 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from sblcosim.models.declaration import UNITS, Component, Number, Variable
 
+from ..standard import FMI2_TYPES, Fmi
 from ..terminals import TERMINAL_KIND
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
-
-Fmi = Literal[2, 3]
-"""Major version of the FMI standard."""
 
 PACKAGE = "sblcosim"
 
@@ -26,9 +24,6 @@ LOG_CATEGORIES: Mapping[str, str] = {
     "logStatusWarning": "A call that did what was asked, with something to know about it",
     "logStatusDiscard": "A call that was refused; the state is unchanged",
 }
-FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
-"""The name in FMI 2 of each type; in FMI 3 the declared names hold."""
-
 
 _POWER = re.compile(r"(kg|mol|cd|rad|Hz|m|s|A|K)([2-9]?)")
 

@@ -21,10 +21,11 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from ..build.description import FMI2_TYPES, base_unit
+from ..build.description import base_unit
 from ..errors import FmuError, nearest
 from ..read.archive import Archive, opened
 from ..read.description import check_interface, describe, library_of, split, terminals_of
+from ..standard import FMI2_TYPES
 from ..terminals import PORTS, members, port_names
 from .checks import LOADING
 from .runner import PATIENCE, run, unpacked
