@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
+from ..host.signatures import DISCARD
 from .bench import (
     REALS,
     Bench,
@@ -17,7 +18,7 @@ from .bench import (
     run,
     stimulus,
 )
-from .host import DISCARD, Instance, RefusedError
+from .library import Instance, RefusedError
 from .subject import Subject, Variable
 
 CUTS = (2, 5)
