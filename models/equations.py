@@ -34,7 +34,7 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers made afresh on one occasion.
+    """Random numbers drawn afresh on one occasion.
 
     Attributes
     ----------

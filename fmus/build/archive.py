@@ -71,8 +71,8 @@ def licence() -> str:
     """
     for distribution in metadata.distributions(name=PACKAGE):
         # Installed, or (started in the source folder) what a build has left there.
-        for place in ("licenses/LICENSE", "../LICENSE"):
-            text = distribution.read_text(place)
+        for file in ("licenses/LICENSE", "../LICENSE"):
+            text = distribution.read_text(file)
             if text is not None:
                 return text
     raise BuildError(f"{PACKAGE}: the licence must be installed with the package, got none")

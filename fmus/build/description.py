@@ -88,21 +88,7 @@ def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]
     """
     component = model.component
     pairs = _feedthrough(model, fmi)
-    about = metadata.metadata(PACKAGE)
-    root = ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": f"{fmi}.0",
-            "modelName": component.name,
-            "guid" if fmi == 2 else "instantiationToken": token,
-            "description": component.description,
-            "author": about["Author"],
-            "version": about["Version"],
-            "license": about["License-Expression"],
-            "generationTool": f"{PACKAGE} {about['Version']}",
-            "variableNamingConvention": "structured",
-        },
-    )
+    root = _root(component, fmi, token)
     _interface(root, component, fmi, sources, derivatives=bool(pairs))
     _units(root, component, fmi)
     categories = ET.SubElement(root, "LogCategories")
@@ -117,24 +103,7 @@ def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]
             "stepSize": repr(float(component.step_size)),
         },
     )
-    variables = ET.SubElement(root, "ModelVariables")
-    references = value_references(component)
-    if fmi == 3:
-        ET.SubElement(
-            variables,
-            "Float64",
-            {
-                "name": "time",
-                "valueReference": "0",
-                "description": "Simulation time",
-                "causality": "independent",
-                "variability": "continuous",
-                "unit": "s",
-            },
-        )
-    for variable in component:
-        add = _scalars if fmi == 2 else _variable
-        add(variables, variable, references[variable.name])
+    _variables(root, component, fmi)
     _structure(root, component, fmi, pairs)
     return _document(root)
 
@@ -220,6 +189,24 @@ def _feedthrough(model: Model, fmi: Fmi) -> set[tuple[int, int]]:
         for functions in model.variants.values()
         for row, column in zip(*functions.output.jac_sparsity(0, 1).get_triplet(), strict=True)
     }
+
+
+def _root(component: Component, fmi: Fmi, token: str) -> ET.Element:
+    about = metadata.metadata(PACKAGE)
+    return ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": component.name,
+            "guid" if fmi == 2 else "instantiationToken": token,
+            "description": component.description,
+            "author": about["Author"],
+            "version": about["Version"],
+            "license": about["License-Expression"],
+            "generationTool": f"{PACKAGE} {about['Version']}",
+            "variableNamingConvention": "structured",
+        },
+    )
 
 
 def _interface(
@@ -323,6 +310,28 @@ def _type_attributes(variable: Variable, starts: Iterable[Number]) -> dict[str, 
     if variable.causality != "output":
         attributes["start"] = " ".join(literal(variable, value) for value in starts)
     return attributes
+
+
+def _variables(root: ET.Element, component: Component, fmi: Fmi) -> None:
+    """Add all variables; FMI 3 wants the time among them."""
+    variables = ET.SubElement(root, "ModelVariables")
+    if fmi == 3:
+        ET.SubElement(
+            variables,
+            "Float64",
+            {
+                "name": "time",
+                "valueReference": "0",
+                "description": "Simulation time",
+                "causality": "independent",
+                "variability": "continuous",
+                "unit": "s",
+            },
+        )
+    references = value_references(component)
+    for variable in component:
+        add = _scalars if fmi == 2 else _variable
+        add(variables, variable, references[variable.name])
 
 
 def _scalars(parent: ET.Element, variable: Variable, reference: int) -> None:

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from sblcosim.models.equations import Model
 
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
-"""Environment variable that names the folder for built FMUs, in place of the user's cache."""
+"""Environment variable that names the folder for built FMUs, instead of the user's cache."""
 
 READY = Path(__file__).parents[1] / "ready"
-"""The folder for what a release brings ready-made: in folders named after what it is made from."""
+"""The folder for what a release brings ready-made, in folders named after its `key`."""
 
 
 def build(
@@ -60,7 +60,7 @@ def build(
     -------
     Path
         ``NAME.fmu``: the one that came along with the package, or one in the user's cache, in a
-        folder named after everything it was made from.
+        folder named after all its sources and tools.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def build(
         )
     if fmi not in SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
-    found = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
-    if found is not None:
-        return found
+    ready = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
+    if ready is not None:
+        return ready
     _versions()  # without CasADi no compiler helps
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
     path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
@@ -238,12 +238,12 @@ def library(
     """
     platform = this_platform() if compiler is None else compiler.platform
     file = f"{name}{suffix(platform)}"
-    made_from = library_key(name, sources, lanes, platform)
-    found = _ready(made_from, file) if compiler is None else None
-    if found is not None:
-        return found
+    sources_key = library_key(name, sources, lanes, platform)
+    ready = _ready(sources_key, file) if compiler is None else None
+    if ready is not None:
+        return ready
     compiler = compiler or compilers.find()
-    folder = _digest([made_from, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
+    folder = _digest([sources_key, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
     path = cache() / folder / file
     if not _usable(path):
         _make_folder(path)
@@ -345,12 +345,12 @@ def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
 
 
 def key(name: str, fmi: Fmi) -> str:
-    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
+    """A name for the sources of an FMU and the flags; reading them needs no CasADi."""
     return _digest([name, fmi, ingredients(name, fmi)]).hexdigest()[:32]
 
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
-    """A name for everything that a `library` is made from, but the compiler."""
+    """A name for the sources of a `library` and the flags, without the compiler."""
     units = [(unit.source, unit.flags) for unit in _library_units(name, lanes, platform)]
     digest = _digest([platform, units])
     for file in sorted(sources):
@@ -361,7 +361,7 @@ def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: 
 def _fingerprint(
     name: str, fmi: Fmi, ccs: Sequence[compilers.Compiler], baked: Component | None = None
 ) -> str:
-    """A name for everything that an FMU is made from, with the tools."""
+    """A name for the sources of an FMU, the flags and the tools."""
     tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
     return _digest([key(name, fmi), tools, _versions(), repr(baked)]).hexdigest()[:32]
 

@@ -79,7 +79,7 @@ def statements(function: ca.Function, arguments: Sequence[Array], result: Array)
     arguments
         What holds each argument.
     result
-        What takes the result. Elements of an argument that stay in their place are not written.
+        What takes the result. An element that the result only repeats is not written.
 
     Raises
     ------
@@ -196,7 +196,7 @@ class _Values:
         return None
 
     def lines(self, wanted: set[str]) -> list[str]:
-        """Statements that make the wanted values, and nothing that they do not need."""
+        """Statements for the wanted values, and for nothing that they do not need."""
         branches = self._branches(wanted)
         lines = {
             value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
@@ -217,7 +217,7 @@ class _Values:
         return "\n".join(bodies[""]).splitlines()
 
     def _branches(self, wanted: set[str]) -> dict[str, str]:
-        """Where the needed values are made: the value ``c ? x : 0`` that alone needs them, or "".
+        """The branch of each needed value: the value ``c ? x : 0`` that alone needs it, or "".
 
         Only a choice that saves an elementary function is worth a branch.
         """
