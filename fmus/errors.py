@@ -70,7 +70,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 
 def instance(value: object) -> str:
-    """What somebody gave in place of something else, for messages."""
+    """A value of a wrong type, for messages."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return quoted(value)
     return f"an instance of {type(value).__qualname__}"
@@ -103,8 +103,8 @@ def quoted(value: object) -> str:
 def concise(message: str) -> str:
     """A message whose quoted values and words are shortened; of paths, only the absurdly long."""
 
-    def short(found: re.Match[str]) -> str:
-        word = found[0]
+    def short(match: re.Match[str]) -> str:
+        word = match[0]
         is_path = "/" in word or "\\" in word
         if len(word) <= (LONGEST_PATH if is_path else LONGEST + 2):  # two quotes
             return word

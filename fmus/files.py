@@ -199,9 +199,9 @@ def scratch() -> Path:
     global _scratch
     with _GUARD:
         if _scratch is None or _scratch[0] != os.getpid():  # a forked process needs its own
-            place = Path(tempfile.gettempdir())
-            sweep(place)
-            path, handle = _claim(place, "")
+            temporary = Path(tempfile.gettempdir())
+            sweep(temporary)
+            path, handle = _claim(temporary, "")
             path.mkdir(mode=0o700)
             _scratch = os.getpid(), path
             # The worker processes of multiprocessing end without atexit.

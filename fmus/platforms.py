@@ -10,10 +10,8 @@ from __future__ import annotations
 import platform
 import struct
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .build.description import Fmi
+from .standard import Fmi
 
 ZIG_TARGETS = {
     "x86_64-linux": "x86_64-linux-gnu.2.17",
@@ -77,13 +75,13 @@ def in_folders(libraries: Mapping[str, bytes], fmi: Fmi) -> dict[str, bytes]:
     """Shared libraries by folder, from those by platform.
 
     In FMI 2 the library in ``darwin64`` is for both processors if there are both, because tools
-    look there on either. (Linux has no such files: there ``aarch64-linux`` is the only place.)
+    look there on either. (Linux has no such files, only ``aarch64-linux``.)
     """
-    found = {folder(name, fmi): library for name, library in libraries.items()}
+    by_folder = {folder(name, fmi): library for name, library in libraries.items()}
     both = [libraries.get(f"{machine}-darwin") for machine in _MACH_O]
     if fmi == 2 and None not in both:
-        found["darwin64"] = universal([library for library in both if library is not None])
-    return found
+        by_folder["darwin64"] = universal([library for library in both if library is not None])
+    return by_folder
 
 
 _MACH_O = {"x86_64": (0x01000007, 3), "aarch64": (0x0100000C, 0)}

@@ -25,6 +25,29 @@ RECEIVERS: Mapping[str, Component] = {
 }
 
 
+def check_unique(components: Mapping[str, Component]) -> None:
+    """Check that no two components share a number, which tells their noise apart, or a name.
+
+    Raises
+    ------
+    ValueError
+        Two components share one; the message names both.
+    """
+    for what in ("number", "name"):
+        first: dict[object, str] = {}
+        for name, component in components.items():
+            value = getattr(component, what)
+            other = first.setdefault(value, name)
+            if other != name:
+                raise ValueError(
+                    f"components: each must have a {what} of its own, got {value!r} for {other} "
+                    f"and {name}"
+                )
+
+
+check_unique(COMPONENTS)
+
+
 def module_of(name: str) -> tuple[str, str]:
     """Folder and module that hold the equations of a component."""
     return ("receiver", name) if name in RECEIVERS else (name, "equations")

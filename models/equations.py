@@ -19,13 +19,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from types import SimpleNamespace
 from typing import Any, Literal
 
 import casadi as ca
 
-from . import COMPONENTS, module_of
 from .declaration import Component
 
 Symbols = Any
@@ -36,7 +34,7 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers made afresh on one occasion.
+    """Random numbers drawn afresh on one occasion.
 
     Attributes
     ----------
@@ -150,19 +148,6 @@ class Model:
     advance: Sequence[str]
     iterate: Sequence[str]
     feedthrough: frozenset[tuple[str, str]] = field(default_factory=frozenset)
-
-
-def load(name: str) -> Model:
-    """Build the model of a component, by the name of its FMU.
-
-    Raises
-    ------
-    KeyError
-        There is no such component.
-    """
-    component = COMPONENTS[name]
-    equations = import_module(".".join(("", *module_of(name))), __package__).EQUATIONS
-    return build(component, equations)
 
 
 def build(component: Component, equations: Equations | Mapping[int, Equations]) -> Model:

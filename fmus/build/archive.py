@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from ..errors import BuildError
 from ..files import write_file
 from ..platforms import in_folders, suffix
+from ..standard import Fmi
 from ..terminals import TERMINALS
-from .description import Fmi, PACKAGE, build_description, model_description, terminals
+from .description import PACKAGE, build_description, model_description, terminals
 from .documentation import index_html
 
 if TYPE_CHECKING:
@@ -70,8 +71,8 @@ def licence() -> str:
     """
     for distribution in metadata.distributions(name=PACKAGE):
         # Installed, or (started in the source folder) what a build has left there.
-        for place in ("licenses/LICENSE", "../LICENSE"):
-            text = distribution.read_text(place)
+        for file in ("licenses/LICENSE", "../LICENSE"):
+            text = distribution.read_text(file)
             if text is not None:
                 return text
     raise BuildError(f"{PACKAGE}: the licence must be installed with the package, got none")

@@ -64,8 +64,8 @@ class Compiler:
             The compiler cannot be started or reports an error; the message holds its output.
         """
         # Relative names: the path of the folder must not get into the object.
-        places = [f"-I{place}" for place in (".", *include)]
-        self._run([*FLAGS, *flags, *places, "-c", source, "-o", output], folder)
+        folders = [f"-I{path}" for path in (".", *include)]
+        self._run([*FLAGS, *flags, *folders, "-c", source, "-o", output], folder)
 
     def link(self, objects: Sequence[str], output: str, folder: Path) -> None:
         """Link objects to a shared library; all are names in ``folder``.
@@ -122,12 +122,12 @@ def for_every_platform() -> tuple[Compiler, ...]:
     BuildError
         The package ``ziglang`` is not installed.
     """
-    found = tuple(compiler for name in PLATFORMS if (compiler := zig(name)) is not None)
-    if not found:
+    compilers = tuple(compiler for name in PLATFORMS if (compiler := zig(name)) is not None)
+    if not compilers:
         raise BuildError(
             "building for all platforms needs the package ziglang: pip install 'sblcosim[zig]'"
         )
-    return found
+    return compilers
 
 
 def system(name: str) -> Compiler | None:

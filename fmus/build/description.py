@@ -6,18 +6,16 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from sblcosim.models.declaration import Component, Number, UNITS, Variable
+from sblcosim.models.declaration import UNITS, Component, Number, Variable
 
+from ..standard import FMI2_TYPES, Fmi
 from ..terminals import TERMINAL_KIND
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model
-
-Fmi = Literal[2, 3]
-"""Major version of the FMI standard."""
 
 PACKAGE = "sblcosim"
 
@@ -26,9 +24,6 @@ LOG_CATEGORIES: Mapping[str, str] = {
     "logStatusWarning": "A call that did what was asked, with something to know about it",
     "logStatusDiscard": "A call that was refused; the state is unchanged",
 }
-FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
-"""The name in FMI 2 of each type; in FMI 3 the declared names hold."""
-
 
 _POWER = re.compile(r"(kg|mol|cd|rad|Hz|m|s|A|K)([2-9]?)")
 
@@ -93,21 +88,7 @@ def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]
     """
     component = model.component
     pairs = _feedthrough(model, fmi)
-    about = metadata.metadata(PACKAGE)
-    root = ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": f"{fmi}.0",
-            "modelName": component.name,
-            "guid" if fmi == 2 else "instantiationToken": token,
-            "description": component.description,
-            "author": about["Author"],
-            "version": about["Version"],
-            "license": about["License-Expression"],
-            "generationTool": f"{PACKAGE} {about['Version']}",
-            "variableNamingConvention": "structured",
-        },
-    )
+    root = _root(component, fmi, token)
     _interface(root, component, fmi, sources, derivatives=bool(pairs))
     _units(root, component, fmi)
     categories = ET.SubElement(root, "LogCategories")
@@ -122,24 +103,7 @@ def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]
             "stepSize": repr(float(component.step_size)),
         },
     )
-    variables = ET.SubElement(root, "ModelVariables")
-    references = value_references(component)
-    if fmi == 3:
-        ET.SubElement(
-            variables,
-            "Float64",
-            {
-                "name": "time",
-                "valueReference": "0",
-                "description": "Simulation time",
-                "causality": "independent",
-                "variability": "continuous",
-                "unit": "s",
-            },
-        )
-    for variable in component:
-        add = _scalars if fmi == 2 else _variable
-        add(variables, variable, references[variable.name])
+    _variables(root, component, fmi)
     _structure(root, component, fmi, pairs)
     return _document(root)
 
@@ -225,6 +189,24 @@ def _feedthrough(model: Model, fmi: Fmi) -> set[tuple[int, int]]:
         for functions in model.variants.values()
         for row, column in zip(*functions.output.jac_sparsity(0, 1).get_triplet(), strict=True)
     }
+
+
+def _root(component: Component, fmi: Fmi, token: str) -> ET.Element:
+    about = metadata.metadata(PACKAGE)
+    return ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": component.name,
+            "guid" if fmi == 2 else "instantiationToken": token,
+            "description": component.description,
+            "author": about["Author"],
+            "version": about["Version"],
+            "license": about["License-Expression"],
+            "generationTool": f"{PACKAGE} {about['Version']}",
+            "variableNamingConvention": "structured",
+        },
+    )
 
 
 def _interface(
@@ -328,6 +310,28 @@ def _type_attributes(variable: Variable, starts: Iterable[Number]) -> dict[str, 
     if variable.causality != "output":
         attributes["start"] = " ".join(literal(variable, value) for value in starts)
     return attributes
+
+
+def _variables(root: ET.Element, component: Component, fmi: Fmi) -> None:
+    """Add all variables; FMI 3 wants the time among them."""
+    variables = ET.SubElement(root, "ModelVariables")
+    if fmi == 3:
+        ET.SubElement(
+            variables,
+            "Float64",
+            {
+                "name": "time",
+                "valueReference": "0",
+                "description": "Simulation time",
+                "causality": "independent",
+                "variability": "continuous",
+                "unit": "s",
+            },
+        )
+    references = value_references(component)
+    for variable in component:
+        add = _scalars if fmi == 2 else _variable
+        add(variables, variable, references[variable.name])
 
 
 def _scalars(parent: ET.Element, variable: Variable, reference: int) -> None:

@@ -13,7 +13,8 @@ from markdown_it.rules_inline import StateInline
 from sblcosim.models import COMPONENTS, module_of
 from sblcosim.models.declaration import Component, Variable
 
-from .description import Fmi, literal
+from ..standard import Fmi
+from .description import literal
 
 if TYPE_CHECKING:
     from sblcosim.models.equations import Model

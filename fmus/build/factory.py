@@ -13,35 +13,30 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache as remember
-from importlib import metadata, resources
-from importlib.resources.abc import Traversable
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from platformdirs import user_cache_path
-from sblcosim.models import COMPONENTS, module_of
+from sblcosim.models import COMPONENTS
+from sblcosim.models.declaration import Component
 
 from ..errors import BuildError, DamageWarning, nearest
 from ..files import SEAL, intact, scratch, sha256_of, write_sealed
 from ..platforms import suffix, this_platform
+from ..standard import Fmi
 from . import compiler as compilers
+from .c_files import HEADERS, LANES, SHELLS, c_files
+from .ingredients import ingredients
 
 if TYPE_CHECKING:
-    from sblcosim.models.declaration import Component
     from sblcosim.models.equations import Model
 
-    from .description import Fmi
-
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
-"""Environment variable that names the folder for built FMUs, in place of the user's cache."""
+"""Environment variable that names the folder for built FMUs, instead of the user's cache."""
 
 READY = Path(__file__).parents[1] / "ready"
-"""The folder for what a release brings ready-made: in folders named after what it is made from."""
-
-_SHELLS = {2: "fmi2.c", 3: "fmi3.c"}
-_LANES = ("lanes.h", "lanes.c", "dispatch.c")
-_HEADERS = ("engine.h", "elementary.h", "instance.h", "life_cycle.h", "noise.h", "philox.h", "real.h",
-    "snapshots.h", "steps.h", "values.h")
+"""The folder for what a release brings ready-made, in folders named after its `key`."""
 
 
 def build(
@@ -65,7 +60,7 @@ def build(
     -------
     Path
         ``NAME.fmu``: the one that came along with the package, or one in the user's cache, in a
-        folder named after everything it was made from.
+        folder named after all its sources and tools.
 
     Raises
     ------
@@ -77,11 +72,11 @@ def build(
             f"a component must be one of {', '.join(COMPONENTS)}; got {name!r}"
             f"{nearest(name, COMPONENTS)}"
         )
-    if fmi not in _SHELLS:
+    if fmi not in SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
-    found = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
-    if found is not None:
-        return found
+    ready = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
+    if ready is not None:
+        return ready
     _versions()  # without CasADi no compiler helps
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
     path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
@@ -108,7 +103,7 @@ def write(
         A compiler for each platform.
     """
     # CasADi and the XML are loaded only when something has to be built.
-    from sblcosim.models.equations import load
+    from sblcosim.models.loading import load
 
     from .archive import contents, pack
 
@@ -118,7 +113,7 @@ def write(
     sources = _sources(model, fmi)
     token = _token(model, sources, fmi)
     sources["tables.h"] = _tables(model, token)
-    shell = [Unit(_SHELLS[fmi])]
+    shell = [Unit(SHELLS[fmi])]
     binaries = {}
     for cc in ccs:
         lanes = _lane_objects(name, cc) if baked is None else ()
@@ -196,16 +191,11 @@ def _caching() -> Iterator[None]:
         ) from error
 
 
-def engine_headers() -> dict[str, bytes]:
-    """The headers of the engine and of its lanes, by file name."""
-    return _c_files([*_HEADERS, "lanes.h"])
-
-
 def engine_sources(model: Model) -> dict[str, bytes]:
     """The C sources of a component's equations and their engine, by file name."""
     from .generator import model_source
 
-    return {**_c_files(_HEADERS), "model.h": model_source(model).encode()}
+    return {**c_files(HEADERS), "model.h": model_source(model).encode()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,12 +238,12 @@ def library(
     """
     platform = this_platform() if compiler is None else compiler.platform
     file = f"{name}{suffix(platform)}"
-    made_from = library_key(name, sources, lanes, platform)
-    found = _ready(made_from, file) if compiler is None else None
-    if found is not None:
-        return found
+    sources_key = library_key(name, sources, lanes, platform)
+    ready = _ready(sources_key, file) if compiler is None else None
+    if ready is not None:
+        return ready
     compiler = compiler or compilers.find()
-    folder = _digest([made_from, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
+    folder = _digest([sources_key, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
     path = cache() / folder / file
     if not _usable(path):
         _make_folder(path)
@@ -319,9 +309,9 @@ def compile_objects(
 @remember
 def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
     """The engines for many simulations; the same for both versions of FMI."""
-    from sblcosim.models.equations import load
+    from sblcosim.models.loading import load
 
-    sources = {**engine_sources(load(name)), **_c_files(_LANES)}
+    sources = {**engine_sources(load(name)), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
     return compile_objects(sources, units, compiler)
 
@@ -334,12 +324,12 @@ def fmi_headers() -> Path:
 
 
 def _sources(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    return {**engine_sources(model), **_c_files([_SHELLS[fmi]])}
+    return {**engine_sources(model), **c_files([SHELLS[fmi]])}
 
 
 def _tables(model: Model, token: str) -> bytes:
     from .description import value_references
-    from .generator import table_source
+    from .tables import table_source
 
     return table_source(model.component, token, value_references(model.component)).encode()
 
@@ -354,29 +344,13 @@ def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
     )
 
 
-def _c_files(names: Sequence[str]) -> dict[str, bytes]:
-    folder = resources.files("sblcosim.fmus") / "c"
-    return {name: (folder / name).read_bytes() for name in names}
-
-
 def key(name: str, fmi: Fmi) -> str:
-    """A name for the sources that an FMU is made from; reading them needs no CasADi."""
-    return _digest([name, fmi, _read(name)]).hexdigest()[:32]
-
-
-@remember
-def _read(name: str) -> str:
-    """Hash of a component's sources. They are read once: those in Python have been imported."""
-    digest = hashlib.sha256()
-    models, fmus = resources.files("sblcosim.models"), resources.files("sblcosim.fmus")
-    for place in (models, models / module_of(name)[0], fmus, fmus / "build", fmus / "c"):
-        for file in _files(place):
-            digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    return digest.hexdigest()
+    """A name for the sources of an FMU and the flags; reading them needs no CasADi."""
+    return _digest([name, fmi, ingredients(name, fmi)]).hexdigest()[:32]
 
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
-    """A name for everything that a `library` is made from, but the compiler."""
+    """A name for the sources of a `library` and the flags, without the compiler."""
     units = [(unit.source, unit.flags) for unit in _library_units(name, lanes, platform)]
     digest = _digest([platform, units])
     for file in sorted(sources):
@@ -387,7 +361,7 @@ def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: 
 def _fingerprint(
     name: str, fmi: Fmi, ccs: Sequence[compilers.Compiler], baked: Component | None = None
 ) -> str:
-    """A name for everything that an FMU is made from, with the tools."""
+    """A name for the sources of an FMU, the flags and the tools."""
     tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
     return _digest([key(name, fmi), tools, _versions(), repr(baked)]).hexdigest()[:32]
 
@@ -406,9 +380,3 @@ def _versions() -> list[str]:
 def _digest(facts: object) -> hashlib._Hash:
     flags = [compilers.FLAGS, compilers.LINK_FLAGS]
     return hashlib.sha256(json.dumps([facts, flags]).encode())
-
-
-def _files(folder: Traversable) -> Iterator[Traversable]:
-    for file in sorted(folder.iterdir(), key=lambda file: file.name):
-        if file.name.endswith((".py", ".c", ".h", ".md", ".jinja")):
-            yield file

@@ -39,7 +39,7 @@ static inline void engine_noise(const struct block *b, int occasion, bits64 coun
                b->key, count, w);
 }
 
-/* 0 when a loop found no end. Side by side, the lane concerned becomes NaN and the others go on. */
+/* 0 if a loop has no end. Side by side, the lane concerned becomes NaN and the others go on. */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
     real going = r_set1(0.0), *const x = engine_x(b);
@@ -129,7 +129,7 @@ static inline int engine_initial(struct block *b, int variant, int64_t start_ns)
 }
 
 /* Everything that happens in [time_ns, end_ns), and the outputs at end_ns. Ticks are at start_ns +
- * k interval_ns, k = 1, 2, ...; an interval of 0 means none. 0 when a loop found no end. */
+ * k interval_ns, k = 1, 2, ...; an interval of 0 means none. 0 if a loop has no end. */
 static inline int engine_step(struct block *b, int variant, int64_t start_ns, int64_t interval_ns,
                        int64_t time_ns, int64_t end_ns)
 {

@@ -17,8 +17,8 @@ static int64_t snap(int64_t relative_ns, int64_t interval_ns, int64_t tolerance_
     return distance <= tolerance_ns ? tick : relative_ns;
 }
 
-/* Where a step ends that the master ends at `end_ns`: never before it begins, so that every tick lies
- * in exactly one step, and a step too short to hold a nanosecond has none. */
+/* Where a step ends that the master ends at `end_ns`: never before it begins, so that every tick
+ * lies in exactly one step, and a step too short to hold a nanosecond has none. */
 static int64_t step_end(const struct data *d, int64_t end_ns, int64_t tolerance_ns)
 {
     const int64_t snapped = d->start_ns + snap(end_ns - d->start_ns, d->interval_ns, tolerance_ns);

@@ -151,10 +151,10 @@ static enum status instance_get(struct instance *in, const char *function, enum 
         status = instance_refresh(in);
     if (status != OK)
         return status;
-    size_t place = 0;
+    size_t index = 0;
     for (size_t i = 0; i < n;) {
         if (is_time(references[i], type)) {
-            ((double *)values)[place++] = (double)in->data.time_ns / 1e9;
+            ((double *)values)[index++] = (double)in->data.time_ns / 1e9;
             i++;
             continue;
         }
@@ -162,18 +162,18 @@ static enum status instance_get(struct instance *in, const char *function, enum 
         const double *from = in->data.block.v + piece.first;
         switch (type) {
         case FLOAT64:
-            memcpy((double *)values + place, from, piece.size * sizeof *from);
+            memcpy((double *)values + index, from, piece.size * sizeof *from);
             break;
         case INT32:
             for (unsigned j = 0; j < piece.size; j++)
-                ((int32_t *)values)[place + j] = (int32_t)from[j];
+                ((int32_t *)values)[index + j] = (int32_t)from[j];
             break;
         case BOOLEAN:
             for (unsigned j = 0; j < piece.size; j++)
-                ((boolean *)values)[place + j] = from[j] != 0.0;
+                ((boolean *)values)[index + j] = from[j] != 0.0;
             break;
         }
-        place += piece.size;
+        index += piece.size;
         i += piece.references;
     }
     return OK;
@@ -181,19 +181,19 @@ static enum status instance_get(struct instance *in, const char *function, enum 
 
 /* Check the values of a piece, or set them. */
 static enum status piece_set(struct instance *in, const char *function, enum type type,
-                             const struct piece *piece, const void *values, size_t place, int write)
+                             const struct piece *piece, const void *values, size_t index, int write)
 {
     double *to = in->data.block.v + piece->first;
     const int input = variables[owner[piece->first]].causality == INPUT;
     if (input && type == FLOAT64) { /* the many values of every step */
-        const double *from = (const double *)values + place;
+        const double *from = (const double *)values + index;
         if (write)
             memcpy(to, from, piece->size * sizeof *to);
         if (write || all_finite(from, piece->size))
             return OK;
     }
     for (unsigned j = 0; j < piece->size; j++) {
-        const double value = value_at(values, type, place + j);
+        const double value = value_at(values, type, index + j);
         const enum status status =
             write ? OK : check_value(in, function, piece->first + j, value);
         if (status != OK)
@@ -214,14 +214,14 @@ static enum status instance_set(struct instance *in, const char *function, enum 
     if (status != OK)
         return status;
     for (int write = 0; write < 2; write++) { /* all values are checked before one is set */
-        size_t place = 0;
+        size_t index = 0;
         for (size_t i = 0; i < n;) {
             if (is_time(references[i], type))
                 return report(in, ERROR, "%s: time cannot be set", function);
             const struct piece piece = next_piece(references + i, n - i);
-            if ((status = piece_set(in, function, type, &piece, values, place, write)) != OK)
+            if ((status = piece_set(in, function, type, &piece, values, index, write)) != OK)
                 return status;
-            place += piece.size;
+            index += piece.size;
             i += piece.references;
         }
     }

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .host import Instance, Library, Trace, output_names
+from .library import Instance, Library, output_names
 from .subject import Number, Subject, Variable
+from .trace import Trace
 
 Values = list[Any]
 
@@ -90,7 +91,7 @@ class Bench:
 
     @property
     def facts(self) -> Any:
-        """What the life cycle has found out."""
+        """What the life cycle has told."""
         return json.loads((self.folder / "facts.json").read_text())
 
     def write_facts(self, **facts: Any) -> None:

@@ -13,7 +13,7 @@ from . import life, resources, robustness, state, steps
 from .bench import Bench, Clauses
 
 _WISH: Clauses = (None, None)
-"""Whatever is found is lawful."""
+"""Whatever an FMU does here is lawful."""
 
 
 @dataclass(frozen=True, slots=True)

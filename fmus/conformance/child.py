@@ -11,7 +11,8 @@ from pathlib import Path
 
 from .bench import Bench, ConcernError, ConformanceError, NotApplicableError
 from .checks import CHECKS, LOADING
-from .host import MissingError, RefusedError, Trace
+from .library import MissingError, RefusedError
+from .trace import Trace
 
 
 def main(folder: Path, name: str, step: int, first: int) -> None:
@@ -54,9 +55,9 @@ def main(folder: Path, name: str, step: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    place = Path(sys.argv[1])
+    folder = Path(sys.argv[1])
     try:
-        main(place, sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+        main(folder, sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
     except Exception:  # a mistake of ours, which must not pass for one of the FMU
-        (place / "broken").write_text(traceback.format_exc())
+        (folder / "broken").write_text(traceback.format_exc())
         os._exit(1)

@@ -25,7 +25,7 @@ def subject_of(description: ModelDescription, folder: Path, library: str) -> Sub
     """The facts about an unpacked FMU; ``library`` is its binary's name in the folder."""
     kind = description.coSimulation
     variables = [_variable(v, description) for v in description.modelVariables]
-    places = {id(v): i for i, v in enumerate(description.modelVariables)}
+    indices = {id(v): i for i, v in enumerate(description.modelVariables)}
     experiment = description.defaultExperiment
     start = _number(experiment and experiment.startTime) or 0.0
     stop = _number(experiment and experiment.stopTime)
@@ -52,7 +52,7 @@ def subject_of(description: ModelDescription, folder: Path, library: str) -> Sub
         tolerance=_size(experiment and experiment.tolerance) or _TOLERANCE,
         internal_step=internal,
         variables=tuple(variables),
-        dependencies=tuple(_dependencies(description, places)),
+        dependencies=tuple(_dependencies(description, indices)),
     )
 
 
@@ -96,15 +96,15 @@ def _size(text: Any) -> float | None:
 
 
 def _dependencies(
-    description: ModelDescription, places: dict[int, int]
+    description: ModelDescription, indices: dict[int, int]
 ) -> Iterator[tuple[int, tuple[int, ...]]]:
     inputs = [v for v in description.modelVariables if v.causality == "input"]
     for unknown in description.outputs:
         if unknown.variable is not None:
             known = inputs if unknown.dependencies is None else unknown.dependencies
             yield (
-                places[id(unknown.variable)],
-                tuple(places[id(v)] for v in known if v.causality == "input"),
+                indices[id(unknown.variable)],
+                tuple(indices[id(v)] for v in known if v.causality == "input"),
             )
 
 

@@ -1,6 +1,6 @@
 """Runs the checks on an FMU and gathers what they say.
 
-The static checks are made here; every step of a dynamic one in a process of its own (`runner`), so
+The static checks are here; every step of a dynamic one in a process of its own (`runner`), so
 that a crash or a call that does not return is a finding and nothing worse.
 """
 
@@ -26,7 +26,7 @@ from ..read.description import DescriptionError, check_interface, describe, libr
 from . import receiver_contract as plug
 from .bench import STANDARDS
 from .checks import CHECKS
-from .runner import Outcome, PATIENCE, State, run, unpacked
+from .runner import PATIENCE, Outcome, State, run, unpacked
 
 _STATIC_PATIENCE = 120.0
 """Seconds that another tool may take to read the FMU."""
@@ -115,6 +115,10 @@ class Report:
         return "\n".join([*map(str, self.results), self.summary])
 
 
+_Note = Callable[[str, str, Outcome], None]
+"""Takes the name of a check, its promise and what came of it."""
+
+
 def examine(
     path: str | Path,
     *,
@@ -153,9 +157,6 @@ def examine(
         results.append(Result(name, what, outcome.state, outcome.reason, outcome.clause, command))
         each(results[-1])
 
-    checks = [c for c in CHECKS if c.name in chosen]
-    if checks and "life cycle" not in chosen:
-        checks.insert(checks[0].name == "functions", _LIFE_CYCLE)
     with opened(path) as archive:
         try:
             description = describe(archive)
@@ -168,21 +169,29 @@ def examine(
             if name in chosen:
                 note(name, what, static(path, description))
         with unpacked(archive, description) as folder:
-            alive = True
-            for check in checks:
-                outcome = Outcome("not run", "there is no life cycle")
-                if alive:
-                    outcome = run(folder, check, patience)
-                alive &= check.name != "life cycle" or outcome.state == "passed"
-                note(check.name, check.what, outcome)
+            _run_dynamic(folder, chosen, patience, note)
     return Report(path, description.fmiVersion, tuple(results))
+
+
+def _run_dynamic(folder: Path, chosen: Collection[str], patience: float, note: _Note) -> None:
+    """Run the dynamic checks on an unpacked FMU; all of them need the life cycle first."""
+    checks = [c for c in CHECKS if c.name in chosen]
+    if checks and "life cycle" not in chosen:
+        checks.insert(checks[0].name == "functions", _LIFE_CYCLE)
+    alive = True
+    for check in checks:
+        outcome = Outcome("not run", "there is no life cycle")
+        if alive:
+            outcome = run(folder, check, patience)
+        alive &= check.name != "life cycle" or outcome.state == "passed"
+        note(check.name, check.what, outcome)
 
 
 def _give_up(
     error: DescriptionError,
     archive: Archive,
     chosen: Collection[str],
-    note: Callable[[str, str, Outcome], None],
+    note: _Note,
 ) -> None:
     """The results of an FMU whose description cannot be read."""
     for name, what in _WHAT.items():

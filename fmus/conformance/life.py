@@ -7,13 +7,14 @@ import pickle
 import sys
 import threading
 
+from ..host.signatures import ERROR
 from .bench import (
-    Bench,
-    ConcernError,
-    ConformanceError,
     INSTANCES,
     LEVELS,
     STILL,
+    Bench,
+    ConcernError,
+    ConformanceError,
     Values,
     advance,
     begin,
@@ -23,7 +24,7 @@ from .bench import (
     refuse_single,
     run,
 )
-from .host import ERROR, RefusedError
+from .library import RefusedError
 
 
 def loading(bench: Bench) -> str:

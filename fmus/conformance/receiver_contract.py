@@ -21,10 +21,11 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from sblcosim.models.declaration import UNITS, Variable
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from ..build.description import FMI2_TYPES, base_unit
+from ..build.description import base_unit
 from ..errors import FmuError, nearest
 from ..read.archive import Archive, opened
 from ..read.description import check_interface, describe, library_of, split, terminals_of
+from ..standard import FMI2_TYPES
 from ..terminals import PORTS, members, port_names
 from .checks import LOADING
 from .runner import PATIENCE, run, unpacked
@@ -37,7 +38,7 @@ _TYPES = {old: new for new, old in FMI2_TYPES.items()}
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found about one variable, or about the FMU as a whole (``variable`` is "FMU").
+    """What there is to say about one variable, or about the FMU as a whole (``variable`` is "FMU").
 
     Attributes
     ----------
@@ -115,7 +116,7 @@ class _Declared:
         if len({len(indices) for indices in self.scalars}) > 1:
             return None
         shape = tuple(map(max, zip(*self.scalars, strict=True)))
-        # As many elements as there are places for, and none twice: all of them.
+        # As many elements as the port has, and none twice: all of them.
         complete = math.prod(shape) == len(self.scalars) and min(map(min, self.scalars)) > 0
         return shape if complete else None
 
@@ -254,28 +255,28 @@ def _check_port(
 def _problems(
     port: Variable, declared: _Declared, description: ModelDescription
 ) -> Iterator[Finding]:
-    found = Finding(port.name, "error", "")
+    error = Finding(port.name, "error", "")
     causalities = declared.values("causality")
     if causalities != {port.causality}:
-        yield replace(found, message=f"must be an {port.causality}, got {_list(causalities)}")
+        yield replace(error, message=f"must be an {port.causality}, got {_list(causalities)}")
     types = {_TYPES.get(t or "", t) for t in declared.values("type")}
     if types != {port.type}:
         expected = FMI2_TYPES[port.type] if description.fmiVersion == "2.0" else port.type
         wrong = _list(declared.values("type") - {expected})
-        yield replace(found, message=f"must be of type {expected}, got {wrong}")
+        yield replace(error, message=f"must be of type {expected}, got {wrong}")
     if declared.shape is None:
         present = ", ".join(v.name for v in list(declared.scalars.values())[:8])
         yield replace(
-            found,
+            error,
             message=f"must have all elements of {_shape(port.shape)}, got "
             f"{present}{', …' if len(declared.scalars) > 8 else ''}",
         )
     elif declared.shape != port.shape:
-        yield replace(found, message=f"must be {_shape(port.shape)}, got {_shape(declared.shape)}")
+        yield replace(error, message=f"must be {_shape(port.shape)}, got {_shape(declared.shape)}")
     if port.unit is not None and types == {port.type}:
         units = {_unit(v, description) for v in declared.scalars.values()} - {port.unit}
         if units - {None}:
-            yield replace(found, message=f"must be in {port.unit}, got {_list(units - {None})}")
+            yield replace(error, message=f"must be in {port.unit}, got {_list(units - {None})}")
         elif units:
             yield Finding(port.name, "warning", f"must be in {port.unit}, got no unit")
 

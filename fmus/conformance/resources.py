@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from .bench import Bench, ConformanceError, NotApplicableError, begin, refuse_single, stimulus
-from .host import RefusedError, Setting
+from .library import RefusedError, Setting
 
 LIVES = 10_000
 """Instantiations of the check for leaks."""

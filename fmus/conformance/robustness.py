@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..host.signatures import C_TYPES
 from .bench import Bench, Clauses, ConcernError, NotApplicableError, advance, begin
-from .host import C_TYPES, Instance, RefusedError
+from .library import Instance, Library, RefusedError
 from .subject import Number, Subject, Variable
 
 _SAMPLE = 40
@@ -35,7 +36,7 @@ class Probe:
     label
         Words for it.
     mode
-        Of the instance that it is made on.
+        Of the instance that gets it.
     clauses
         Where the standard says that it is lawful, or must be borne.
     """
@@ -120,24 +121,33 @@ _RESET: Clauses = ("4.2.4", "2.3.1")
 
 
 def illegal_calls(bench: Bench) -> str:
-    subject, fmi = bench.subject, bench.subject.fmi
+    subject, library = bench.subject, bench.library
+    return _probed(bench, [
+        *_out_of_order(subject),
+        *_settings_out_of_order(subject),
+        *_odd_states(subject, library),
+        *_odd_functions(subject),
+        *_odd_instantiations(subject),
+    ])  # fmt: skip
+
+
+def _enter(instance: Instance) -> None:
+    instance.try_enter()
+
+
+def _step_after_reset(instance: Instance) -> None:
+    instance.do("Reset")
+    _step(instance.subject.start, instance.subject.step)(instance)
+
+
+def _out_of_order(subject: Subject) -> list[Row]:
+    """Calls of the life cycle where it has no room for them."""
     t, h = subject.start, subject.step
-    spare = ctypes.create_string_buffer(4096)
-    pointer = ctypes.c_void_p()
-    library = bench.library
-
-    def enter(instance: Instance) -> None:
-        instance.try_enter()
-
-    def step_after_reset(instance: Instance) -> None:
-        instance.do("Reset")
-        _step(t, h)(instance)
-
-    probes: list[Row] = [
+    return [
         ("a step before initialisation", _NEW, _step(t, h)),
         ("a step during initialisation", _INITIALISING, _step(t, h)),
         ("a step after termination", _TERMINATED, _step(t + h, h)),
-        ("a step after a reset", _STEPPED, step_after_reset),
+        ("a step after a reset", _STEPPED, _step_after_reset),
         ("a step of 0 s", _STEPPING, _step(t, 0.0)),
         ("a step of negative size", _STEPPING, _step(t, -h)),
         ("a step of NaN s", _STEPPING, _step(t, math.nan)),
@@ -146,55 +156,73 @@ def illegal_calls(bench: Bench) -> str:
         ("a step from NaN", _STEPPING, _step(math.nan, h)),
         ("the end of an initialisation that has not begun", _NEW, _call("ExitInitializationMode")),
         ("the end of an initialisation that is over", _STEPPING, _call("ExitInitializationMode")),
-        ("a second initialisation", _STEPPED, enter),
-        ("an initialisation within the initialisation", _INITIALISING, enter),
+        ("a second initialisation", _STEPPED, _enter),
+        ("an initialisation within the initialisation", _INITIALISING, _enter),
         ("a termination before initialisation", _NEW, _call("Terminate")),
         ("a termination during initialisation", _INITIALISING, _call("Terminate")),
         ("a second termination", _TERMINATED, _call("Terminate")),
         ("a reset before initialisation", _NEW, _call("Reset"), _RESET),
         ("a reset during initialisation", _INITIALISING, _call("Reset"), _RESET),
     ]
+
+
+def _settings_out_of_order(subject: Subject) -> Iterator[Row]:
     for v in subject.of("output")[:1] + subject.of("parameter")[:1]:
-        if v.kind in C_TYPES[fmi] and v.kind != "String":
+        if v.kind in C_TYPES[subject.fmi] and v.kind != "String":
             values = v.start or (0,) * v.size
-            probes.append((f"setting {v.name} between steps", _STEPPED, _set(v, values)))
-            probes.append((f"setting {v.name} after termination", _TERMINATED, _set(v, values)))
+            yield f"setting {v.name} between steps", _STEPPED, _set(v, values)
+            yield f"setting {v.name} after termination", _TERMINATED, _set(v, values)
+
+
+def _odd_states(subject: Subject, library: Library) -> Iterator[Row]:
+    """Functions for states that are not claimed, and serialised states of another size."""
+    pointer = ctypes.c_void_p()
     if not subject.saves:
-        get = library.state("GetFMUState")
-        call = _call(get, ctypes.byref(pointer))
-        probes.append((f"fmi{fmi}{get}, which is not claimed", _STEPPED, call))
+        name = library.state("GetFMUState")
+        call = _call(name, ctypes.byref(pointer))
+        yield f"fmi{subject.fmi}{name}, which is not claimed", _STEPPED, call
     if not subject.serialises:
         name = library.state("DeserializeFMUState")
-        call = _call(name, spare, 16, ctypes.byref(pointer))
-        probes.append((f"fmi{fmi}{name}, which is not claimed", _STEPPED, call))
+        call = _call(name, _spare(), 16, ctypes.byref(pointer))
+        yield f"fmi{subject.fmi}{name}, which is not claimed", _STEPPED, call
     else:
-        probes += [
-            (f"a serialised state of {text}", _STEPPED, _deserialise(size))
-            for text, size in (("no bytes", 0), ("too few bytes", -1), ("too many bytes", 1))
-        ]
+        for text, size in (("no bytes", 0), ("too few bytes", -1), ("too many bytes", 1)):
+            yield f"a serialised state of {text}", _STEPPED, _deserialise(size)
+
+
+def _odd_functions(subject: Subject) -> Iterator[Row]:
+    """Functions that a host for Co-Simulation without event mode has no use for."""
+    spare = _spare()
     names: dict[str, tuple[Any, ...]]
-    if fmi == 2:
+    if subject.fmi == 2:
         names = {
             "CancelStep": (),
             **{f"Get{k}Status": (2, spare) for k in ("", "Real", "Integer", "Boolean", "String")},
         }
-        if not subject.derivatives:
-            names["GetDirectionalDerivative"] = (spare, 1, spare, 1, spare, spare)
+        derivative: tuple[Any, ...] = (spare, 1, spare, 1, spare, spare)
     else:
-        pointers = (spare,) * 6
         names = {
             "EnterEventMode": (), "EnterStepMode": (), "EnterConfigurationMode": (),
-            "ExitConfigurationMode": (), "UpdateDiscreteStates": pointers,
+            "ExitConfigurationMode": (), "UpdateDiscreteStates": (spare,) * 6,
         }  # fmt: skip
-        if not subject.derivatives:
-            names["GetDirectionalDerivative"] = (spare, 1, spare, 1, spare, 1, spare, 1)
+        derivative = (spare, 1, spare, 1, spare, 1, spare, 1)
+    if not subject.derivatives:
+        names["GetDirectionalDerivative"] = derivative
     for name, arguments in names.items():
-        probes.append((f"fmi{fmi}{name}", _STEPPED, _call(name, *arguments)))
-    token = b"not the token of this FMU"
-    probes.append(("instantiation with a wrong token", _NONE, _instantiate(b"conformance", token)))
-    token = subject.token.encode()
-    probes.append(("instantiation with an empty name", _NONE, _instantiate(b"", token)))
-    return _probed(bench, probes)
+        yield f"fmi{subject.fmi}{name}", _STEPPED, _call(name, *arguments)
+
+
+def _odd_instantiations(subject: Subject) -> list[Row]:
+    wrong, token = b"not the token of this FMU", subject.token.encode()
+    return [
+        ("instantiation with a wrong token", _NONE, _instantiate(b"conformance", wrong)),
+        ("instantiation with an empty name", _NONE, _instantiate(b"", token)),
+    ]
+
+
+def _spare() -> Any:
+    """Memory that an FMU may read or write."""
+    return ctypes.create_string_buffer(4096)
 
 
 def _instantiate(name: bytes | None, token: bytes | None, logger: bool = True) -> Act:
@@ -297,75 +325,100 @@ def _live_with(variable: Variable, value: Number, mode: int) -> Act:
 
 
 def null_pointers(bench: Bench) -> str:
-    subject, fmi = bench.subject, bench.subject.fmi
-    spare = ctypes.create_string_buffer(4096)
-    token, size = subject.token.encode(), (1,) if fmi == 3 else ()
-    nothing = (0,) if fmi == 3 else ()
-    t, h = subject.start, subject.step
-    probes: list[Row] = [
-        (f"fmi{fmi}FreeInstance(NULL)", _NEW, _bare("FreeInstance", None), ("2.1.5", "2.3.1")),
-        (f"fmi{fmi}SetDebugLogging without categories", _STEPPED,
-         _call("SetDebugLogging", 1, 0, None), ("2.1.5", "2.3.1")),
-        (f"fmi{fmi}Instantiate without a name", _NONE, _instantiate(None, token)),
-        (f"fmi{fmi}Instantiate without a token", _NONE, _instantiate(b"conformance", None)),
-    ]  # fmt: skip
+    subject, library = bench.subject, bench.library
+    return _probed(bench, [
+        *_null_texts(subject),
+        *(row for kind in C_TYPES[subject.fmi] for row in _null_values(subject, kind)),
+        *_null_instances(subject),
+        *_null_states(subject, library),
+        *_null_derivatives(subject),
+    ])  # fmt: skip
+
+
+def _null_texts(subject: Subject) -> Iterator[Row]:
+    """NULL where texts and callbacks are expected."""
+    fmi, token = subject.fmi, subject.token.encode()
+    yield (
+        f"fmi{fmi}FreeInstance(NULL)", _NEW, _bare("FreeInstance", None), ("2.1.5", "2.3.1")
+    )  # fmt: skip
+    yield (
+        f"fmi{fmi}SetDebugLogging without categories", _STEPPED,
+        _call("SetDebugLogging", 1, 0, None), ("2.1.5", "2.3.1"),
+    )  # fmt: skip
+    yield f"fmi{fmi}Instantiate without a name", _NONE, _instantiate(None, token)
+    yield f"fmi{fmi}Instantiate without a token", _NONE, _instantiate(b"conformance", None)
     if fmi == 3:
-        probes.append(
-            ("fmi3InstantiateCoSimulation without a logger", _NONE,
-             _instantiate(b"conformance", token, logger=False), (None, "2.3.1"))
+        yield (
+            "fmi3InstantiateCoSimulation without a logger", _NONE,
+            _instantiate(b"conformance", token, logger=False), (None, "2.3.1"),
         )  # fmt: skip
-    for kind in C_TYPES[fmi]:
-        here = [v for v in subject.variables if v.kind == kind]
-        for verb in ("Get", "Set"):
-            name = f"{verb}{kind}"
-            probes.append(
-                (f"fmi{fmi}{name} of no values, with NULL", _STEPPED,
-                 _call(name, None, 0, None, *nothing))
+
+
+def _null_values(subject: Subject, kind: str) -> Iterator[Row]:
+    """NULL for the arrays of the functions that get and set a type."""
+    fmi, spare = subject.fmi, _spare()
+    nothing = (0,) if fmi == 3 else ()
+    here = [v for v in subject.variables if v.kind == kind]
+    settable = [v for v in here if v.causality in ("input", "parameter")]
+    for verb, mode, variables in (("Get", _STEPPED, here[:1]), ("Set", _NEW, settable[:1])):
+        name = f"{verb}{kind}"
+        yield (
+            f"fmi{fmi}{name} of no values, with NULL", _STEPPED,
+            _call(name, None, 0, None, *nothing),
+        )  # fmt: skip
+        for v in variables:
+            reference = (ctypes.c_uint32 * 1)(v.reference)
+            sizes = (v.size,) if fmi == 3 else ()
+            yield (
+                f"fmi{fmi}{name} with NULL for the references", mode,
+                _call(name, None, 1, spare, *sizes),
             )  # fmt: skip
-            settable = [v for v in here if v.causality in ("input", "parameter")]
-            for v in here[:1] if verb == "Get" else settable[:1]:
-                mode = _STEPPED if verb == "Get" else _NEW
-                reference = (ctypes.c_uint32 * 1)(v.reference)
-                sizes = (v.size,) if fmi == 3 else ()
-                probes += [
-                    (f"fmi{fmi}{name} with NULL for the references", mode,
-                     _call(name, None, 1, spare, *sizes)),
-                    (f"fmi{fmi}{name} with NULL for the values", mode,
-                     _call(name, reference, 1, None, *sizes)),
-                    (f"fmi{fmi}{name}(NULL, …)", mode,
-                     _bare(name, None, reference, 1, spare, *sizes)),
-                ]  # fmt: skip
+            yield (
+                f"fmi{fmi}{name} with NULL for the values", mode,
+                _call(name, reference, 1, None, *sizes),
+            )  # fmt: skip
+            yield (
+                f"fmi{fmi}{name}(NULL, …)", mode, _bare(name, None, reference, 1, spare, *sizes)
+            )  # fmt: skip
+
+
+def _null_instances(subject: Subject) -> Iterator[Row]:
+    """NULL for the instance, and for the results of a step."""
+    fmi, t, h = subject.fmi, subject.start, subject.step
     for name in ("ExitInitializationMode", "Terminate", "Reset"):
-        probes.append((f"fmi{fmi}{name}(NULL)", _NEW, _bare(name, None)))
-    probes.append(
-        (f"fmi{fmi}DoStep(NULL, …)", _NEW,
-         lambda i: i.library.call("DoStep", None, *i.step_arguments(t, h)))
+        yield f"fmi{fmi}{name}(NULL)", _NEW, _bare(name, None)
+    yield (
+        f"fmi{fmi}DoStep(NULL, …)", _NEW,
+        lambda i: i.library.call("DoStep", None, *i.step_arguments(t, h)),
     )  # fmt: skip
     if fmi == 3:
-        probes.append(
-            ("fmi3DoStep with NULL for the results", _STEPPING,
-             _call("DoStep", t, h, True, None, None, None, None))
+        yield (
+            "fmi3DoStep with NULL for the results", _STEPPING,
+            _call("DoStep", t, h, True, None, None, None, None),
         )  # fmt: skip
-    state = bench.library.state
+
+
+def _null_states(subject: Subject, library: Library) -> Iterator[Row]:
+    fmi, state, spare = subject.fmi, library.state, _spare()
     empty = ctypes.byref(ctypes.c_void_p())
     if subject.saves:
         name = state("FreeFMUState")
-        probes += [
-            (f"fmi{fmi}{name} of no state", _STEPPED, _call(name, empty), ("2.1.8", "2.2.7.4")),
-            (f"fmi{fmi}{name}(…, NULL)", _STEPPED, _call(name, None)),
-            *((f"fmi{fmi}{name}(…, NULL)", _STEPPED, _call(name, None))
-              for name in map(state, ("GetFMUState", "SetFMUState"))),
-        ]  # fmt: skip
+        yield f"fmi{fmi}{name} of no state", _STEPPED, _call(name, empty), ("2.1.8", "2.2.7.4")
+        for name in map(state, ("FreeFMUState", "GetFMUState", "SetFMUState")):
+            yield f"fmi{fmi}{name}(…, NULL)", _STEPPED, _call(name, None)
     if subject.serialises:
         name = state("SerializedFMUStateSize")
-        probes.append((f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, spare)))
+        yield f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, spare)
         name = state("SerializeFMUState")
-        probes.append((f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, spare, 4096)))
+        yield f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, spare, 4096)
         name = state("DeserializeFMUState")
-        probes.append((f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, 16, empty)))
+        yield f"fmi{fmi}{name}(…, NULL, …)", _STEPPED, _call(name, None, 16, empty)
+
+
+def _null_derivatives(subject: Subject) -> Iterator[Row]:
+    size = (1,) if subject.fmi == 3 else ()
     if subject.derivatives:
-        probes.append(
-            (f"fmi{fmi}GetDirectionalDerivative with NULL everywhere", _STEPPED,
-             _call("GetDirectionalDerivative", None, 1, None, 1, None, *size, None, *size))
+        yield (
+            f"fmi{subject.fmi}GetDirectionalDerivative with NULL everywhere", _STEPPED,
+            _call("GetDirectionalDerivative", None, 1, None, 1, None, *size, None, *size),
         )  # fmt: skip
-    return _probed(bench, probes)

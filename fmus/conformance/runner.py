@@ -23,8 +23,8 @@ from ..read.description import library_of
 from .bench import STANDARDS
 from .checks import Check
 from .facts import subject_of
-from .host import Place, read_trace
 from .subject import Subject
+from .trace import Position, read_trace
 
 State = Literal["passed", "failed", "warning", "does not apply", "not run"]
 
@@ -61,8 +61,8 @@ def unpacked(archive: Archive, description: ModelDescription) -> Iterator[Path]:
         The FMU cannot be unpacked, or has no binary for this machine.
     """
     library = library_of(archive, description)
-    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory(dir=scratch(), ignore_cleanup_errors=True) as name:
+        folder = Path(name)
         archive.unpack(folder / "fmu")
         subject = subject_of(description, folder / "fmu", library)
         (folder / "subject").write_bytes(pickle.dumps(subject))
@@ -88,7 +88,7 @@ def run(folder: Path, check: Check, patience: float) -> Outcome:
 
 def _step(folder: Path, subject: Subject, check: Check, step: int, patience: float) -> Outcome:
     standard = STANDARDS[subject.fmi]
-    crashes: list[tuple[str, Place]] = []
+    crashes: list[tuple[str, Position]] = []
     first = 0
     while len(crashes) < _CRASHES:
         (folder / "result").unlink(missing_ok=True)
@@ -102,16 +102,16 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
                 break
             clause = f"{standard}, {result['clause']}" if result["clause"] else ""
             return Outcome(result["state"], _without(folder, result["reason"]), clause)
-        place = read_trace(folder / "trace")
-        crashes.append((ending, place))
-        if place.probe is None:
+        position = read_trace(folder / "trace")
+        crashes.append((ending, position))
+        if position.probe is None:
             break
-        first = place.probe + 1  # the others may be answered
-    blamed: list[tuple[str, Place]] = []
+        first = position.probe + 1  # the others may be answered
+    blamed: list[tuple[str, Position]] = []
     cited: dict[str, None] = {}
     for crash in crashes:
-        place = crash[1]
-        violated = check.clauses[subject.fmi - 2] if place.probe is None else place.clause
+        position = crash[1]
+        violated = check.clauses[subject.fmi - 2] if position.probe is None else position.clause
         if violated:
             blamed.append(crash)
             cited[violated] = None
@@ -129,11 +129,11 @@ def _without(folder: Path, text: str) -> str:
     return text.replace(f"{folder / 'fmu'}/", "")
 
 
-def _crashed(crashes: Sequence[tuple[str, Place]]) -> str:
+def _crashed(crashes: Sequence[tuple[str, Position]]) -> str:
     calls: dict[str, dict[str, None]] = {}
-    for ending, place in crashes:
-        calls.setdefault(ending, {})[place.call] = None
-    return "; ".join(f"{ending} {', '.join(made)}" for ending, made in calls.items())
+    for ending, position in crashes:
+        calls.setdefault(ending, {})[position.call] = None
+    return "; ".join(f"{ending} {', '.join(names)}" for ending, names in calls.items())
 
 
 def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
+from ..host.signatures import DISCARD
 from .bench import (
+    REALS,
     Bench,
     ConcernError,
     ConformanceError,
     NotApplicableError,
-    REALS,
     Values,
     begin,
     expect_same,
     run,
     stimulus,
 )
-from .host import DISCARD, Instance, RefusedError
+from .library import Instance, RefusedError
 from .subject import Subject, Variable
 
 CUTS = (2, 5)

@@ -1,7 +1,7 @@
 """What the checks know of an FMU: facts of its modelDescription.xml, without FMPy.
 
 The checks run in processes of their own, many of them, which must start quickly: they get these
-facts ready made and import nothing but the standard library.
+facts and import nothing but the standard library.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Who is told what a run is doing: nobody, or in a process of its own, the process that waits.
 
 Masters and instances announce each call of a component through `watch`, and take from it the memory
-of the record. In this process nothing happens there; `sblcosim.simulation.child` puts its own in
-place.
+of the record. In this process nothing happens there; `sblcosim.simulation.child` puts its own
+instead.
 """
 
 from __future__ import annotations

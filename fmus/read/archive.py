@@ -1,6 +1,6 @@
-"""The archive that an FMU is. It is the only place that opens one.
+"""The archive that an FMU is; no other module opens one.
 
-Whoever made the file, reading it costs a bounded amount of memory, disk and time: the bounds below
+Whoever wrote the file, reading it costs a bounded amount of memory, disk and time: the bounds below
 are checked before anything is allocated or unpacked. They are far above any FMU that we know.
 """
 

@@ -287,17 +287,17 @@ def library_of(archive: Archive, description: ModelDescription) -> str:
 def library_in(names: Iterable[str], fmi: int, identifier: str, fmu: str) -> str:
     """`library_of`, from the names of files alone."""
     here = this_platform()
-    places = folders(here, 2 if fmi == 2 else 3)
+    allowed = folders(here, 2 if fmi == 2 else 3)
     paths = [PurePosixPath(name) for name in names if name[-1] != "/"]
     binaries = [path for path in paths if path.parts[0] == "binaries" and len(path.parts) > 2]
-    expected = [PurePosixPath("binaries", place, identifier + suffix(here)) for place in places]
+    expected = [PurePosixPath("binaries", name, identifier + suffix(here)) for name in allowed]
     for path in expected:
         if path in binaries:
             return str(path)
-    misnamed = [str(path) for path in binaries if path.parts[1] in places]
+    misnamed = [str(path) for path in binaries if path.parts[1] in allowed]
     if misnamed:
         wanted = shown(str(expected[0]), 200)
         got = ", ".join(misnamed[:3]) + ", …" * (len(misnamed) > 3)
         raise FmuError(f"{fmu}: must have the binary {wanted}, got {shown(got, 200)}")
     others = ", ".join(sorted({path.parts[1] for path in binaries})) or "no binary at all"
-    raise FmuError(f"{fmu}: must have a binary for {places[0]}, got {shown(others, 200)}")
+    raise FmuError(f"{fmu}: must have a binary for {allowed[0]}, got {shown(others, 200)}")

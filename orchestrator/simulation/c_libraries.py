@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from sblcosim.fmus.build import factory
+from sblcosim.fmus.build import c_files, factory
 from sblcosim.fmus.build.compiler import Compiler
 from sblcosim.fmus.errors import BuildError
 
@@ -55,7 +55,7 @@ def _sources(driver: Driver) -> dict[str, bytes]:
     if driver.header:
         sources[f"{driver.name}.h"] = driver.header.encode()
     if driver.lanes:
-        sources |= factory.engine_headers()
+        sources |= c_files.engine_headers()
     return sources
 
 

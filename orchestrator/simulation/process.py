@@ -24,7 +24,7 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.files import scratch
-from sblcosim.fmus.host import instances
+from sblcosim.fmus.host import libraries
 from sblcosim.fmus.host.instances import LOADING, UNLOADING
 from sblcosim.fmus.host.nanoseconds import text_of
 from sblcosim.fmus.read.ports import Fmu
@@ -87,7 +87,7 @@ def strangers(plan: Plan) -> tuple[str, ...]:
     return tuple(
         c.name
         for c in plan.components
-        if isinstance(c.source, Fmu) and not instances.ours(c.source)
+        if isinstance(c.source, Fmu) and not libraries.ours(c.source)
     )
 
 

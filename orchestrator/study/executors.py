@@ -29,7 +29,7 @@ from typing import Any
 import pandas as pd
 from sblcosim.fmus.build.factory import cache
 from sblcosim.fmus.files import sha256_of, write_file
-from sblcosim.fmus.host.instances import ours, trust
+from sblcosim.fmus.host.libraries import ours, trust
 from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError, SblcosimError, check_choice, one_line

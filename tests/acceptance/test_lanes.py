@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.errors import ConfigurationError, FmuError
-from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build import c_files, compiler, factory
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
@@ -262,7 +262,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
     source += f"API size_t places[] = {{{', '.join(places)}}};\n"
     sources = {
         "places.c": source.encode(), "lanes_master.h": lanes_driver.DRIVER.header.encode(),
-        **factory.engine_headers(),
+        **c_files.engine_headers(),
     }
     library = tmp_path / "places.so"
     library.write_bytes(

@@ -23,7 +23,7 @@ from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.files import scratch, sweep
-from sblcosim.fmus.host.instances import ours
+from sblcosim.fmus.host.libraries import ours
 from sblcosim.fmus.read.ports import read
 from sblcosim.models.ports import BEACON_POSITIONS, ESTIMATE, REQUIRED_ESTIMATE, ports
 from sblcosim.scenario.wiring import connect

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.build import compiler, factory
-from sblcosim.fmus.build.generator import state_places
-from sblcosim.models.equations import Model, load
+from sblcosim.fmus.build.generator import state_indices
+from sblcosim.models.equations import Model
+from sblcosim.models.loading import load
 
 DRIVER = Path(__file__).with_name("engine_driver.c")
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Engine:
         sizes = (ctypes.c_int * 6)()
         self.library.sizes(sizes)
         self.lanes, self.n_p, self.n_u, self.n_x, self.n_w, self.n_y = sizes
-        self.places = state_places(self.model)
+        self.places = state_indices(self.model)
 
     def parameters(self, **values: object) -> Array:
         """One column of parameters: declared starts and what is given."""

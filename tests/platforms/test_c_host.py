@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import sblcosim
 from numpy.typing import NDArray
-from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build import c_files, compiler, factory
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.read.ports import Fmu
@@ -109,7 +109,7 @@ def run(plan: Plan, machine: Machine, place: Path) -> tuple[NDArray[np.uint64], 
     program = "host.exe" if ending == ".dll" else "host"
     cc = compiler.zig(machine.platform) if machine.zig else compiler.find()
     assert cc is not None
-    sources = {"host.c": HOST.read_bytes(), **factory.engine_headers()}
+    sources = {"host.c": HOST.read_bytes(), **c_files.engine_headers()}
     for name, text in sources.items():
         (place / name).write_bytes(text)
     subprocess.run(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.fmus.host.instances import binary_of, ours
+from sblcosim.fmus.host.libraries import binary_of, ours
 from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import FmuError

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from sblcosim.fmus.build.archive import contents, licence, write_fmu
-from sblcosim.fmus.build.description import Fmi
-from sblcosim.models.equations import load
+from sblcosim.fmus.standard import Fmi
+from sblcosim.models.loading import load
 
 FILES = {
     "sources/b.h": b"int b;\n" * 100,

@@ -13,11 +13,11 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.build.archive import contents, write_fmu
-from sblcosim.fmus.build.description import Fmi
 from sblcosim.fmus.conformance import receiver_contract
 from sblcosim.fmus.conformance.receiver_contract import Report, check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.platforms import folder, suffix, this_platform
+from sblcosim.fmus.standard import Fmi
 from sblcosim.fmus.terminals import TERMINALS
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model

@@ -12,16 +12,17 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from sblcosim.fmus.build.archive import contents, write_fmu
 from sblcosim.fmus.build.description import (
-    Fmi,
     base_unit,
     build_description,
     model_description,
     terminals,
     value_references,
 )
+from sblcosim.fmus.standard import Fmi
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import UNITS, Component, Variable
-from sblcosim.models.equations import Model, load
+from sblcosim.models.equations import Model
+from sblcosim.models.loading import load
 
 VERSIONS = get_args(Fmi)
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"

@@ -8,11 +8,12 @@ from html.parser import HTMLParser
 from typing import get_args
 
 import pytest
-from sblcosim.fmus.build.description import Fmi
 from sblcosim.fmus.build.documentation import index_html, markdown
+from sblcosim.fmus.standard import Fmi
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Component
-from sblcosim.models.equations import Model, load
+from sblcosim.models.equations import Model
+from sblcosim.models.loading import load
 
 VERSIONS = get_args(Fmi)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import pytest
-from sblcosim.fmus.build.generator import state_places, statements
+from sblcosim.fmus.build.generator import state_indices
+from sblcosim.fmus.build.straight_line import statements
 from sblcosim.models import COMPONENTS
-from sblcosim.models.equations import load
+from sblcosim.models.loading import load
 
 
 def lines(expression: ca.SX, *arguments: ca.SX) -> list[str]:
@@ -36,11 +37,11 @@ def test_a_choice_without_an_elementary_function_is_no_branch() -> None:
 
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_each_state_has_a_place_of_its_own(name: str) -> None:
-    places = state_places(load(name))
+    places = state_indices(load(name))
     assert len(set(places)) == len(places)
 
 
 def test_a_state_that_is_an_output_is_kept_once() -> None:
     model = load("acoustics")
     outputs = sum(v.size for v in model.component.of("output"))
-    assert sorted(state_places(model)) == [*range(outputs), outputs]  # all but the start time
+    assert sorted(state_indices(model)) == [*range(outputs), outputs]  # all but the start time

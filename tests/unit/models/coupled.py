@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.models.equations import load
+from sblcosim.models.loading import load
 from sblcosim.models.ports import RECEPTION
 from stepper import Noise, Stepper
 

@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sblcosim.models.declaration import Variable
-from sblcosim.models.equations import Draw, Model, load
+from sblcosim.models.equations import Draw, Model
+from sblcosim.models.loading import load
 
 Array = NDArray[np.float64]
 Noise = Callable[[Draw, int], ArrayLike]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coupled import CROSS, NS
-from sblcosim.models.equations import load
+from sblcosim.models.loading import load
 from scipy.optimize import brentq
 from scipy.stats import binom, expon, halfnorm, kstest, norm
 from stepper import Stepper, no_noise

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coupled import CROSS, Dive, at_rest, dive, simultaneous, straight
-from sblcosim.models.equations import load
+from sblcosim.models.loading import load
 from sblcosim.models.receiver.fix import PASSES
 from scipy.optimize import least_squares
 from stepper import Stepper

@@ -11,8 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from sblcosim.models.equations import Model, load
+from sblcosim.models.equations import Model
 from sblcosim.models.geometry import rotation
+from sblcosim.models.loading import load
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 from scipy import stats

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from sblcosim.models.equations import load
+from sblcosim.models.loading import load
 from stepper import Stepper
 
 

@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from sblcosim.models.equations import Model, load
+from sblcosim.models.equations import Model
+from sblcosim.models.loading import load
 from sblcosim.models.target.equations import _spiral_angle, _spiral_arc
 from sblcosim.models.target.variables import TRAJECTORIES
 from scipy import integrate, stats

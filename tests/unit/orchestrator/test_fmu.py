@@ -6,7 +6,7 @@ from pathlib import Path
 import fmpy
 import pytest
 from sblcosim.errors import FmuError
-from sblcosim.fmus.host import instances as fmus
+from sblcosim.fmus.host import libraries
 from sblcosim.fmus.host.instances import acquire, release
 from sblcosim.fmus.read import description
 from sblcosim.fmus.read.ports import Port, ports_of, read
@@ -221,7 +221,7 @@ def test_messages_of_instances_made_by_others_still_reach_fmpy(fmu, capsys):
     wrong = kind(
         guid="wrong",
         modelIdentifier=theirs.coSimulation.modelIdentifier,
-        unzipDirectory=str(fmus._unpacked(read(fmu))),
+        unzipDirectory=str(libraries.unpacked(read(fmu))),
     )
     with pytest.raises(Exception, match="Failed to instantiate"):
         wrong.instantiate()
@@ -231,7 +231,8 @@ def test_messages_of_instances_made_by_others_still_reach_fmpy(fmu, capsys):
 def test_unpacked_files_are_gone_when_the_process_has_ended(fmu, tmp_path):
     program = (
         "import sys, pathlib\n"
-        "from sblcosim.fmus.host.instances import acquire, read\n"
+        "from sblcosim.fmus.host.instances import acquire\n"
+        "from sblcosim.fmus.read.ports import read\n"
         "acquire(read(pathlib.Path(sys.argv[1])), 'x')\n"
     )
     environment = {"TMPDIR": str(tmp_path), "TMP": str(tmp_path), "PATH": ""}

@@ -7,93 +7,28 @@ waits for it can say in which call it has crashed or hangs.
 from __future__ import annotations
 
 import ctypes
-import mmap
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..host.signatures import (
+    C_TYPES,
+    DISCARD,
+    ERROR,
+    FATAL,
+    LOGGERS,
+    WARNING,
+    exported,
+    state_function,
+    status_text,
+)
 from .subject import Number, Subject, Variable
+from .trace import Trace
 
-WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
-_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-_TRACE = 512
 _MESSAGE = 200
 """Characters that are kept of what an FMU logs."""
-
-_P, _N, _D, _I = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double, ctypes.c_int
-_B, _S = ctypes.c_bool, ctypes.c_char_p
-
-_STATE = {
-    "GetFMUState": (_P, _P), "SetFMUState": (_P, _P), "FreeFMUState": (_P, _P),
-    "SerializedFMUStateSize": (_P, _P, _P), "SerializeFMUState": (_P, _P, _P, _N),
-    "DeserializeFMUState": (_P, _P, _N, _P),
-}  # fmt: skip
-_FMI2_STATE = {
-    name: name.replace("FMUState", "FMUstate").replace("Deserialize", "DeSerialize")
-    for name in _STATE
-}
-_COMMON = {
-    "FreeInstance": (_P,), "ExitInitializationMode": (_P,), "Terminate": (_P,), "Reset": (_P,),
-}  # fmt: skip
-_SIGNATURES: dict[int, dict[str, tuple[Any, ...]]] = {
-    2: _COMMON | {_FMI2_STATE[name]: types for name, types in _STATE.items()} | {
-        "GetVersion": (),
-        "GetTypesPlatform": (),
-        "Instantiate": (_S, _I, _S, _S, _P, _I, _I),
-        "SetDebugLogging": (_P, _I, _N, _P),
-        "SetupExperiment": (_P, _I, _D, _D, _I, _D),
-        "EnterInitializationMode": (_P,),
-        "DoStep": (_P, _D, _D, _I),
-        "CancelStep": (_P,),
-        "GetStatus": (_P, _I, _P),
-        "GetRealStatus": (_P, _I, _P),
-        "GetIntegerStatus": (_P, _I, _P),
-        "GetBooleanStatus": (_P, _I, _P),
-        "GetStringStatus": (_P, _I, _P),
-        "GetDirectionalDerivative": (_P, _P, _N, _P, _N, _P, _P),
-        "SetRealInputDerivatives": (_P, _P, _N, _P, _P),
-        "GetRealOutputDerivatives": (_P, _P, _N, _P, _P),
-    },
-    3: _COMMON | _STATE | {
-        "GetVersion": (),
-        "InstantiateCoSimulation": (_S, _S, _S, _B, _B, _B, _B, _P, _N, _P, _P, _P),
-        "SetDebugLogging": (_P, _B, _N, _P),
-        "EnterInitializationMode": (_P, _B, _D, _D, _B, _D),
-        "DoStep": (_P, _D, _D, _B, _P, _P, _P, _P),
-        "EnterEventMode": (_P,),
-        "EnterStepMode": (_P,),
-        "EnterConfigurationMode": (_P,),
-        "ExitConfigurationMode": (_P,),
-        "UpdateDiscreteStates": (_P, _P, _P, _P, _P, _P, _P),
-        "GetDirectionalDerivative": (_P, _P, _N, _P, _N, _P, _N, _P, _N),
-        "GetAdjointDerivative": (_P, _P, _N, _P, _N, _P, _N, _P, _N),
-        "GetOutputDerivatives": (_P, _P, _N, _P, _P, _N),
-        "GetNumberOfVariableDependencies": (_P, ctypes.c_uint, _P),
-        "GetVariableDependencies": (_P, ctypes.c_uint, _P, _P, _P, _P, _N),
-    },
-}  # fmt: skip
-_RESULTS: dict[str, Any] = {
-    "GetVersion": _S, "GetTypesPlatform": _S, "FreeInstance": None, "Instantiate": _P,
-    "InstantiateCoSimulation": _P,
-}  # fmt: skip
-
-C_TYPES: dict[int, dict[str, Any]] = {
-    2: {"Real": _D, "Integer": ctypes.c_int32, "Boolean": _I, "String": _S},
-    3: {
-        "Float64": _D, "Float32": ctypes.c_float, "Int8": ctypes.c_int8, "UInt8": ctypes.c_uint8,
-        "Int16": ctypes.c_int16, "UInt16": ctypes.c_uint16, "Int32": ctypes.c_int32,
-        "UInt32": ctypes.c_uint32, "Int64": ctypes.c_int64, "UInt64": ctypes.c_uint64,
-        "Boolean": _B, "String": _S,
-    },
-}  # fmt: skip
-"""The types that are got and set, by version and kind."""
-
-_LOGGER2 = ctypes.CFUNCTYPE(None, _P, _S, _I, _S, _S)
-_LOGGER3 = ctypes.CFUNCTYPE(None, _P, _I, _S, _S)
-
 
 Setting = tuple[str, tuple[Any, ...]]
 """A function that sets, and its arguments after the instance."""
@@ -103,70 +38,13 @@ class RefusedError(Exception):
     """A call that must succeed has returned a status worse than a warning."""
 
     def __init__(self, what: str, status: int, message: str) -> None:
-        label = _STATUS[status] if 0 <= status < len(_STATUS) else f"status {status}"
-        super().__init__(f"{what} must succeed, got {label}" + (f": {message}" if message else ""))
+        got = status_text(status) + (f": {message}" if message else "")
+        super().__init__(f"{what} must succeed, got {got}")
         self.status = status
 
 
 class MissingError(Exception):
     """A function of the standard is not exported."""
-
-
-class Trace:
-    """Where the process is, in a file that outlives it.
-
-    It holds ``COUNT PROBE CLAUSE WHAT``: how often it was written, the number of the probe after
-    which one can go on (or ``-``), the section of the standard by which that call must be borne
-    (or ``-``), and the call under way.
-    """
-
-    def __init__(self, path: Path) -> None:
-        path.write_bytes(bytes(_TRACE))
-        with path.open("r+b") as file:
-            self._map = mmap.mmap(file.fileno(), _TRACE)
-        self._count, self._probe, self._label = 0, "- -", ""
-
-    def enter(self, call: str) -> None:
-        """Note the call that comes now."""
-        self._count += 1
-        text = f"{self._count} {self._probe} {self._label or call}".encode()
-        self._map[:] = text[:_TRACE].ljust(_TRACE, b"\0")
-
-    def probe(self, number: int, label: str, clause: str | None) -> None:
-        """Note what the following calls are, as far as people are concerned."""
-        self._probe, self._label = f"{number} {clause or '-'}", label
-        self.enter(label)
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a process is or was.
-
-    Attributes
-    ----------
-    count
-        Changes as long as the process goes on.
-    probe
-        Number of the probe; None outside of any.
-    clause
-        By which its call must be borne, if any.
-    call
-        What is or was under way.
-    """
-
-    count: str
-    probe: int | None
-    clause: str | None
-    call: str
-
-
-def read_trace(path: Path) -> Place:
-    """What a trace says."""
-    text = path.read_bytes().strip(b"\0") if path.is_file() else b""
-    count, probe, clause, call = (text or b"0 - - its start").decode(errors="replace").split(" ", 3)
-    return Place(
-        count, None if probe == "-" else int(probe), None if clause == "-" else clause, call
-    )
 
 
 class Library:
@@ -203,12 +81,13 @@ class Library:
             self._note(status, message)
 
         if self.fmi == 3:
-            return _LOGGER3(log3)
+            return LOGGERS[3](log3)
         # The message comes as its format: ctypes cannot take what follows it.
-        self._logger = _LOGGER2(log2)
+        self._logger = LOGGERS[2](log2)
         memory = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
         functions = (self._logger, memory.calloc, memory.free)
-        return (_P * 5)(*(ctypes.cast(f, _P) for f in functions), None, None)
+        addresses = (ctypes.cast(f, ctypes.c_void_p) for f in functions)
+        return (ctypes.c_void_p * 5)(*addresses, None, None)
 
     def _note(self, status: int, message: bytes | None) -> None:
         if status >= WARNING:
@@ -221,27 +100,20 @@ class Library:
 
     def call(self, name: str, *arguments: Any) -> Any:
         """Call a function, named without prefix."""
-        function = self._functions.get(name)
-        if function is None:
-            function = self._functions[name] = self._bound(name)
+        if name not in self._functions:
+            self._functions[name] = self._bound(name)
         self.trace.enter(f"fmi{self.fmi}{name}")
-        return function(*arguments)
+        return self._functions[name](*arguments)
 
     def _bound(self, name: str) -> Any:
         try:
-            function = self.dll[f"fmi{self.fmi}{name}"]
+            return exported(self.dll, self.fmi, name)
         except AttributeError:
             raise MissingError(f"it does not export fmi{self.fmi}{name}") from None
-        if name[3:] in C_TYPES[self.fmi] and name[:3] in ("Get", "Set"):
-            function.argtypes = (_P, _P, _N, _P, *((_N,) if self.fmi == 3 else ()))
-        else:
-            function.argtypes = _SIGNATURES[self.fmi][name]
-        function.restype = _RESULTS.get(name, _I)
-        return function
 
     def state(self, name: str) -> str:
         """The version's spelling of a function for states."""
-        return _FMI2_STATE[name] if self.fmi == 2 else name
+        return state_function(self.fmi, name)
 
     def access(self, references: Sequence[int], buffer: Any) -> tuple[Any, ...]:
         """The arguments of a function that gets or sets, after the instance."""
@@ -267,12 +139,12 @@ class Library:
         """An instance's address, or None. ``logger`` is for FMI 3, where there need be none."""
         resources, callbacks = Path(self.subject.resources), self._callbacks
         if self.fmi == 2:
-            place = resources.as_uri().encode()
-            address = self.call("Instantiate", name, 1, token, place, callbacks, 0, 0)
+            location = resources.as_uri().encode()
+            address = self.call("Instantiate", name, 1, token, location, callbacks, 0, 0)
         else:
-            place = f"{resources}{os.sep}".encode()
+            location = f"{resources}{os.sep}".encode()
             address = self.call(
-                "InstantiateCoSimulation", name, token, place, False, False, False, False, None,
+                "InstantiateCoSimulation", name, token, location, False, False, False, False, None,
                 0, None, callbacks if logger else None, None,
             )  # fmt: skip
         return address or None
@@ -287,7 +159,7 @@ class Instance:
     def __init__(self, library: Library, name: str = "conformance", *, born: bool = True) -> None:
         self.library, self.subject = library, library.subject
         self._read: Any = None
-        self._places: tuple[Any, ...] | None = None
+        self._results: tuple[Any, ...] | None = None
         self.address: int | None = None
         if not born:
             return
@@ -348,11 +220,11 @@ class Instance:
         """The arguments of ``DoStep`` after the instance."""
         if self.library.fmi == 2:
             return time, size, 1
-        if self._places is None:
-            self._kept = (_B * 3)(), _D()
+        if self._results is None:
+            self._kept = (ctypes.c_bool * 3)(), ctypes.c_double()
             flags, last = map(ctypes.addressof, self._kept)
-            self._places = (flags, flags + 1, flags + 2, last)
-        return (time, size, True, *self._places)
+            self._results = (flags, flags + 1, flags + 2, last)
+        return (time, size, True, *self._results)
 
     def step(self, time: float, size: float) -> None:
         """Advance from a time in s by a size in s."""
@@ -430,10 +302,10 @@ class Instance:
         self, unknown: Variable, knowns: Sequence[Variable], seed: Sequence[float]
     ) -> list[float]:
         """The directional derivative of one variable along a seed of all elements of others."""
-        result = (_D * unknown.size)()
+        result = (ctypes.c_double * unknown.size)()
         rows = (ctypes.c_uint32 * 1)(unknown.reference)
         columns = (ctypes.c_uint32 * len(knowns))(*(v.reference for v in knowns))
-        seeds = (_D * len(seed))(*seed)
+        seeds = (ctypes.c_double * len(seed))(*seed)
         sizes = ((len(seed),), (unknown.size,)) if self.library.fmi == 3 else ((), ())
         self.do(
             "GetDirectionalDerivative", rows, 1, columns, len(knowns), seeds, *sizes[0], result,

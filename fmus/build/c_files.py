@@ -1,0 +1,28 @@
+"""The C files that are the same in every FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import resources
+
+from ..standard import Fmi
+
+SHELLS: Mapping[Fmi, str] = {2: "fmi2.c", 3: "fmi3.c"}
+"""The functions of the standard, by its version."""
+LANES = ("lanes.h", "lanes.c", "dispatch.c")
+"""The entry for many simulations side by side."""
+HEADERS = (
+    "elementary.h", "engine.h", "instance.h", "life_cycle.h", "noise.h", "philox.h", "real.h",
+    "snapshots.h", "steps.h", "values.h",
+)
+
+
+def c_files(names: Sequence[str]) -> dict[str, bytes]:
+    """The contents of files of ``fmus/c`` by their names."""
+    folder = resources.files("sblcosim.fmus") / "c"
+    return {name: (folder / name).read_bytes() for name in names}
+
+
+def engine_headers() -> dict[str, bytes]:
+    """The headers of the engine and of its lanes, by file name."""
+    return c_files([*HEADERS, "lanes.h"])

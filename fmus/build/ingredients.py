@@ -1,0 +1,143 @@
+"""What an FMU is made from, as a hash: a changed model changes its own FMU and no other.
+
+A component's sources are its module of equations and what that imports, as the import statements
+say. Reading them needs no CasADi. A module of declarations (``variables``) counts by what is taken
+from it, so that the declaration of one receiver is not an ingredient of the others.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module, resources
+from importlib.resources.abc import Traversable
+
+from sblcosim.models import COMPONENTS, module_of
+
+from ..standard import Fmi
+from .c_files import LANES, SHELLS, c_files, engine_headers
+
+_MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
+_BUILD = f"{_FMUS}.build"
+_NO_INGREDIENTS = (f"{_FMUS}.files",)
+"""Modules that decide nothing about an FMU: this one only writes what is complete."""
+_DECLARATIONS = "variables"
+"""Name of the modules that hold a folder's declarations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """What a module takes from another one; no name: the module itself."""
+
+    module: str
+    name: str = ""
+
+
+def ingredients(name: str, fmi: Fmi) -> str:
+    """Hash of everything that the FMU of a component is made from, but the tools.
+
+    Parameters
+    ----------
+    name
+        A key of `sblcosim.models.COMPONENTS`.
+    """
+    folder, module = module_of(name)
+    digest = hashlib.sha256(repr(COMPONENTS[name]).encode())
+    for part in _closure((*_build_modules(), f"{_MODELS}.{folder}.{module}")):
+        digest.update(part.encode() + b"\0")
+    files = c_files([SHELLS[fmi], *LANES]) | engine_headers()
+    readme = resources.files(f"{_MODELS}.{folder}") / "README.md"
+    if readme.is_file():
+        files["README.md"] = readme.read_bytes()
+    for file in resources.files(_BUILD).iterdir():
+        if file.name.endswith(".jinja"):
+            files[file.name] = file.read_bytes()
+    for label in sorted(files):
+        digest.update(label.encode() + b"\0" + files[label] + b"\0")
+    return digest.hexdigest()
+
+
+def _closure(roots: tuple[str, ...]) -> list[str]:
+    """The modules and all that they import of ours, each as a text that changes with it."""
+    parts: dict[str, str] = {}
+    waiting = [Import(root) for root in roots]
+    while waiting:
+        wanted = waiting.pop()
+        value = _declared(wanted)
+        label = f"{wanted.module}.{wanted.name}" if value else wanted.module
+        if label in parts or wanted.module in _NO_INGREDIENTS:
+            continue
+        parts[label] = value or _source(wanted.module)
+        if not value:
+            waiting += _imports(wanted.module)
+    return [f"{label}\0{parts[label]}" for label in sorted(parts)]
+
+
+def _declared(wanted: Import) -> str:
+    """The value of a name that is taken from declarations, if that says all there is to say."""
+    if not wanted.name or wanted.module.rpartition(".")[2] != _DECLARATIONS:
+        return ""
+    value = getattr(import_module(wanted.module), wanted.name)
+    return repr(value) if _is_plain(value) else ""
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a value is of those whose ``repr`` is all of it."""
+    if isinstance(value, dict):
+        return all(map(_is_plain, (*value, *value.values())))
+    if isinstance(value, tuple | list):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | int | float | str)
+
+
+@cache
+def _build_modules() -> tuple[str, ...]:
+    names = sorted(file.name for file in resources.files(_BUILD).iterdir())
+    return tuple(
+        f"{_BUILD}.{name.removesuffix('.py')}"
+        for name in names
+        if name.endswith(".py") and name != "__init__.py"
+    )
+
+
+@cache
+def _source(module: str) -> str:
+    """The source of a module, read once: it has been imported or will be."""
+    return _file(module).read_text("utf-8")
+
+
+@cache
+def _imports(module: str) -> tuple[Import, ...]:
+    """What a module takes from modules of ours, wherever in it the import stands."""
+    return tuple(
+        wanted
+        for statement in ast.walk(ast.parse(_source(module)))
+        if isinstance(statement, ast.Import | ast.ImportFrom)
+        for wanted in _imported(module, statement)
+        if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _file(wanted.module).is_file()
+    )
+
+
+def _imported(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[Import]:
+    if isinstance(statement, ast.Import):
+        yield from (Import(alias.name) for alias in statement.names)
+        return
+    parents = module.split(".")[: -statement.level] if statement.level else []
+    origin = ".".join([*parents, *filter(None, [statement.module])])
+    for alias in statement.names:
+        # A name is a module of the package, or something in the module that is named first.
+        yield Import(f"{origin}.{alias.name}")
+        yield Import(origin, alias.name)
+
+
+@cache
+def _file(module: str) -> Traversable:
+    """The file of a module. A package has none: `sblcosim.models` lists all components."""
+    for package in (_MODELS, _FMUS):
+        if module.startswith(f"{package}."):
+            *folders, name = module.removeprefix(f"{package}.").split(".")
+            return resources.files(package).joinpath(*folders, f"{name}.py")
+    raise ValueError(f"{module}: must be a module of {_MODELS} or {_FMUS}")

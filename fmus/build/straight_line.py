@@ -1,0 +1,270 @@
+"""From a CasADi function to straight-line C.
+
+A CasADi function of scalars is a list of elementary instructions. They are printed one by one over
+a type ``real`` (``c/real.h``) that is a double in an FMU, or a vector of doubles, one per
+simulation, in a study: the same text, and the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+
+_ARITHMETIC: Mapping[int, str] = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "r_set1(1.0) / {0}",
+    ca.OP_SQRT: "r_sqrt({0})",
+    ca.OP_SIN: "r_sin({0})",
+    ca.OP_COS: "r_cos({0})",
+    ca.OP_TAN: "r_tan({0})",
+    ca.OP_EXP: "r_exp({0})",
+    ca.OP_LOG: "r_log({0})",
+    ca.OP_ATAN: "r_atan({0})",
+    ca.OP_ATAN2: "r_atan2({0}, {1})",
+    ca.OP_ASIN: "r_asin({0})",
+    ca.OP_ACOS: "r_acos({0})",
+    ca.OP_FABS: "r_fabs({0})",
+    ca.OP_SIGN: "r_sign({0})",
+    ca.OP_FMIN: "r_fmin({0}, {1})",
+    ca.OP_FMAX: "r_fmax({0}, {1})",
+    ca.OP_COPYSIGN: "r_copysign({0}, {1})",
+    ca.OP_FLOOR: "r_floor({0})",
+    ca.OP_CEIL: "r_ceil({0})",
+    ca.OP_FMOD: "r_fmod({0}, {1})",
+}
+_COMPARISONS: Mapping[int, str] = {
+    ca.OP_LT: "m_lt({0}, {1})",
+    ca.OP_LE: "m_le({0}, {1})",
+    ca.OP_EQ: "m_eq({0}, {1})",
+    ca.OP_NE: "m_ne({0}, {1})",
+}
+_LOGIC: Mapping[int, str] = {
+    ca.OP_NOT: "~{0}",
+    ca.OP_AND: "{0} & {1}",
+    ca.OP_OR: "{0} | {1}",
+}
+_LOGIC_OF_CONDITIONS: Mapping[int, str] = {
+    ca.OP_MUL: "{0} & {1}",
+    ca.OP_FMIN: "{0} & {1}",
+    ca.OP_FMAX: "{0} | {1}",
+}
+"""What arithmetic with two conditions, which are 0 or 1, amounts to."""
+
+_COSTLY = tuple(
+    f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
+)
+_ZERO = f"r_set1({0.0.hex()})"
+
+Array = str | Sequence[str]
+"""An array in C: its name, or an expression for each element."""
+
+
+def _element(array: Array, i: int) -> str:
+    return f"{array}[{i}]" if isinstance(array, str) else array[i]
+
+
+def statements(function: ca.Function, arguments: Sequence[Array], result: Array) -> list[str]:
+    """The C statements of a function.
+
+    Parameters
+    ----------
+    arguments
+        What holds each argument.
+    result
+        What takes the result. An element that the result only repeats is not written.
+
+    Raises
+    ------
+    NotImplementedError
+        An instruction has no counterpart in C; the message names it.
+    """
+    values = _Values()
+    registers: dict[int, str] = {}  # what a work register of CasADi holds now
+    stores: dict[str, str] = {}  # element of the result -> value
+    for i in range(function.n_instructions()):
+        operation = function.instruction_id(i)
+        inputs, outputs = function.instruction_input(i), function.instruction_output(i)
+        if operation == ca.OP_OUTPUT:
+            stores[_element(result, outputs[1])] = values.real(registers[inputs[0]])
+        elif operation == ca.OP_INPUT:
+            text = _element(arguments[inputs[0]], inputs[1])
+            registers[outputs[0]] = values.add("a", text)
+        elif operation == ca.OP_CONST:
+            number = float(function.instruction_constant(i))
+            registers[outputs[0]] = values.add("a", f"r_set1({number.hex()})")
+        else:
+            used = [registers[j] for j in inputs]
+            try:
+                registers[outputs[0]] = values.apply(operation, used)
+            except KeyError:
+                names = [n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == operation]
+                raise NotImplementedError(
+                    f"{function.name()}: no C for instruction {names}"
+                ) from None
+    stores = {target: value for target, value in stores.items() if values.texts[value] != target}
+    # Everything is read before anything is written: argument and result may be the same array.
+    return [
+        *values.lines(set(stores.values())),
+        *(f"{target} = {value};" for target, value in stores.items()),
+    ]
+
+
+class _Values:
+    """The values of a function, in order; each is a number (``a1``) or a condition (``m1``).
+
+    CasADi's conditions are numbers, 0 or 1. Here they stay masks until they are calculated with,
+    which saves most of the work of ``if_else``.
+
+    Attributes
+    ----------
+    texts, operands
+        C expression of each value, and the values in it.
+    """
+
+    def __init__(self) -> None:
+        self.texts: dict[str, str] = {}
+        self.operands: dict[str, tuple[str, ...]] = {}
+        self._converted: dict[str, str] = {}
+        self._negated: dict[str, str] = {}  # condition -> what it is the opposite of
+        self._kept: dict[str, tuple[str, str]] = {}  # value -> condition, number: c ? x : 0
+
+    def add(self, kind: str, text: str, operands: Sequence[str] = ()) -> str:
+        name = f"{kind}{len(self.texts)}"
+        self.texts[name], self.operands[name] = text, tuple(operands)
+        return name
+
+    def _form(self, kind: str, template: str, operands: Sequence[str]) -> str:
+        return self.add(kind, template.format(*operands), operands)
+
+    def real(self, value: str) -> str:
+        """A value as a number."""
+        if value[0] == "a":
+            return value
+        if value not in self._converted:
+            self._converted[value] = self._form("a", "r_truth({0})", [value])
+        return self._converted[value]
+
+    def mask(self, value: str) -> str:
+        """A value as a condition: whether it is not 0."""
+        if value[0] == "m":
+            return value
+        if value not in self._converted:
+            self._converted[value] = self._form("m", "m_true({0})", [value])
+        return self._converted[value]
+
+    def apply(self, operation: int, used: Sequence[str]) -> str:
+        """The value of an instruction; KeyError if it has no counterpart."""
+        conditions = all(value[0] == "m" for value in used)
+        if conditions and operation in _LOGIC_OF_CONDITIONS:
+            return self._form("m", _LOGIC_OF_CONDITIONS[operation], used)
+        if operation == ca.OP_EQ and used[0][0] == "m" and self.texts[used[1]] == _ZERO:
+            operation, used = ca.OP_NOT, used[:1]
+        if operation in _COMPARISONS:
+            return self._form("m", _COMPARISONS[operation], [self.real(v) for v in used])
+        if operation in _LOGIC:
+            masks = [self.mask(v) for v in used]
+            value = self._form("m", _LOGIC[operation], masks)
+            if operation == ca.OP_NOT:
+                self._negated[value] = masks[0]
+            return value
+        if operation == ca.OP_IF_ELSE_ZERO:
+            condition, number = self.mask(used[0]), self.real(used[1])
+            value = self._form("a", "r_keep({0}, {1})", [condition, number])
+            self._kept[value] = condition, number
+            return value
+        if operation == ca.OP_ADD:
+            choice = self._choice(*used) or self._choice(*reversed(used))
+            if choice is not None:
+                return self._form("a", "r_blend({0}, {1}, {2})", choice)
+        return self._form("a", _ARITHMETIC[operation], [self.real(v) for v in used])
+
+    def _choice(self, one: str, other: str) -> tuple[str, str, str] | None:
+        """Condition and both numbers, if a sum is ``(c ? x : 0) + (!c ? y : 0)``."""
+        if one in self._kept and other in self._kept:
+            condition, x = self._kept[one]
+            opposite, y = self._kept[other]
+            if self._negated.get(opposite) == condition:
+                return condition, x, y
+        return None
+
+    def lines(self, wanted: set[str]) -> list[str]:
+        """Statements for the wanted values, and for nothing that they do not need."""
+        branches = self._branches(wanted)
+        lines = {
+            value: f"const {'real' if value[0] == 'a' else 'mask'} {value} = {text};"
+            for value, text in self.texts.items()
+            if value in branches
+        }
+        _pair_sines(lines, self.texts, branches)
+        bodies: dict[str, list[str]] = {branch: [] for branch in ("", *branches.values())}
+        for value, line in lines.items():
+            if value in bodies:
+                line = "\n".join([
+                    f"real {value} = {_ZERO};",
+                    f"if (m_any({self._kept[value][0]})) {{",
+                    *bodies[value], f"{value} = {self.texts[value]};",
+                    "}",
+                ])
+            bodies[branches[value]].append(line)
+        return "\n".join(bodies[""]).splitlines()
+
+    def _branches(self, wanted: set[str]) -> dict[str, str]:
+        """The branch of each needed value: the value ``c ? x : 0`` that alone needs it, or "".
+
+        Only a choice that saves an elementary function is worth a branch.
+        """
+        users: dict[str, list[str]] = {value: [""] for value in wanted}
+        branches: dict[str, str] = {}
+
+        def path(branch: str) -> list[str]:
+            return [*path(branches[branch]), branch] if branch else [""]
+
+        for value in reversed(self.texts):
+            if value not in users:
+                continue
+            common = path(users[value][0])
+            for user in users[value][1:]:
+                common = [a for a, b in zip(common, path(user), strict=False) if a == b]
+            branches[value] = common[-1]
+            condition = self._kept.get(value, ("",))[0]
+            for operand in self.operands[value]:
+                inside = value in self._kept and operand != condition
+                users.setdefault(operand, []).append(value if inside else common[-1])
+        worthy = {
+            branch
+            for value, inner in branches.items()
+            if self.texts[value].startswith(_COSTLY)
+            for branch in path(inner)
+        }
+
+        def kept(branch: str) -> str:
+            return branch if branch in worthy else kept(branches[branch])
+
+        worthy.add("")
+        return {value: kept(branch) for value, branch in branches.items()}
+
+
+def _pair_sines(
+    lines: dict[str, str], texts: Mapping[str, str], branches: Mapping[str, str]
+) -> None:
+    """Compute sine and cosine of one argument together, where both are needed."""
+    first: dict[tuple[str, str], str] = {}
+    for value in list(lines):
+        text = texts[value]
+        if not text.startswith(("r_sin(", "r_cos(")):
+            continue
+        other = first.setdefault((branches[value], text[5:]), value)
+        if other == value or texts[other] == text:
+            continue
+        sine, cosine = (other, value) if texts[other].startswith("r_sin") else (value, other)
+        argument = text[6:-1]
+        lines[other] = f"real {sine}, {cosine}; r_sincos({argument}, &{sine}, &{cosine});"
+        del lines[value]
