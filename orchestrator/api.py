@@ -12,7 +12,7 @@ from sblcosim.fmus.read.ports import Fmu
 
 from .errors import ConfigurationError, nearest
 from .results.definitions import TRUTH
-from .results.result import Result, manifest
+from .results.result import Result, RunDescription
 from .scenario.scenario import Overrides, Receivers, Scenario, Source, load
 from .scenario.wiring import FIXED, RAW, applied, choose, connect
 from .simulation.execution import execute, survive
@@ -84,25 +84,46 @@ def run(
         plan = resolve(system)
     check_size(plan)
     _check_truth(plan)
-    labels = [name for name in system.components if name not in (*FIXED, RAW)]
-    asked = labels or [RAW]
-    if RAW in system.components:
-        labels = [*labels, RAW]
-    about: dict[str, Any] = {
-        "scenario_name": settled.name,
-        "scenario": applied(settled, receiver, fmi, components),
-        "receivers": labels,
-        "fmus": {c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
-        "seeds": {name: getattr(settled, name).seed for name in FIXED},
-        "origins": _origins(choose(settled, receiver), system, plan),
-        "remarks": _remarks(settled, system, plan),
-    }
+    description = RunDescription(
+        scenario_name=settled.name,
+        scenario=applied(settled, receiver, fmi, components),
+        receivers=_labels(system),
+        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        seeds={name: getattr(settled, name).seed for name in FIXED},
+        origins=_origins(choose(settled, receiver), system, plan),
+        remarks=_remarks(settled, system, plan),
+    )
     if before is not None:
-        before(manifest(**about))
+        before(description.manifest())
+    outcome = survive(
+        system, _essential(system), _executor(plan, master, step_timeout, progress)
+    )
+    interval_ns = nanoseconds(settled.receiver.update_interval_s)
+    return Result(description, outcome.record, interval_ns, outcome.failures)
+
+
+def _labels(system: System) -> list[str]:
+    """Names of the receivers, the raw fix last."""
+    labels = [name for name in system.components if name not in (*FIXED, RAW)]
+    return [*labels, RAW] if RAW in system.components else labels
+
+
+def _essential(system: System) -> list[str]:
+    """The receivers of which one must be left: those beside the raw fix, if there are any."""
+    return [name for name in _labels(system) if name != RAW] or [RAW]
+
+
+def _executor(
+    plan: Plan,
+    master: str | None,
+    step_timeout: float | None,
+    progress: Callable[[float], None] | None,
+) -> Callable[[Plan], Record]:
+    """What runs a plan, or what is left of it without the receivers that have failed."""
     apart = bool(strangers(plan))
 
     def executed(left: Plan) -> Record:
-        # Without those that have failed there may be nobody left to wait for.
+        # Without the failed ones there may be nobody left to wait for.
         timed = len(left.components) == len(plan.components) or strangers(left)
         return execute(
             left,
@@ -112,13 +133,7 @@ def run(
             apart=apart and foreign(left) is not None,
         )
 
-    outcome = survive(system, asked, executed)
-    return Result(
-        record=outcome.record,
-        update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
-        failures=outcome.failures,
-        **about,
-    )
+    return executed
 
 
 def _check_truth(plan: Plan) -> None:

@@ -424,7 +424,7 @@ def _sea(beaufort: int) -> Record:
     }
     tables["platform"] = platform | {"beaufort": beaufort}
     tables["time"] = tables["time"] | {"duration_s": figures.INCLINATION_WINDOW_S}
-    return run_scenario(tables).data
+    return run_scenario(tables).record
 
 
 def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
@@ -448,17 +448,17 @@ def _jobs(folder: Path, numbers: Numbers) -> dict[str, Job]:
         tracks = {"EKF": found.estimates["ekf"]}
         path, coordinates, errors = PATHS[n]
         if n == 3:
-            add(path, figures.plot_path_3d, found.data, {})
+            add(path, figures.plot_path_3d, found.record, {})
         else:
-            add(f"{path}a", figures.plot_path, found.data, {})
-            add(f"{path}b", figures.plot_path_3d, found.data, {})
-        add(coordinates, figures.plot_axes, found.data, tracks)
-        add(errors, figures.plot_errors, found.data, tracks)
+            add(f"{path}a", figures.plot_path, found.record, {})
+            add(f"{path}b", figures.plot_path_3d, found.record, {})
+        add(coordinates, figures.plot_axes, found.record, tracks)
+        add(errors, figures.plot_errors, found.record, tracks)
     session = runner.replay(
         folder / "harbour-square", str(numbers.sessions["square"].iloc[0]["run_id"])
     )
     tracks = {"EKF": session.estimates["ekf"], "raw": session.estimates["multilateration"]}
-    add("figure-11", figures.plot_path, session.data, tracks)
+    add("figure-11", figures.plot_path, session.record, tracks)
     seas = {
         f"{word}: Beaufort {b}, wave height {LEVELS[b].wave_height:g} m": _sea(b)
         for word, b in zip("ab", SEAS, strict=True)

@@ -24,7 +24,7 @@ from sblcosim.models.declaration import Variable
 from sblcosim.report import factorial as report
 from sblcosim.report import page
 from sblcosim.report.paper import page as paper
-from sblcosim.results import figures, metrics, result
+from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.simulation import execution
 from sblcosim.study import campaign, executors, study
 from synthetic_record import make_record
@@ -37,7 +37,7 @@ RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"])
 FOUND = fit.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
-RESULT = result.Result("x", {}, RECORD, ["ekf"])
+RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
 RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
 CALIBRATED = calibrate.CalibrationResult(
     {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
@@ -68,6 +68,7 @@ CALLS: dict[str, Any] = {
     "results.result.Result.plot_errors theme": RESULT.plot_errors,
     "results.result.Result.plot_errors frame": RESULT.plot_errors,
     "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
+    "results.catalogue.Job.axes theme": catalogue.Job("x", figures.plot_path, (RECORD, {})).axes,
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),
     "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
@@ -111,11 +112,12 @@ CALLS |= {
                                  ("analysis.fit.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
-    "analysis.workflow.of_study error": "analysis.of_table",
+    "analysis.workflow.of_study error": "analysis.workflow.of_table",
     "report.study.save error": "report.factorial.find",
-    "analysis.workflow.of_study transform": "analysis.of_table",
+    "analysis.workflow.of_study transform": "analysis.workflow.of_table",
     "report.study.save transform": "report.factorial.find",
-    "analysis.workflow.write theme": "analysis.save",
+    "analysis.workflow.write theme": "analysis.workflow.save",
+    "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 

@@ -272,7 +272,7 @@ def test_the_package_is_the_whole_system(
 def test_the_true_prior_is_a_number(package: zipfile.ZipFile, version: int) -> None:
     values = etree.fromstring(package.read("resources/ekf.ssv"))
     found = {p.get("name"): p[0].get("value") for p in values.iterfind(".//ssv:Parameter", NS)}
-    start = sblcosim.run(SCENARIO).record.iloc[0]
+    start = sblcosim.run(SCENARIO).table.iloc[0]
     true = [start[f"target.position[{i}]"] for i in (1, 2, 3)]
     names = ["prior_position"] if version == 2 else [f"prior_position[{i}]" for i in (1, 2, 3)]
     assert [float(word) for name in names for word in found[name].split()] == true
