@@ -375,7 +375,7 @@ def paper(
     """
     started = time.perf_counter()
     with waiting(remaining=True) as progress:
-        from ..report.paper import page as papers
+        from ..report import paper as papers
 
         try:
             outcome = papers.run(

@@ -23,7 +23,7 @@ from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
 from sblcosim.report import factorial as report
 from sblcosim.report import page
-from sblcosim.report.paper import page as paper
+from sblcosim.report.paper import figures as paper_figures
 from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.simulation import execution
 from sblcosim.study import campaign, executors, study
@@ -94,7 +94,7 @@ CALLS: dict[str, Any] = {
     "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),
     "analysis.workflow.save_advice theme": partial(workflow.save_advice, ADVICE, "nowhere"),
     "report.page.inline theme": partial(page.inline, PICTURE),
-    "report.paper.page.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
+    "report.paper.figures.plot_waves theme": partial(paper_figures.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
     "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
     "scenario.scenario.Scenario.system fmi": sblcosim.load("paper-scenario-1").system,
