@@ -16,7 +16,8 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.export.ssp import PARAMETER_SET, export_fmu, export_ssp
+from sblcosim.export.container import export_fmu
+from sblcosim.export.ssp import PARAMETER_SET, export_ssp
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
 from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
@@ -505,7 +506,7 @@ def test_an_enumeration_is_written_as_its_number(
 def test_the_toolbox_is_named_if_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sblcosim.export.ssp.find_spec", lambda name: None)
+    monkeypatch.setattr("sblcosim.export.container.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="pip install fmu-manipulation-toolbox"):
         export_fmu(SCENARIO, tmp_path / "x.fmu")
 
