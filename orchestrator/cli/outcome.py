@@ -54,7 +54,7 @@ class Commands(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-class Application(Commands):
+class ErrorReportingGroup(Commands):
     """Prints a line per problem, and each warning once."""
 
     def make_context(

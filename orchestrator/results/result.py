@@ -236,17 +236,17 @@ class Result:
         return getattr(self.scenario, "title", "") or self.scenario_name
 
     def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
-        """Path and estimates from above; see `plots.plot_path`."""
+        """Path and estimates from above; see `sblcosim.results.figures.plot_path`."""
         return plots.plot_path(self.record, self.estimates, ax, theme)
 
     def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
-        """Path and estimates in space; see `plots.plot_path_3d`."""
+        """Path and estimates in space; see `sblcosim.results.figures.plot_path_3d`."""
         return plots.plot_path_3d(self.record, self.estimates, ax, theme)
 
     def plot_axes(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Sequence[Axes]:
-        """Coordinates over time, three axes; see `plots.plot_axes`."""
+        """Coordinates over time, three axes; see `sblcosim.results.figures.plot_axes`."""
         return plots.plot_axes(self.record, self.estimates, axes, theme)
 
     def plot_errors(
@@ -255,13 +255,13 @@ class Result:
         frame: str = "absolute",
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
-        """Errors over time with ±2σ, four axes; see `plots.plot_errors`."""
+        """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
         return plots.plot_errors(self.record, self.estimates, axes, frame, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Sequence[Axes]:
-        """Roll, pitch and yaw of the platform, three axes; see `plots.plot_inclination`."""
+        """Angles of the platform, three axes; see `sblcosim.results.figures.plot_inclination`."""
         return plots.plot_inclination(self.record, axes, theme=theme)
 
     def save(
