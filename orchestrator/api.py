@@ -53,7 +53,7 @@ def run(
     overrides
         Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
     fmi
-        FMI version (2 or 3) of our components, in place of the scenario's.
+        FMI version (2 or 3) of our components; None: the scenario's.
     components
         Replacements of ``target``, ``platform``, ``acoustics``: FMU files, or what makes a Python
         component.
@@ -61,9 +61,9 @@ def run(
         What runs the simulation, and when it gives up an FMU that hangs; see
         `sblcosim.simulation.execution.execute`.
     progress
-        Called now and then with the share of the run that is done.
+        Called now and then with the share of the run that is done, 0 to 1.
     before
-        Called with the manifest when everything is looked up and nothing has run yet.
+        Called with the manifest just before the simulation.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def _check_truth(plan: Plan) -> None:
 def _origins(
     chosen: Mapping[str, Source], system: System, plan: Plan
 ) -> dict[str, dict[str, Any]]:
-    """What each receiver was; nothing in it depends on where files lie."""
+    """What each receiver was; independent of the paths of files."""
     planned = {c.name: c for c in plan.components}
     origins: dict[str, dict[str, Any]] = {}
     for label, source in chosen.items():
@@ -166,7 +166,7 @@ def _origins(
 
 
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
-    """What somebody who reads the results should know about the run."""
+    """What a reader of the results should know about the run."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
     lost = wanted - simulated
     if lost <= nanoseconds(scenario.time.sampling_time_s):

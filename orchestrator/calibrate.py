@@ -38,7 +38,7 @@ from .simulation.record import Record
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 
 SLOT_NS = SECOND
-"""Time between pings. Nothing moves, so any will do."""
+"""Time between pings [ns]. Nothing moves, so any will do."""
 RANGE_TEST_M = tuple(float(d) for d in range(0, 101, 5))
 """Distances of the paper's range test [m]."""
 
@@ -61,7 +61,7 @@ class SoundSpeed:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """What the two tests gave.
+    """The results of the two tests.
 
     Attributes
     ----------

@@ -126,7 +126,7 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
 
 
 def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
-    """Where results go, and what is done about those of another run."""
+    """The folder of the results, and what is done about those of another run."""
     return out or default, "replace" if force else "number" if out is None else "refuse"
 
 

@@ -1,4 +1,4 @@
-"""A scenario as a single FMU for other tools, made with fmu-manipulation-toolbox."""
+"""A scenario as a single FMU for other tools, built with fmu-manipulation-toolbox."""
 
 from __future__ import annotations
 

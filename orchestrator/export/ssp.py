@@ -268,7 +268,7 @@ def _parameter_set(part: Part, version: Version) -> ET.Element:
 
 
 def _type(variable: ModelVariable, version: Version) -> str:
-    """A variable's type; in place of an enumeration that of its numbers."""
+    """A variable's type; of an enumeration that of its numbers."""
     if variable.type == "Enumeration":
         return "Integer" if version == 1 else "Int64"
     return str(variable.type)

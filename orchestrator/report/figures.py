@@ -10,12 +10,12 @@ from ..results.catalogue import Figure, by_name
 from .factorial import Findings, unit
 
 
-def _analysis(found: Findings) -> tuple[Factorial]:
-    return (found.shown,)
+def _analysis(findings: Findings) -> tuple[Factorial]:
+    return (findings.shown,)
 
 
-def _pareto(found: Findings) -> str:
-    a = found.shown
+def _pareto(findings: Findings) -> str:
+    a = findings.shown
     count, shown = len(a.effects), min(len(a.effects), plots.MOST_BARS)
     part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
     if a.lenth is None:
@@ -27,8 +27,8 @@ def _pareto(found: Findings) -> str:
             "also as one of many; hatched bars are negative effects.")
 
 
-def _largest(found: Findings) -> str:
-    top = ", ".join(map(str, found.shown.ranked().index[:3]))
+def _largest(findings: Findings) -> str:
+    top = ", ".join(map(str, findings.shown.ranked().index[:3]))
     return f"Pareto chart; the largest effects are {top}"
 
 
@@ -36,28 +36,28 @@ FIGURES: Mapping[str, Figure[Findings]] = by_name(
     Figure("pareto", plots.plot_pareto, _analysis, _pareto, _largest),
     Figure(
         "main_effects", plots.plot_main_effects, _analysis,
-        lambda found: f"Main effects: mean {found.shown.quantity} at both levels of each factor, "
+        lambda f: f"Main effects: mean {f.shown.quantity} at both levels of each factor, "
         "and the overall mean.",
-        lambda found: f"Main effects; overall mean {found.shown.overall_mean:.3g}"
-        f"{unit(found.shown)}",
+        lambda f: f"Main effects; overall mean {f.shown.overall_mean:.3g}"
+        f"{unit(f.shown)}",
     ),
     Figure(
         "interactions", plots.plot_interactions, _analysis,
-        lambda found: f"Interactions: mean {found.shown.quantity} at each pair of levels. Lines "
-        "that are not parallel are an interaction.",
-        lambda found: "Matrix of interaction plots, one for each pair of factors",
-        lambda found: len(found.shown.factors) > 1,
+        lambda f: f"Interactions: mean {f.shown.quantity} at each pair of levels. "
+        "Lines that are not parallel are an interaction.",
+        lambda f: "Matrix of interaction plots, one for each pair of factors",
+        lambda f: len(f.shown.factors) > 1,
     ),
     Figure(
         "residuals", plots.plot_residuals, _analysis,
-        lambda found: "Residuals: normal probability, histogram, against fits, and against the "
+        lambda f: "Residuals: normal probability, histogram, against fits, and against the "
         "random run order.",
-        lambda found: "Four plots of the residuals",
+        lambda f: "Four plots of the residuals",
     ),
     Figure(
         "box_cox", plots.plot_box_cox, _analysis,
-        lambda found: "Box–Cox profile: which power of the response suits the model.",
-        lambda found: "Box–Cox profile",
-        lambda found: found.profile is not None,
+        lambda f: "Box–Cox profile: which power of the response suits the model.",
+        lambda f: "Box–Cox profile",
+        lambda f: f.profile is not None,
     ),
 )  # fmt: skip

@@ -66,9 +66,9 @@ def save(
     )
     plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
-        found = factorial.find(study, table, response, receiver=receiver, order=order,
-                               transform=transform, error=error, practical=practical)
-        return _save_factorial(found, directory, source)
+        findings = factorial.find(study, table, response, receiver=receiver, order=order,
+                                  transform=transform, error=error, practical=practical)
+        return _save_factorial(findings, directory, source)
     column = workflow.column_of(table, response, receiver)
     return _save_means(workflow.in_numbers(table, column), column, directory, source)
 
@@ -90,12 +90,12 @@ class _Source:
     again: Section
 
 
-def _save_factorial(found: Findings, directory: str | Path, source: _Source) -> str:
-    with artifacts.folder(directory, workflow.about(found.data)) as folder:
-        workflow.write(found.data, folder)
-        page = _factorial_page(found, folder, source)
+def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
+    with artifacts.folder(directory, workflow.about(findings.data)) as folder:
+        workflow.write(findings.data, folder)
+        page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
-    return str(found.shown)
+    return str(findings.shown)
 
 
 def _save_means(
@@ -148,8 +148,8 @@ def _lead(study: Study, runs: int, failed: int) -> str:
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
-def _factorial_page(found: Findings, folder: Path, source: _Source) -> Page:
-    study, a = found.study, found.shown
+def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
+    study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s. Intervals and the reference line have a "
@@ -160,9 +160,9 @@ def _factorial_page(found: Findings, folder: Path, source: _Source) -> Page:
         f"Which factor matters: {study.name}",
         _lead(study, a.runs, source.failed),
         [
-            Section("Summary", "summary", factorial.summary(found)),
-            Section("Tables", "tables", factorial.tables(found)),
-            Section("Figures", "figures", _pictures(found, folder)),
+            Section("Summary", "summary", factorial.summary(findings)),
+            Section("Tables", "tables", factorial.tables(findings)),
+            Section("Figures", "figures", _pictures(findings, folder)),
             Section("Method", "method", how),
             source.again,
         ],
@@ -170,18 +170,18 @@ def _factorial_page(found: Findings, folder: Path, source: _Source) -> Page:
     )
 
 
-def _pictures(found: Findings, folder: Path) -> list[Picture]:
+def _pictures(findings: Findings, folder: Path) -> list[Picture]:
     """The figures of the analysis; those in the folder already are not drawn again."""
     pictures = []
     for name, figure in FIGURES.items():
         file = folder / f"{name}.svg"
         if file.exists():
             svg = file.read_text("utf-8")
-        elif figure.condition(found):
-            svg = figure.job(found).svg()
+        elif figure.condition(findings):
+            svg = figure.job(findings).svg()
         else:
             continue
-        pictures.append(Picture(name, svg, figure.caption(found), figure.alt(found)))
+        pictures.append(Picture(name, svg, figure.caption(findings), figure.alt(findings)))
     return pictures
 
 

@@ -293,8 +293,8 @@ class Result:
             There is something else under that name, or no such theme.
         """
         style.named(theme)
-        with artifacts.draft(directory, self._manifest(), other) as made:
-            folder = made.folder
+        with artifacts.draft(directory, self._manifest(), other) as draft:
+            folder = draft.folder
             artifacts.write_table(self.table, folder, "record")
             tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
             estimates = pd.concat(tables, ignore_index=True)
@@ -307,7 +307,7 @@ class Result:
             if figures:
                 for job in jobs(FIGURES, self):
                     job.save(folder, theme)
-        return Path(directory).with_name(made.path.name)
+        return Path(directory).with_name(draft.path.name)
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))

@@ -243,10 +243,10 @@ def _errors_text(n: int, material: Material) -> list[Block]:
 # --- The studies ---------------------------------------------------------------------------------
 
 
-def _ranking(n: int, found: Findings) -> Block:
+def _ranking(n: int, findings: Findings) -> Block:
     """The paper's most influential factors beside the size of ours."""
-    a = found.shown
-    labels = found.study.labels
+    a = findings.shown
+    labels = findings.study.labels
     named = {labels[name] for name in facts()["order"][str(n)]["named"]}
     rows = []
     for name, rank in places(a).items():
@@ -256,20 +256,20 @@ def _ranking(n: int, found: Findings) -> Block:
     return Table(
         "Main effects: which the paper names as the most influential, and the size of ours",
         ("Factor", "Paper", "Our place", "Effect [m]", "95% interval [m]", "|t|"), rows, (1,),
-        f"Verdict: {order_row(n, found)[3]}. Where several factors share places, the sizes of "
+        f"Verdict: {order_row(n, findings)[3]}. Where several factors share places, the sizes of "
         "their effects cannot be told apart. The paper prints no sizes.")
 
 
-def _interactions(n: int, found: Findings) -> Block:
+def _interactions(n: int, findings: Findings) -> Block:
     """The largest interactions."""
-    a = found.shown
+    a = findings.shown
     ranked = a.ranked()
     several = ranked[ranked["order"] == 2]
     top = [
         f"{name} ({signed(effect['effect'])}{factorial.unit(a)}, "
         f"{span(effect['low'], effect['high'])})" for name, effect in several.head(3).iterrows()
     ]
-    gps = found.study.labels["gps"]
+    gps = findings.study.labels["gps"]
     names = several.index[several["significant"].astype(bool)]
     with_gps = [name for name in names if gps in str(name).split(TIMES)]
     return Text(
@@ -278,13 +278,13 @@ def _interactions(n: int, found: Findings) -> Block:
     )
 
 
-def _better_levels(n: int, found: Findings) -> Block:
-    return Text(factorial.direction(found.shown))
+def _better_levels(n: int, findings: Findings) -> Block:
+    return Text(factorial.direction(findings.shown))
 
 
-def _residuals(n: int, found: Findings) -> Block:
+def _residuals(n: int, findings: Findings) -> Block:
     """What the residuals say about the model."""
-    a = found.shown
+    a = findings.shown
     residuals = a.residuals
     skewness, kurtosis = (float(f(residuals["residual"])) for f in (stats.skew, stats.kurtosis))
     text = (f"Ours: R² {a.r2:.1%}, adjusted {a.r2_adjusted:.1%}, predicted {a.r2_predicted:.1%}; "
@@ -338,7 +338,7 @@ def _of_study(
     figure = STUDY_FIGURES[kind]
     prefix = f"Ours, as Figure {label}: " if label else ""
 
-    def found(material: Material) -> Findings:
+    def findings_of(material: Material) -> Findings:
         return material.numbers.findings[n]
 
     return PaperFigure(
@@ -346,11 +346,11 @@ def _of_study(
         scenario=n,
         label=label,
         plot=figure.plot,
-        data=lambda material: figure.data(found(material)),
-        caption=lambda material: prefix + figure.caption(found(material)),
-        alt=lambda material: figure.alt(found(material)),
-        condition=lambda material: figure.condition(found(material)),
-        beside=_no_blocks if beside is None else lambda material: [beside(n, found(material))],
+        data=lambda material: figure.data(findings_of(material)),
+        caption=lambda material: prefix + figure.caption(findings_of(material)),
+        alt=lambda material: figure.alt(findings_of(material)),
+        condition=lambda material: figure.condition(findings_of(material)),
+        beside=lambda material: [beside(n, findings_of(material))] if beside else [],
     )
 
 

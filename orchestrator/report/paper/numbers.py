@@ -194,11 +194,11 @@ def error_rows(n: int, numbers: Numbers) -> tuple[list[tuple[str, ...]], list[tu
     return point, whole
 
 
-def order_row(n: int, found: Findings) -> tuple[str, ...]:
+def order_row(n: int, findings: Findings) -> tuple[str, ...]:
     """The paper's most influential factors and ours, in words."""
-    labels = found.study.labels
+    labels = findings.study.labels
     named = [labels[name] for name in facts()["order"][str(n)]["named"]]
-    ranks = places(found.shown)
+    ranks = places(findings.shown)
     groups: dict[str, list[str]] = {}
     for name, rank in ranks.items():
         groups.setdefault(rank, []).append(name)

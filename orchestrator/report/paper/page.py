@@ -131,7 +131,7 @@ def run(
         tell(0.97, "writing")
         _write(folder / PAGES, _page(material, drawings, folder, command, quick), numbers, drawings)
         tell(1.0, "writing")
-    answers = {n: answer(found.shown) for n, found in numbers.findings.items()}
+    answers = {n: answer(findings.shown) for n, findings in numbers.findings.items()}
     return Outcome(folder / PAGES / REPORT, answers, seconds)
 
 
@@ -176,9 +176,9 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
     if quick:
         blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
                            "cannot be told apart that can be without --quick.", "note"))
-    for n, found in numbers.findings.items():
-        blocks.append(Text(factorial.minus(f"Scenario {n}. {answer(found.shown)}"), "answer"))
-        blocks.append(Text(factorial.minus(factorial.what_matters(found.shown))))
+    for n, findings in numbers.findings.items():
+        blocks.append(Text(factorial.minus(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
+        blocks.append(Text(factorial.minus(factorial.what_matters(findings.shown))))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
         table, theirs = facts_of_errors(n)
@@ -271,17 +271,17 @@ def _pictures(
 
 
 def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Section:
-    found = material.numbers.findings[n]
-    title = found.study.title.rpartition(": ")[2]
+    findings = material.numbers.findings[n]
+    title = findings.study.title.rpartition(": ")[2]
     table, _ = facts_of_errors(n)
     ours = [f for f in FIGURES.values() if f.scenario == n and not f.label]
-    beyond = [*factorial.tables(found), *_pictures(ours, material, drawings)]
+    beyond = [*factorial.tables(findings), *_pictures(ours, material, drawings)]
     sections = [
         Section(f"Table {table}: average errors", f"table-{table}", _errors(n, material.numbers)),
         *_figures(n, material, drawings),
         Section(f"Scenario {n} in full", f"full-{n}", beyond),
     ]
-    return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(found), sections)
+    return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(findings), sections)
 
 
 def _errors(n: int, numbers: Numbers) -> list[Block]:
@@ -364,7 +364,7 @@ def _write(
         (part / REPORT).write_text(render(page), "utf-8")
         for name, svg in drawings.items():
             (part / f"{name}.svg").write_text(svg, "utf-8")
-        for n, found in numbers.findings.items():
+        for n, findings in numbers.findings.items():
             for name in ("effects", "anova"):
-                table = getattr(found.data, name).reset_index()
+                table = getattr(findings.data, name).reset_index()
                 artifacts.write_table(table, part, f"scenario-{n}-{name}")
