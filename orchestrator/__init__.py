@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from . import analysis, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
-    from .export.ssp import export_fmu, export_ssp
+    from .export.container import export_fmu
+    from .export.ssp import export_ssp
     from .results.result import Result
     from .scenario.scenario import Scenario, load
 
@@ -44,7 +45,7 @@ _get, __dir__ = lazy.names(
         "Scenario": "scenario.scenario",
         "__version__": "",
         "analysis": "",
-        "export_fmu": "export.ssp",
+        "export_fmu": "export.container",
         "export_ssp": "export.ssp",
         "load": "scenario.scenario",
         "run": "api",

@@ -12,7 +12,7 @@ from sblcosim.fmus.read.ports import Fmu
 
 from .errors import ConfigurationError, nearest
 from .results.definitions import TRUTH
-from .results.result import Result, manifest
+from .results.result import Result, RunDescription
 from .scenario.overrides import Overrides
 from .scenario.scenario import Receivers, Scenario, Source, load
 from .scenario.schema import CORE_COMPONENTS
@@ -57,7 +57,7 @@ def run(
     overrides
         Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
     fmi
-        FMI version (2 or 3) of our components, in place of the scenario's.
+        FMI version (2 or 3) of our components; None: the scenario's.
     components
         Replacements of ``target``, ``platform``, ``acoustics``: FMU files, or what makes a Python
         component.
@@ -65,9 +65,9 @@ def run(
         What runs the simulation, and when it gives up an FMU that hangs; see
         `sblcosim.simulation.execution.execute`.
     progress
-        Called now and then with the share of the run that is done.
+        Called now and then with the share of the run that is done, 0 to 1.
     before
-        Called with the manifest when everything is looked up and nothing has run yet.
+        Called with the manifest just before the simulation.
 
     Raises
     ------
@@ -88,25 +88,46 @@ def run(
         plan = resolve(system)
     check_size(plan)
     _check_truth(plan)
-    labels = [name for name in system.components if name not in (*CORE_COMPONENTS, RAW)]
-    asked = labels or [RAW]
-    if RAW in system.components:
-        labels = [*labels, RAW]
-    about: dict[str, Any] = {
-        "scenario_name": settled.name,
-        "scenario": applied(settled, receiver, fmi, components),
-        "receivers": labels,
-        "fmus": {c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
-        "seeds": {name: getattr(settled, name).seed for name in CORE_COMPONENTS},
-        "origins": _origins(choose(settled, receiver), system, plan),
-        "remarks": _remarks(settled, system, plan),
-    }
+    description = RunDescription(
+        scenario_name=settled.name,
+        scenario=applied(settled, receiver, fmi, components),
+        receivers=_labels(system),
+        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        seeds={name: getattr(settled, name).seed for name in CORE_COMPONENTS},
+        origins=_origins(choose(settled, receiver), system, plan),
+        remarks=_remarks(settled, system, plan),
+    )
     if before is not None:
-        before(manifest(**about))
+        before(description.manifest())
+    outcome = survive(
+        system, _essential(system), _executor(plan, master, step_timeout, progress)
+    )
+    interval_ns = nanoseconds(settled.receiver.update_interval_s)
+    return Result(description, outcome.record, interval_ns, outcome.failures)
+
+
+def _labels(system: System) -> list[str]:
+    """Names of the receivers, the raw fix last."""
+    labels = [name for name in system.components if name not in (*CORE_COMPONENTS, RAW)]
+    return [*labels, RAW] if RAW in system.components else labels
+
+
+def _essential(system: System) -> list[str]:
+    """The receivers of which one must be left: those beside the raw fix, if there are any."""
+    return [name for name in _labels(system) if name != RAW] or [RAW]
+
+
+def _executor(
+    plan: Plan,
+    master: str | None,
+    step_timeout: float | None,
+    progress: Callable[[float], None] | None,
+) -> Callable[[Plan], Record]:
+    """What runs a plan, or what is left of it without the receivers that have failed."""
     apart = bool(strangers(plan))
 
     def executed(left: Plan) -> Record:
-        # Without those that have failed there may be nobody left to wait for.
+        # Without the failed ones there may be nobody left to wait for.
         timed = len(left.components) == len(plan.components) or strangers(left)
         return execute(
             left,
@@ -116,13 +137,7 @@ def run(
             apart=apart and unsupported(left) is not None,
         )
 
-    outcome = survive(system, asked, executed)
-    return Result(
-        record=outcome.record,
-        update_interval_ns=nanoseconds(settled.receiver.update_interval_s),
-        failures=outcome.failures,
-        **about,
-    )
+    return executed
 
 
 def _check_truth(plan: Plan) -> None:
@@ -139,7 +154,7 @@ def _check_truth(plan: Plan) -> None:
 def _origins(
     chosen: Mapping[str, Source], system: System, plan: Plan
 ) -> dict[str, dict[str, Any]]:
-    """What each receiver was; nothing in it depends on where files lie."""
+    """What each receiver was; independent of the paths of files."""
     planned = {c.name: c for c in plan.components}
     origins: dict[str, dict[str, Any]] = {}
     for label, source in chosen.items():
@@ -155,7 +170,7 @@ def _origins(
 
 
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
-    """What somebody who reads the results should know about the run."""
+    """What a reader of the results should know about the run."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
     lost = wanted - simulated
     if lost <= nanoseconds(scenario.time.sampling_time_s):

@@ -30,6 +30,7 @@ from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 from . import artifacts, style
 from .errors import ConfigurationError, check_choice
 from .results import figures
+from .results.catalogue import Figure, by_name, jobs
 from .results.definitions import Floats
 from .simulation.masters.python import execute
 from .simulation.record import Record
@@ -37,7 +38,7 @@ from .simulation.resolve import resolve
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 
 SLOT_NS = SECOND
-"""Time between pings. Nothing moves, so any will do."""
+"""Time between pings [ns]. Nothing moves, so any will do."""
 RANGE_TEST_M = tuple(float(d) for d in range(0, 101, 5))
 """Distances of the paper's range test [m]."""
 
@@ -60,7 +61,7 @@ class SoundSpeed:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """What the two tests gave.
+    """The results of the two tests.
 
     Attributes
     ----------
@@ -95,10 +96,8 @@ class CalibrationResult:
     def plot(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Sequence[Axes]:
-        """The range test, two axes; see `plots.plot_range_test`."""
-        distance, mean, std = self.table[["distance_m", "mean_m", "std_m"]].to_numpy().T
-        line = (self.intercept_m, self.slope)
-        return figures.plot_range_test(distance, mean, std, line, axes, theme)
+        """The range test, two axes; see `sblcosim.results.figures.plot_range_test`."""
+        return figures.plot_range_test(*_range_test(self), axes, theme)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -124,10 +123,11 @@ class CalibrationResult:
         other: artifacts.Other = "refuse",
     ) -> Path:
         """Write table, figure and manifest into a folder; see `sblcosim.Result.save`."""
-        with artifacts.draft(directory, {"calibration": self.to_json()}, other) as made:
-            artifacts.write_table(self.table, made.folder, "range_test")
-            style.save(self.plot(theme=theme)[0], made.folder, "range_test")
-        return Path(directory).with_name(made.path.name)
+        with artifacts.draft(directory, {"calibration": self.to_json()}, other) as draft:
+            artifacts.write_table(self.table, draft.folder, "range_test")
+            for job in jobs(FIGURES, self):
+                job.save(draft.folder, theme)
+        return Path(directory).with_name(draft.path.name)
 
     def __str__(self) -> str:
         s, known, line = self.settings, self.known_distance, self.line
@@ -156,6 +156,20 @@ class CalibrationResult:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
+
+
+def _range_test(
+    calibration: CalibrationResult,
+) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
+    """What the figure shows."""
+    distance, mean, std = calibration.table[["distance_m", "mean_m", "std_m"]].to_numpy().T
+    return distance, mean, std, (calibration.intercept_m, calibration.slope)
+
+
+FIGURES: Mapping[str, Figure[CalibrationResult]] = by_name(
+    Figure("range_test", figures.plot_range_test, _range_test),
+)
+"""The figures in a calibration's folder."""
 
 
 def calibrate(
@@ -211,6 +225,13 @@ def calibrate(
         from sblcosim.fmus.build.factory import build
 
         acoustics = build("acoustics", fmi)
+    return _evaluate(settings, _ping(settings, acoustics))
+
+
+def _ping(
+    settings: Mapping[str, Any], acoustics: Path | Callable[[], PythonComponent]
+) -> Floats:
+    """Ranges of all pings [m]; a row for the known distance, then one for each of the others."""
     parameters = {
         name: settings[name]
         for name in (
@@ -218,19 +239,23 @@ def calibrate(
             "processing_delay_correction", "seed",
         )
     } | {"sampling_time": SLOT_NS / SECOND}
-    plan_m = np.repeat([distance, *distances], pings)
-    ranges = _measure(ComponentSpec(acoustics, SLOT_NS, parameters), plan_m).reshape(-1, pings)
+    pings = settings["pings"]
+    plan_m = np.repeat([settings["distance"], *settings["distances"]], pings)
+    return _measure(ComponentSpec(acoustics, SLOT_NS, parameters), plan_m).reshape(-1, pings)
+
+
+def _evaluate(settings: Mapping[str, Any], ranges: Floats) -> CalibrationResult:
+    """The speed of sound by both methods."""
     known, ranges = ranges[0], ranges[1:]
-
+    assumed, distances, pings = (
+        settings[name] for name in ("assumed_sound_speed", "distances", "pings")
+    )
     mean, scatter = float(known.mean()), float(known.std(ddof=1))
-    speed = assumed_sound_speed * distance / mean
-    relative = np.hypot(scatter / np.sqrt(pings) / mean, distance_std / distance)
-    # imported here: it takes a second
-    from statsmodels.regression.linear_model import OLS
-
-    design = np.column_stack([np.ones(ranges.size), plan_m[pings:]])
-    fit = OLS(ranges.ravel(), design).fit()
-    (intercept, slope), (intercept_std, slope_std) = fit.params, fit.bse
+    speed = assumed * settings["distance"] / mean
+    relative = np.hypot(
+        scatter / np.sqrt(pings) / mean, settings["distance_std"] / settings["distance"]
+    )
+    (intercept, slope), (intercept_std, slope_std) = _line(np.repeat(distances, pings), ranges)
     table = pd.DataFrame(
         {
             "distance_m": distances,
@@ -243,16 +268,22 @@ def calibrate(
         settings=settings,
         known_distance=SoundSpeed(speed, float(speed * relative)),
         per_ping_m_s=speed * scatter / mean,
-        line=SoundSpeed(
-            float(assumed_sound_speed / slope),
-            float(assumed_sound_speed * slope_std / slope**2),
-        ),
+        line=SoundSpeed(float(assumed / slope), float(assumed * slope_std / slope**2)),
         intercept_m=float(intercept),
         intercept_std_m=float(intercept_std),
         slope=float(slope),
         slope_std=float(slope_std),
         table=table,
     )
+
+
+def _line(distance: Floats, ranges: Floats) -> tuple[Floats, Floats]:
+    """Intercept and slope of a straight line by least squares, and their standard errors."""
+    # imported here: it takes a second
+    from statsmodels.regression.linear_model import OLS
+
+    fit = OLS(ranges.ravel(), np.column_stack([np.ones(ranges.size), distance])).fit()
+    return fit.params, fit.bse
 
 
 def _check(settings: Mapping[str, Any]) -> None:
@@ -297,9 +328,9 @@ def _ranges(record: Record, pings: int) -> Floats:
 
 
 class _Bench:
-    """A transmitter at the origin (all four beacons in one place) and a receiver to the north.
+    """A transmitter at the origin (all four beacons together) and a receiver to the north.
 
-    Ping k, at k slots, finds the receiver at ``distance[k - 1]``.
+    At ping k, at k slots, the receiver is at ``distance[k - 1]``.
     """
 
     variables: Sequence[Variable] = tuple(

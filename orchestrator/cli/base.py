@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, shortened
-from .outcome import Application, say_warnings
+from .outcome import ErrorReportingGroup, say_warnings
 
 if TYPE_CHECKING:
     from ..artifacts import Other
@@ -58,7 +58,7 @@ def numeric(
 
 
 app = typer.Typer(
-    cls=Application,
+    cls=ErrorReportingGroup,
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -125,8 +125,8 @@ def overrides(keys: list[str] | None, seed: int | None) -> list[str]:
     return [*(keys or ()), *(() if seed is None else (f"seed={seed}",))]
 
 
-def place(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
-    """Where results go, and what is done about those of another run."""
+def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Other]:
+    """The folder of the results, and what is done about those of another run."""
     return out or default, "replace" if force else "number" if out is None else "refuse"
 
 
@@ -148,7 +148,7 @@ def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
 
 
 def beside(results: Path, what: str) -> Path:
-    """Default place of something made of a folder of results, also if that is ``.``."""
+    """Default folder of what is computed from a folder of results, also if that is ``.``."""
     whole = results.resolve()
     near = whole if results.name in {"", ".."} else results
     return near.parent / f"{whole.name}-{what}"

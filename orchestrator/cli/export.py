@@ -88,7 +88,7 @@ def fmu(
     the package fmu-manipulation-toolbox.
     """
     with waiting("building"):
-        from ..export.ssp import export_fmu
+        from ..export.container import export_fmu
 
         path = export_fmu(scenario, out, receiver or (), overrides(set_, seed))
     typer.echo(str(path))

@@ -54,7 +54,7 @@ class Commands(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-class Application(Commands):
+class ErrorReportingGroup(Commands):
     """Prints a line per problem, and each warning once."""
 
     def make_context(
@@ -83,7 +83,7 @@ def _check_surroundings(args: list[str]) -> None:
 
 
 class Terminated(KeyboardInterrupt):
-    """Somebody has asked the process to end."""
+    """The process received SIGTERM."""
 
 
 @contextmanager
@@ -128,7 +128,7 @@ def _end(line: str, code: int) -> NoReturn:
 
 
 def _unforeseen(error: Exception) -> str:
-    """What is said of an exception that nobody has turned into one of ours."""
+    """The line for an exception that is not one of ours."""
     if isinstance(error, OSError) and error.strerror:
         if error.filename is None:
             return f"reading and writing must succeed, got {error.strerror}{_HINT}"
@@ -139,7 +139,7 @@ def _unforeseen(error: Exception) -> str:
 
 
 def _forget(stream: Any) -> None:
-    """Let what waits to be written go nowhere: at the end it would fail again."""
+    """Drop what is still to be written: at exit it would fail again."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -19,9 +19,9 @@ from .base import (
     SetOption,
     StepTimeoutOption,
     app,
+    destination,
     numeric,
     overrides,
-    place,
     report,
     report_run,
     table,
@@ -70,7 +70,7 @@ def run(
         from ..scenario.scenario import load
 
         settled = load(scenario, overrides(set_, seed))
-        wanted, other = place(out, Path("runs", settled.name), force)
+        wanted, other = destination(out, Path("runs", settled.name), force)
         artifacts.check(wanted, other=other)
         result = api.run(
             settled,
@@ -144,7 +144,7 @@ def calibrate(
         from .. import artifacts
         from ..calibrate import calibrate as measure
 
-        wanted, other = place(out, Path("runs", "calibration"), force)
+        wanted, other = destination(out, Path("runs", "calibration"), force)
         artifacts.check(wanted, other=other)
         result = measure(
             sound_speed=sound_speed,

@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -18,20 +18,93 @@ from .base import (
     StepTimeoutOption,
     app,
     beside,
+    destination,
     numeric,
-    place,
     report_run,
     table,
     waiting,
 )
 from .outcome import Terminated
 
+if TYPE_CHECKING:
+    from ..study.study import Study
+
+StudyArgument = Annotated[
+    str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
+]
+ResultsArgument = Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")]
+ReplicatesOption = Annotated[
+    int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
+]
+WorkersOption = Annotated[
+    int | None, numeric("--workers", int, "N", "At the same time [default: all cores].", low=1)
+]
+ExecutorOption = Annotated[
+    str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it instead."
+    ),
+]
+MasterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--master", metavar="native|python|lanes", help="What runs it [default: lanes if it can]."
+    ),
+]
+ResponseOption = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
+]
+WhoseOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
+]
+TransformOption = Annotated[
+    str,
+    typer.Option(
+        metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
+    ),
+]
+ErrorOption = Annotated[
+    str,
+    typer.Option(
+        metavar="pure|residual",
+        help="Error of the effects: between replicates, or about the model.",
+    ),
+]
+CostsOption = Annotated[
+    Path,
+    typer.Option(
+        "--costs",
+        metavar="FILE.toml",
+        help="Cost of each level of a factor, in the study's order: gps = [900, 40].",
+    ),
+]
+PercentileOption = Annotated[
+    float | None,
+    numeric(
+        "--percentile",
+        float,
+        "P",
+        "So many percent of the runs are to be within the limit [default: 90].",
+    ),
+]
+ContaminationOption = Annotated[
+    float,
+    numeric(
+        "--contamination",
+        float,
+        "SHARE",
+        "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
+    ),
+]
+
 
 @app.command()
 def study(
-    source: Annotated[
-        str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
-    ],
+    source: StudyArgument,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -41,33 +114,14 @@ def study(
             "[default: studies/NAME].",
         ),
     ] = None,
-    replicates: Annotated[
-        int | None, numeric("--replicates", int, "N", "In place of the study's.", low=1)
-    ] = None,
-    workers: Annotated[
-        int | None,
-        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
-    ] = None,
-    executor: Annotated[
-        str, typer.Option("--executor", metavar="threads|processes", help="What the workers are.")
-    ] = "threads",
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it instead."
-        ),
-    ] = None,
+    replicates: ReplicatesOption = None,
+    workers: WorkersOption = None,
+    executor: ExecutorOption = "threads",
+    scheduler: SchedulerOption = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would run, and how long; write nothing.")
     ] = False,
-    master: Annotated[
-        str | None,
-        typer.Option(
-            "--master",
-            metavar="native|python|lanes",
-            help="What runs it [default: lanes if it can].",
-        ),
-    ] = None,
+    master: MasterOption = None,
     step_timeout: StepTimeoutOption = None,
 ) -> None:
     """Run a factorial study, or what is missing of it.
@@ -76,41 +130,48 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
-        from ..study import campaign, runner
         from ..study import study as studies
 
         settled = studies.load(source)
         if replicates is not None:
             settled = settled.with_replicates(replicates)
         out = out or Path("studies", settled.name)
-        if not dry_run:
+        if dry_run:
+            text = _what_would_run(settled, out, workers, master, step_timeout)
+        else:
             try:
                 runs = settled.run(
-                    out,
-                    workers=workers,
-                    executor=executor,
-                    scheduler=scheduler,
-                    master=master,
-                    step_timeout=step_timeout,
-                    progress=progress,
-                )
+                    out, workers=workers, executor=executor, scheduler=scheduler, master=master,
+                    step_timeout=step_timeout, progress=progress,
+                )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
                 raise typer.Exit(_stopped(stop)) from None
-        else:
-            prepared = campaign.prepare(settled, master, step_timeout)
-            missing = runner.missing(prepared, out, tell=True)
-            seconds = runner.estimate(prepared, missing, workers, master)
     if dry_run:
-        done = prepared.runs - missing.runs
-        typer.echo(
-            f"{len(prepared.points)} points x {settled.replicates} replicates = {prepared.runs} "
-            f"runs, {prepared.steps} steps"
-            + (f"; {done} runs are in {out}" if done else "")
-            + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
-            + "; nothing was run"
-        )
-        return
+        typer.echo(text)
+    else:
+        _say_what_ran(runs, out)
+
+
+def _what_would_run(
+    study: Study, out: Path, workers: int | None, master: str | None, step_timeout: float | None
+) -> str:
+    from ..study import campaign, runner
+
+    prepared = campaign.prepare(study, master, step_timeout)
+    missing = runner.missing(prepared, out, tell=True)
+    seconds = runner.estimate(prepared, missing, workers, master)
+    done = prepared.runs - missing.runs
+    return (
+        f"{len(prepared.points)} points x {study.replicates} replicates = {prepared.runs} "
+        f"runs, {prepared.steps} steps"
+        + (f"; {done} runs are in {out}" if done else "")
+        + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
+        + "; nothing was run"
+    )
+
+
+def _say_what_ran(runs: Any, out: Path) -> None:
     typer.echo(_summary(runs))
     typer.echo(f"\nwritten to {out}")
     if runs["error"].notna().all():
@@ -150,7 +211,7 @@ def _amount(seconds: float) -> tuple[str, str]:
 
 
 def _summary(runs: Any) -> str:
-    """What came out of a study, for each receiver over all its runs."""
+    """The outcome of a study, for each receiver over all its runs."""
     failed = runs[runs["error"].notna()]
     lines = [f"{len(runs)} runs, {len(failed)} failed"]
     lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
@@ -180,7 +241,7 @@ def _inconsistent(flags: Any) -> str:
 
 @app.command()
 def replay(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
+    results: ResultsArgument,
     run_id: Annotated[str, typer.Argument(metavar="RUN_ID", help="From the study's table.")],
     out: Annotated[
         Path | None,
@@ -197,7 +258,7 @@ def replay(
         from .. import artifacts
         from ..study.replay import replay as again
 
-        wanted, other = place(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
+        wanted, other = destination(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
@@ -206,30 +267,14 @@ def replay(
 
 @app.command()
 def analyse(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
-    response: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
-    ] = None,
-    receiver: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
-    ] = None,
+    results: ResultsArgument,
+    response: ResponseOption = None,
+    receiver: WhoseOption = None,
     order: Annotated[
         int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
-    transform: Annotated[
-        str,
-        typer.Option(
-            metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
-        ),
-    ] = "none",
-    error: Annotated[
-        str,
-        typer.Option(
-            metavar="pure|residual",
-            help="Error of the effects: between replicates, or about the model.",
-        ),
-    ] = "pure",
+    transform: TransformOption = "none",
+    error: ErrorOption = "pure",
     practical: Annotated[
         float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
     ] = None,
@@ -243,8 +288,6 @@ def analyse(
     The folder gets report.html, which works offline. Of a sweep it has the means at each level.
     """
     with waiting("analysing"):
-        from typing import get_args
-
         from .. import artifacts
         from ..analysis import options, workflow
         from ..report import study as reports
@@ -270,49 +313,21 @@ def analyse(
 
 @app.command()
 def advise(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")],
-    costs: Annotated[
-        Path,
-        typer.Option(
-            "--costs",
-            metavar="FILE.toml",
-            help="Cost of each level of a factor, in the study's order: gps = [900, 40].",
-        ),
-    ],
+    results: ResultsArgument,
+    costs: CostsOption,
     limit: Annotated[
         float | None, numeric("--limit", float, "SIZE", "Largest error that will do.")
     ] = None,
-    percentile: Annotated[
-        float | None,
-        numeric(
-            "--percentile",
-            float,
-            "P",
-            "So many percent of the runs are to be within the limit [default: 90].",
-        ),
-    ] = None,
+    percentile: PercentileOption = None,
     mean: Annotated[
         bool, typer.Option("--mean", help="The mean of the runs is to be within it instead.")
     ] = False,
-    contamination: Annotated[
-        float,
-        numeric(
-            "--contamination",
-            float,
-            "SHARE",
-            "Of bad runs, that a mean is to hold against; the smaller, the more runs.",
-        ),
-    ] = 0.05,
+    contamination: ContaminationOption = 0.05,
     confidence: Annotated[
         float, numeric("--confidence", float, "C", "That the advised design is good enough.")
     ] = 0.95,
-    response: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Of the table of runs [default: RMS total error]."),
-    ] = None,
-    receiver: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
-    ] = None,
+    response: ResponseOption = None,
+    receiver: WhoseOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-advice].")
     ] = None,
@@ -364,10 +379,7 @@ def paper(
     practical: Annotated[
         float, numeric("--practical", float, "SIZE", "Effects below it do not matter [m].")
     ] = 0.5,
-    workers: Annotated[
-        int | None,
-        numeric("--workers", int, "N", "At the same time [default: all cores].", low=1),
-    ] = None,
+    workers: WorkersOption = None,
 ) -> None:
     """Reproduce the paper: its three studies, its tables and figures beside ours, in one report.
 
@@ -375,7 +387,7 @@ def paper(
     """
     started = time.perf_counter()
     with waiting(remaining=True) as progress:
-        from ..report.paper import page as papers
+        from ..report import paper as papers
 
         try:
             outcome = papers.run(

@@ -1,4 +1,4 @@
-"""A scenario as one file for other tools: an SSP package, or a single FMU.
+"""A scenario as an SSP package for other tools.
 
 What is in a package is what other tools take (tried with FMPy, libcosim, ecos, OMSimulator and
 fmucontainer): connections from component to component only, one parameter set per component with
@@ -13,42 +13,37 @@ scenario's numbers as start values. A baked package has no parameter sets: that 
 
 from __future__ import annotations
 
-import math
-import re
-import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
-from importlib.util import find_spec
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, get_args
 from xml.etree import ElementTree as ET
 
-from fmpy.model_description import ModelDescription, ModelVariable, Unit
+from fmpy.model_description import ModelVariable, Unit
 from sblcosim.fmus.build.archive import write_fmu
 from sblcosim.fmus.build.description import PACKAGE
-from sblcosim.fmus.build.factory import build
-from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.host.nanoseconds import SECOND
-from sblcosim.fmus.read.archive import opened
-from sblcosim.fmus.read.description import describe
-from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models import COMPONENTS
-from sblcosim.models.declaration import Number
 
-from ..errors import ConfigurationError, check_choice
+from ..errors import check_choice
 from ..scenario.overrides import Overrides
 from ..scenario.scenario import Receivers, Scenario, Source, load
-from ..scenario.wiring import RAW, connect
-from ..simulation.plan import Plan, PlannedComponent
-from ..simulation.resolve import resolve
-from ..simulation.system import System
+from ..simulation.plan import Plan
+from .parts import (
+    Part,
+    fmu_plan,
+    identifier,
+    links_of,
+    outputs_of,
+    parts_of,
+    step_ns,
+    words,
+    written,
+)
 
 Version = Literal[1, 2]
 """Major version of the SSP standard."""
 
 PARAMETER_SET = "scenario"
 """Name of every parameter set: tools apply the sets of one name."""
-TOOLBOX = "fmu-manipulation-toolbox"
 
 _NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -58,16 +53,6 @@ _NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "sblcosim": "urn:org.sblcosim",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A component of the package: its name there, what was planned, its FMU, its description."""
-
-    name: str
-    planned: PlannedComponent
-    fmu: Path
-    description: ModelDescription
 
 
 def export_ssp(
@@ -110,268 +95,41 @@ def export_ssp(
     """
     check_choice("version", version, get_args(Version))
     settled = load(scenario, overrides)
-    plan = _plan(settled, receiver, components, version + 1, f"SSP {version}.0")
-    parts = _parts(plan, bake)
-    document = ET.Element(
-        "ssd:SystemStructureDescription",
-        {
-            **{f"xmlns:{prefix}": uri for prefix, uri in _NAMESPACES.items()},
-            "name": _identifier(settled.name),
-            "version": f"{version}.0",
-            "generationTool": PACKAGE,
-        },
-    )
-    if settled.title:
-        document.set("description", settled.title)
+    plan = fmu_plan(settled, receiver, components, version + 1, f"SSP {version}.0")
+    parts = parts_of(plan, bake)
     sets = {part.name for part in parts if part.planned.settings and not bake}
-    units = _units(parts)
-    _system(document, plan, parts, units, version, sets)
-    if units:
-        group = ET.SubElement(document, "ssd:Units")
-        for name, unit in units.items():
-            element = ET.SubElement(group, "ssc:Unit", {"name": name})
-            ET.SubElement(element, "ssc:BaseUnit", _base(unit))
-    _experiment(document, plan)
-    files = {"SystemStructure.ssd": _document(document)}
+    files = {"SystemStructure.ssd": _document(_structure(settled, plan, parts, version, sets))}
     for part in parts:
         files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
         if part.name in sets:
             files[f"resources/{part.name}.ssv"] = _document(_parameter_set(part, version))
-    return _written(Path(path or f"{settled.name}.ssp"), lambda file: write_fmu(file, files))
-
-
-def export_fmu(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
-    path: str | Path | None = None,
-    receiver: Receivers = (),
-    overrides: Overrides = (),
-    *,
-    components: Mapping[str, Source] | None = None,
-) -> Path:
-    """Write a scenario as a single FMU (FMI 2) that holds all others.
-
-    Its variables are the outputs of the components, ``component.variable`` (local ones where they
-    are connected inside); it has no inputs and no parameters: the FMUs inside are baked.
-
-    Parameters
-    ----------
-    path
-        The file; None: ``NAME.fmu`` in the current folder. A file that is there is replaced.
-    scenario, receiver, overrides, components
-        As in `export_ssp`.
-
-    Raises
-    ------
-    ConfigurationError
-        As `export_ssp`; or the package ``fmu-manipulation-toolbox`` is not installed.
-    FmuError
-        An FMU cannot be built or read.
-    """
-    if find_spec("fmu_manipulation_toolbox") is None:
-        raise ConfigurationError(
-            f"export fmu: must have the package {TOOLBOX}, got none; pip install {TOOLBOX}"
-        )
-    from fmu_manipulation_toolbox.assembly import Assembly, AssemblyError, AssemblyNode
-    from fmu_manipulation_toolbox.container import FMUContainerError
-
-    settled = load(scenario, overrides)
-    plan = _plan(settled, receiver, components, 2, "a single FMU")
-    parts = _parts(plan, bake=True)
-    links = list(_links(plan))
-    linked = {source for source, _ in links}
-    with tempfile.TemporaryDirectory(dir=scratch()) as name:
-        folder = Path(name)
-        # The name of the file becomes an identifier in C.
-        whole = AssemblyNode(
-            re.sub(r"\W", "_", settled.name) + ".fmu",
-            step_size=_step(plan) / SECOND,
-            auto_link=False,
-            auto_input=False,
-            auto_output=False,
-        )
-        for part in parts:
-            (folder / f"{part.name}.fmu").write_bytes(part.fmu.read_bytes())
-            whole.add_fmu(f"{part.name}.fmu")
-            for variable in _outputs(part):
-                if (part.name, variable.name) in linked:
-                    continue  # it becomes a local variable of the same name
-                whole.add_output(f"{part.name}.fmu", variable.name, f"{part.name}.{variable.name}")
-        for (source, output), (target, input_) in links:
-            whole.add_link(f"{source}.fmu", output, f"{target}.fmu", input_)
-        assembly = Assembly(fmu_directory=folder)
-        assembly.root = whole
-        try:
-            assembly.make_fmu()
-        except (AssemblyError, FMUContainerError) as error:
-            raise ConfigurationError(
-                f"export fmu: {TOOLBOX} must take all components, got: {error.reason}"
-            ) from error
-        content = (folder / whole.name).read_bytes()
-    return _written(Path(path or f"{settled.name}.fmu"), lambda file: write_file(file, content))
-
-
-def _plan(
-    scenario: Scenario,
-    receiver: Receivers,
-    components: Mapping[str, Source] | None,
-    fmi: int,
-    what: str,
-) -> Plan:
-    """What is to be exported, known to consist of FMUs of one version."""
-    plan = resolve(_without_raw(connect(scenario, receiver, fmi, components), receiver))
-    for component in plan.components:
-        if not isinstance(component.source, Fmu):
-            raise ConfigurationError(
-                f"{component.name}: must be an FMU to be exported, got the Python component "
-                f"{component.origin}"
-            )
-        if component.source.fmi != fmi:
-            raise ConfigurationError(
-                f"{component.name}: must be FMI {fmi} for {what}, got FMI {component.source.fmi} "
-                f"({component.source.path})"
-            )
-    return plan
-
-
-def _without_raw(system: System, receiver: Receivers) -> System:
-    """The system without the raw fix that runs along for comparison."""
-    if isinstance(receiver, Mapping) and RAW in receiver:
-        return system
-    return replace(
-        system,
-        components={name: spec for name, spec in system.components.items() if name != RAW},
-        connections=tuple(c for c in system.connections if not c.target.startswith(f"{RAW}.")),
-    )
-
-
-def _parts(plan: Plan, bake: bool) -> list[_Part]:
-    parts = []
-    names = _names(plan)
-    for component in plan.components:
-        source = cast(Fmu, component.source)
-        path = _baked(component, source, plan) if bake else source.path
-        with opened(path) as archive:
-            parts.append(_Part(names[component.name], component, path, describe(archive)))
-    return parts
-
-
-def _identifier(name: str, taken: Collection[str] = ()) -> str:
-    """A name as OMSimulator asks for it: ASCII letters, digits and _, a letter first."""
-    stem = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    stem = found = stem if stem[0].isalpha() else f"x{stem}"
-    number = 2
-    while found in taken:
-        found = f"{stem}_{number}"
-        number += 1
-    return found
-
-
-def _names(plan: Plan) -> dict[str, str]:
-    """The name of each component in a package; those that may stay as they are do."""
-    names = {c.name: c.name for c in plan.components if _identifier(c.name) == c.name}
-    for component in plan.components:
-        if component.name not in names:
-            names[component.name] = _identifier(component.name, names.values())
-    return names
-
-
-def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
-    """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
-    name, fmi = source.path.stem, cast(Literal[2, 3], source.fmi)
-    if name not in COMPONENTS or source.path != build(name, fmi):
-        for setting in component.settings:
-            if setting.port.start != setting.values:
-                raise ConfigurationError(
-                    f"{component.name}: cannot be baked, as it is somebody else's FMU; its "
-                    f"{setting.port.name} must start as {_words(setting.port, setting.values)}, "
-                    f"got {_words(setting.port, setting.port.start or ())}"
-                )
-        return source.path
-    values = {s.port.name: s.values for s in component.settings}
-    declared = COMPONENTS[name]
-    return build(
-        name,
-        fmi,
-        baked=replace(
-            declared,
-            variables=tuple(
-                replace(v, start=values[v.name] if v.shape else values[v.name][0])
-                if v.name in values
-                else v
-                for v in declared
-            ),
-            step_size=_step(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
-            stop_time=plan.stop_ns / SECOND,
-        ),
-    )
-
-
-def _links(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
-    """(component, variable) at both ends of every connection, variable by variable of the FMUs."""
-    names = _names(plan)
-    by_name = {c.name: c for c in plan.components}
-    for target in plan.components:
-        for write in target.writes:
-            for port, connection in zip(write.ports, write.connections, strict=True):
-                source, _, variable = connection.source.partition(".")
-                outputs = by_name[source].ports[variable].variables
-                if len(outputs) != len(port.variables):
-                    raise ConfigurationError(
-                        f"{connection.target}: must be an array of FMI 3 to be exported, got "
-                        f"{len(port.variables)} scalars"
-                    )
-                for output, input_ in zip(outputs, port.variables, strict=True):
-                    yield (names[source], output), (names[target.name], input_)
-
-
-def _step(plan: Plan) -> int:
-    """The longest step in ns that divides all communication intervals."""
-    return math.gcd(*(c.interval_ns for c in plan.components))
-
-
-def _outputs(part: _Part) -> list[ModelVariable]:
-    """The numbers and switches among the outputs: libcosim, for one, drops enumerations."""
-    return [
-        v
-        for v in part.description.modelVariables
-        if v.causality == "output" and v.type not in ("Enumeration", "String", "Binary", "Clock")
-    ]
-
-
-def _connectors(part: _Part, connected: set[tuple[str, str]]) -> list[ModelVariable]:
-    """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
-    inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
-    return [*inputs, *_outputs(part)]
+    return written(Path(path or f"{settled.name}.ssp"), lambda file: write_fmu(file, files))
 
 
 # --- The system structure description -------------------------------------------------------------
 
 
-def _system(
-    document: ET.Element,
-    plan: Plan,
-    parts: list[_Part],
-    units: Mapping[str, Unit],
-    version: Version,
-    sets: Collection[str],
-) -> None:
+def _structure(
+    scenario: Scenario, plan: Plan, parts: list[Part], version: Version, sets: Collection[str]
+) -> ET.Element:
+    """The description; `sets` are the names of the components that have a parameter set."""
+    document = ET.Element(
+        "ssd:SystemStructureDescription",
+        {
+            **{f"xmlns:{prefix}": uri for prefix, uri in _NAMESPACES.items()},
+            "name": identifier(scenario.name),
+            "version": f"{version}.0",
+            "generationTool": PACKAGE,
+        },
+    )
+    if scenario.title:
+        document.set("description", scenario.title)
+    units = _units(parts)
     system = ET.SubElement(document, "ssd:System", {"name": "system"})
     elements = ET.SubElement(system, "ssd:Elements")
-    links = list(_links(plan))
-    connected = {target for _, target in links}
+    connected = {target for _, target in links_of(plan)}
     for part in parts:
-        component = ET.SubElement(
-            elements,
-            "ssd:Component",
-            {
-                "name": part.name,
-                "type": "application/x-fmu-sharedlibrary",
-                "source": f"resources/{part.name}.fmu",
-                "implementation": "CoSimulation",
-            },
-        )
-        if part.description.description:
-            component.set("description", part.description.description)
+        component = _component(elements, part)
         connectors = ET.SubElement(component, "ssd:Connectors")
         for variable in _connectors(part, connected):
             _connector(connectors, variable, part, units, version)
@@ -380,8 +138,36 @@ def _system(
             ET.SubElement(
                 bindings, "ssd:ParameterBinding", {"source": f"resources/{part.name}.ssv"}
             )
+    _connections(system, plan)
+    _steps(system, plan, parts)
+    if units:
+        group = ET.SubElement(document, "ssd:Units")
+        for name, unit in units.items():
+            element = ET.SubElement(group, "ssc:Unit", {"name": name})
+            ET.SubElement(element, "ssc:BaseUnit", _base(unit))
+    _experiment(document, plan)
+    return document
+
+
+def _component(elements: ET.Element, part: Part) -> ET.Element:
+    component = ET.SubElement(
+        elements,
+        "ssd:Component",
+        {
+            "name": part.name,
+            "type": "application/x-fmu-sharedlibrary",
+            "source": f"resources/{part.name}.fmu",
+            "implementation": "CoSimulation",
+        },
+    )
+    if part.description.description:
+        component.set("description", part.description.description)
+    return component
+
+
+def _connections(system: ET.Element, plan: Plan) -> None:
     connections = ET.SubElement(system, "ssd:Connections")
-    for (source, output), (target, input_) in links:
+    for (source, output), (target, input_) in links_of(plan):
         ET.SubElement(
             connections,
             "ssd:Connection",
@@ -392,6 +178,10 @@ def _system(
                 "endConnector": input_,
             },
         )
+
+
+def _steps(system: ET.Element, plan: Plan, parts: list[Part]) -> None:
+    """Annotations with the step of the system, for OMSimulator, and those of the components."""
     annotations = ET.SubElement(system, "ssd:Annotations")
     information = ET.SubElement(
         ET.SubElement(_annotation(annotations, "org.openmodelica"), "oms:Annotations"),
@@ -402,7 +192,7 @@ def _system(
         "oms:FixedStepMaster",
         {
             "description": "oms-ma",
-            "stepSize": _seconds(_step(plan)),
+            "stepSize": _seconds(step_ns(plan)),
             "absoluteTolerance": "0.0001",
             "relativeTolerance": "0.0001",
         },
@@ -413,10 +203,16 @@ def _system(
         ET.SubElement(intervals, "sblcosim:Interval", {"component": part.name, "seconds": seconds})
 
 
+def _connectors(part: Part, connected: set[tuple[str, str]]) -> list[ModelVariable]:
+    """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
+    inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
+    return [*inputs, *outputs_of(part)]
+
+
 def _connector(
     parent: ET.Element,
     variable: ModelVariable,
-    part: _Part,
+    part: Part,
     units: Mapping[str, Unit],
     version: Version,
 ) -> None:
@@ -444,11 +240,11 @@ def _experiment(document: ET.Element, plan: Plan) -> None:
     ET.SubElement(
         ET.SubElement(annotation, "osp:Algorithm"),
         "osp:FixedStepAlgorithm",
-        {"baseStepSize": _seconds(_step(plan))},
+        {"baseStepSize": _seconds(step_ns(plan))},
     )
 
 
-def _parameter_set(part: _Part, version: Version) -> ET.Element:
+def _parameter_set(part: Part, version: Version) -> ET.Element:
     root = ET.Element(
         "ssv:ParameterSet",
         {
@@ -467,13 +263,13 @@ def _parameter_set(part: _Part, version: Version) -> ET.Element:
             ET.SubElement(
                 ET.SubElement(group, "ssv:Parameter", {"name": name}),
                 f"ssv:{types[name]}",
-                {"value": _words(setting.port, values)},
+                {"value": words(setting.port, values)},
             )
     return root
 
 
 def _type(variable: ModelVariable, version: Version) -> str:
-    """A variable's type; in place of an enumeration that of its numbers."""
+    """A variable's type; of an enumeration that of its numbers."""
     if variable.type == "Enumeration":
         return "Integer" if version == 1 else "Int64"
     return str(variable.type)
@@ -483,7 +279,7 @@ def _annotation(group: ET.Element, kind: str) -> ET.Element:
     return ET.SubElement(group, "ssc:Annotation", {"type": kind})
 
 
-def _units(parts: list[_Part]) -> dict[str, Unit]:
+def _units(parts: list[Part]) -> dict[str, Unit]:
     """Definition of every unit that a connector has, the first one if there are several."""
     units: dict[str, Unit] = {}
     for part in parts:
@@ -494,7 +290,7 @@ def _units(parts: list[_Part]) -> dict[str, Unit]:
     return units
 
 
-def _defined(part: _Part) -> dict[str, Unit]:
+def _defined(part: Part) -> dict[str, Unit]:
     return {unit.name: unit for unit in part.description.unitDefinitions}
 
 
@@ -510,13 +306,6 @@ def _base(unit: Unit) -> dict[str, str]:
     return {key: str(value) for key, value in given.items() if value != defaults[key]}
 
 
-def _words(port: Port, values: tuple[Number, ...]) -> str:
-    """Values as XML has them; reading a number gives the same number."""
-    if port.type == "Boolean":
-        return " ".join("true" if value else "false" for value in values)
-    return " ".join(map(repr, values))
-
-
 def _seconds(time_ns: int) -> str:
     return repr(time_ns / SECOND)
 
@@ -524,11 +313,3 @@ def _seconds(time_ns: int) -> str:
 def _document(root: ET.Element) -> bytes:
     ET.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root) + b"\n"
-
-
-def _written(path: Path, write: Callable[[Path], None]) -> Path:
-    try:
-        write(path)
-    except OSError as error:
-        raise ConfigurationError(f"{path}: must be writable, got {error.strerror}") from None
-    return path

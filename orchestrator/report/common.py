@@ -1,4 +1,4 @@
-"""What all reports end with: how it was done, and how to do it again."""
+"""The end of every report: the method, and how to reproduce it."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ DEFINITIONS = (
 
 
 def method(analysis: Factorial) -> str:
-    """How the uncertainties were found."""
+    """Where the uncertainties come from."""
     text = METHOD[analysis.method]
     return text + ERROR[str(analysis.error)] if analysis.method == "ols" else text
 
 
 def software() -> Table:
-    """Versions of everything that has a say in the numbers."""
+    """Versions of all software behind the numbers."""
     return Table("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
 
 
 def fmu_table(fmus: Mapping[str, str]) -> Table:
-    """Hashes of the components."""
+    """Hashes of the components' FMUs."""
     return Table("FMUs that ran", ("Component", "SHA-256"), list(fmus.items()), (1,))
 
 
 def seeding(study: Study) -> str:
-    """Which seeds were used."""
+    """The seeds of the runs."""
     last = study.run_seed(len(study.plan.points), study.replicates)
     how = {"independent": "each run has its own", "common": "the points of a replicate share one"}
     return f"seeds {study.seed} to {last} ({how[study.seeding]})"
@@ -72,7 +72,7 @@ def as_toml(tables: Mapping[str, Any], above: str = "") -> str:
 def reproduce(
     commands: Sequence[str], lines: Sequence[str], fmus: Mapping[str, str], file: str = ""
 ) -> Section:
-    """How to do it again; `file` is what must be saved before."""
+    """How to reproduce the results; `file` is the text of the study's file, if it needs one."""
     given: list[Block] = [Text("Save this as a file of the name below:"), Code(file)]
     blocks: list[Block] = [
         *(given if file else ()),

@@ -1,6 +1,6 @@
 """A report as one HTML file that needs nothing else: no network, no other file.
 
-What it says is data (`Page`, made of `Section`); how it looks is in ``report.html.jinja`` and
+Its content is data (a `Page` of `Section`); its look is in ``report.html.jinja`` and
 ``report.css``. Figures are drawn once: their colours become CSS variables, so that the same drawing
 is right on light paper, on dark paper and in print.
 """
@@ -60,7 +60,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure: an SVG file's text, what it is called, and what it shows for those who do not see.
+    """A figure: the text of an SVG file, its caption, and a text for readers who do not see it.
 
     `name` is unique in the page.
     """
@@ -76,7 +76,7 @@ Block = Text | Code | Table | Picture
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading and what is below it; `anchor` is unique in the page."""
+    """A heading with blocks and parts; `anchor` is unique in the page."""
 
     title: str
     anchor: str
@@ -86,7 +86,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The whole: title, what it is about, and sections, the summary first."""
+    """A report: title, lead and sections, the summary first."""
 
     title: str
     lead: str
@@ -117,7 +117,7 @@ def inline(picture: Picture, theme: ThemeName = "light") -> str:
     text = re.sub(r'\bid="([^"]*)"', rf'id="{picture.name}-\1"', text)
     text = re.sub(r'href="#([^"]*)"', rf'href="#{picture.name}-\1"', text)
     text = re.sub(r"url\(#([^)]*)\)", rf"url(#{picture.name}-\1)", text)
-    # such groups name what nobody refers to
+    # nothing refers to these groups
     text = re.sub(rf'<g id="{picture.name}-[a-zA-Z0-9_]*">', "<g>", text)
     for variable, colour in variables(named(theme)).items():
         text = text.replace(colour, f"var(--{variable})")

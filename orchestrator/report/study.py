@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from .. import artifacts, style
+from .. import artifacts
 from ..analysis import sweep, workflow
 from ..analysis.options import Error, Transform
 from ..analysis.sentences import quantity as quantity_of
+from ..results.catalogue import Figure, by_name, jobs
+from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
 from . import factorial
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
+from .figures import FIGURES
 from .formats import number, span
 from .page import Block, Page, Picture, Section, Table, Text, render
 
@@ -42,7 +47,7 @@ def save(
     response, receiver, order, transform, error, practical
         As in `sblcosim.analysis.of_study`.
     command
-        With which this was asked for, for the report.
+        The command line, for the report.
 
     Returns
     -------
@@ -56,25 +61,54 @@ def save(
     """
     results = Path(results)
     study, table = study_of(results), store.table(results)
-    failed = int(table["error"].notna().sum())
-    command = command or shlex.join(["sblcosim", "analyse", str(results)])
-    again = _again(study, results, command)
+    source = _Source(
+        study,
+        int(table["error"].notna().sum()),
+        _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+    )
     plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
-        found = factorial.find(study, table, response, receiver=receiver, order=order,
-                               transform=transform, error=error, practical=practical)
-        with artifacts.folder(directory, workflow.about(found.data)) as folder:
-            workflow.write(found.data, folder)
-            page = _factorial_page(found, folder, failed, again)
-            (folder / REPORT).write_text(render(page), "utf-8")
-        return str(found.shown)
+        findings = factorial.find(study, table, response, receiver=receiver, order=order,
+                                  transform=transform, error=error, practical=practical)
+        return _save_factorial(findings, directory, source)
     column = workflow.column_of(table, response, receiver)
-    table = workflow.in_numbers(table, column)
+    return _save_means(workflow.in_numbers(table, column), column, directory, source)
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """Where the runs are from.
+
+    Attributes
+    ----------
+    failed
+        Number of runs that failed.
+    again
+        How to reproduce.
+    """
+
+    study: Study
+    failed: int
+    again: Section
+
+
+def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
+    with artifacts.folder(directory, workflow.about(findings.data)) as folder:
+        workflow.write(findings.data, folder)
+        page = _factorial_page(findings, folder, source)
+        (folder / REPORT).write_text(render(page), "utf-8")
+    return str(findings.shown)
+
+
+def _save_means(
+    table: pd.DataFrame, column: str, directory: str | Path, source: _Source
+) -> str:
+    study = source.study
     means = sweep.means(table, list(study.factors), column, study.sweep_base)
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(means, folder, "means")
-        page = _means_page(study, table, means, column, folder, failed, again)
+        page = _means_page(table, means, column, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
     shown = means.replace({"factor": study.labels})
     shown = shown if study.factors else shown.drop(columns=["factor", "value"])
@@ -116,16 +150,8 @@ def _lead(study: Study, runs: int, failed: int) -> str:
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
-def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) -> Page:
-    study, a = found.study, found.shown
-    svgs = {
-        name: (folder / f"{name}.svg").read_text("utf-8")
-        for name in ("pareto", "main_effects", "interactions", "residuals")
-        if (folder / f"{name}.svg").exists()
-    }
-    if found.profile is not None:
-        job = next(j for j in factorial.jobs(found) if j.name == "box_cox")
-        svgs["box_cox"] = factorial.draw(job)
+def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
+    study, a = findings.study, findings.shown
     how: list[Block] = [
         Text(method(a)), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s. Intervals and the reference line have a "
@@ -134,17 +160,31 @@ def _factorial_page(found: Findings, folder: Path, failed: int, again: Section) 
     ]
     return Page(
         f"Which factor matters: {study.name}",
-        _lead(study, a.runs, failed),
+        _lead(study, a.runs, source.failed),
         [
-            Section("Summary", "summary", factorial.summary(found)),
-            Section("Tables", "tables", factorial.tables(found)),
-            Section("Figures", "figures",
-                    [factorial.picture(found, name, svg) for name, svg in svgs.items()]),
+            Section("Summary", "summary", factorial.summary(findings)),
+            Section("Tables", "tables", factorial.tables(findings)),
+            Section("Figures", "figures", _pictures(findings, folder)),
             Section("Method", "method", how),
-            again,
+            source.again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
     )
+
+
+def _pictures(findings: Findings, folder: Path) -> list[Picture]:
+    """The figures of the analysis; those in the folder already are not drawn again."""
+    pictures = []
+    for name, figure in FIGURES.items():
+        file = folder / f"{name}.svg"
+        if file.exists():
+            svg = file.read_text("utf-8")
+        elif figure.condition(findings):
+            svg = figure.job(findings).svg()
+        else:
+            continue
+        pictures.append(Picture(name, svg, figure.caption(findings), figure.alt(findings)))
+    return pictures
 
 
 def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -> str:
@@ -184,15 +224,35 @@ def _shared(study: Study) -> str:
     return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
 
 
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """The means of a sweep, with the names of factors for people."""
+
+    shown: pd.DataFrame
+    quantity: str
+    own: str
+    units: Mapping[str, str]
+
+
+def _caption(means: _Means) -> str:
+    return f"Mean {means.quantity} at each level; bars are the intervals of the means."
+
+
+MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
+    Figure(
+        "means", sweep.plot_means,
+        lambda means: (means.shown, f"{means.quantity}{means.own}", means.units),
+        _caption, _caption,
+        lambda means: bool(means.units),
+    ),
+)  # fmt: skip
+"""The figures in the report of a sweep."""
+
+
 def _means_page(
-    study: Study,
-    table: pd.DataFrame,
-    means: pd.DataFrame,
-    column: str,
-    folder: Path,
-    failed: int,
-    again: Section,
+    table: pd.DataFrame, means: pd.DataFrame, column: str, folder: Path, source: _Source
 ) -> Page:
+    study = source.study
     quantity, unit = workflow.words(column, table), unit_of(column)
     own = f" [{unit}]" if unit else ""
     rows = [
@@ -208,22 +268,31 @@ def _means_page(
         Section("Tables", "tables", [
             Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))]),
     ]
-    if study.factors:
-        shown = means.replace({"factor": study.labels})
-        units = {study.labels[name]: u for name, u in study.units.items()}
-        axes = sweep.plot_means(shown, f"{quantity}{own}", units)
-        style.save(axes[0], folder, "means")
-        svg = (folder / "means.svg").read_text("utf-8")
-        caption = f"Mean {quantity} at each level; bars are the intervals of the means."
-        sections.append(Section("Figures", "figures", [Picture("means", svg, caption, caption)]))
+    units = {study.labels[name]: u for name, u in study.units.items()}
+    subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
+    if pictures := _means_pictures(subject, folder):
+        sections.append(Section("Figures", "figures", pictures))
+    sections += [Section("Method", "method", _means_method(study)), source.again]
     runs = int(np.isfinite(table[column]).sum())
-    how: list[Block] = [
+    return Page(f"What the runs say: {study.name}", _lead(study, runs, source.failed), sections,
+                f"sblcosim {artifacts.software()['sblcosim']}")
+
+
+def _means_pictures(means: _Means, folder: Path) -> list[Picture]:
+    """The figures, which are written into the folder, too."""
+    pictures = []
+    for job in jobs(MEANS_FIGURES, means):
+        figure = MEANS_FIGURES[job.name]
+        job.save(folder)
+        svg = (folder / f"{job.name}.svg").read_text("utf-8")
+        pictures.append(Picture(job.name, svg, figure.caption(means), figure.alt(means)))
+    return pictures
+
+
+def _means_method(study: Study) -> list[Block]:
+    blocks: list[Block] = [
         Text("Means over the runs at each level, the other factors at the scenario's own values; "
              "the intervals are Student's."), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s."),
     ]
-    if study.factors:
-        how.append(factorial.factor_table(study))
-    sections += [Section("Method", "method", how), again]
-    return Page(f"What the runs say: {study.name}", _lead(study, runs, failed), sections,
-                f"sblcosim {artifacts.software()['sblcosim']}")
+    return [*blocks, factorial.factor_table(study)] if study.factors else blocks

@@ -72,10 +72,10 @@ def plot_path(
         ax.set(xlim=limits["y_m"], ylim=limits["x_m"], aspect="equal")
         words = _ends(ax, truth[[0, -1]][:, [1, 0]])
         for row, word, marker in ENDS:
-            place = (truth[row, 1], truth[row, 0])
-            ax.plot(*place, marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
+            point = (truth[row, 1], truth[row, 0])
+            ax.plot(*point, marker, color=look.ink, mfc=look.paper, ms=7, zorder=6)
             if word in words:
-                ax.annotate(words[word], place, (7, 6), textcoords="offset points", zorder=7)
+                ax.annotate(words[word], point, (7, 6), textcoords="offset points", zorder=7)
         ax.set(xlabel="East y [m]", ylabel="North x [m]")
         _title(ax, _outside(tracks, limits), _no_fix(tracks), loc="center")
         _legend(ax.figure, [ax], own)
@@ -101,7 +101,7 @@ def plot_path_3d(
                     label=name if pair[0] == 0 else None)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **_truth(look))
         for label, table, how in _tracks(tracks, look):
-            # points outside would be drawn outside of the box
+            # points outside of the limits would be drawn outside of the box
             shown = table[["y_m", "x_m", "z_m"]].copy()
             for column, limit in limits.items():
                 shown[~table[column].between(*limit)] = np.nan
@@ -114,10 +114,10 @@ def plot_path_3d(
         flat = proj3d.proj_transform(*truth[[0, -1]][:, [1, 0, 2]].T, ax.get_proj())
         words = _ends(ax, np.column_stack(flat[:2]))
         for row, word, marker in ENDS:
-            place = truth[row, [1, 0, 2]]
-            ax.plot(*place[:, None], marker, color=look.ink, mfc=look.paper, ms=6, zorder=6)
+            point = truth[row, [1, 0, 2]]
+            ax.plot(*point[:, None], marker, color=look.ink, mfc=look.paper, ms=6, zorder=6)
             if word in words:
-                ax.text(*place, f"  {words[word]}", zorder=7)
+                ax.text(*point, f"  {words[word]}", zorder=7)
         stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
         _title(ax, stretched, _outside(tracks, limits), _no_fix(tracks), loc="center")
         for line in ax.lines:
@@ -277,13 +277,13 @@ def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, di
                 "mew": 0, "zorder": 2, "rasterized": len(table) > 5000,
             }
         else:
-            place = filters.index(label)
-            turn, colour = divmod(place, len(look.receivers))
+            index = filters.index(label)
+            turn, colour = divmod(index, len(look.receivers))
             often = ceil(len(table) / 12) or 1
             how = {
-                "color": look.receivers[colour], "ls": LINES[place % len(LINES)], "lw": 1.4,
+                "color": look.receivers[colour], "ls": LINES[index % len(LINES)], "lw": 1.4,
                 "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
-                "markevery": (place * often // len(filters), often), "zorder": 4,
+                "markevery": (index * often // len(filters), often), "zorder": 4,
             }
         # Matplotlib leaves out of a legend what begins with an underscore
         yield (f"{NOTHING}{label}" if label.startswith("_") else label), table, how
@@ -322,10 +322,10 @@ def _outside(tracks: Tracks, limits: Mapping[str, tuple[float, float]]) -> str:
         label: int((~np.all([table[c].between(*limits[c]) for c in limits], axis=0)).sum())
         for label, table in tracks.items()
     }
-    found = ", ".join(
+    words = ", ".join(
         f"{_short(label)} ({n} of {len(tracks[label])})" for label, n in counts.items() if n
     )
-    return f"outside of the figure: {found}" if found else ""
+    return f"outside of the figure: {words}" if words else ""
 
 
 def _no_fix(tracks: Tracks) -> str:
@@ -375,17 +375,17 @@ def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
     A line and a band of the same label share an entry. A figure of ours grows by what the legend
     needs beyond two rows.
     """
-    found: dict[str, dict[type, Any]] = {}
+    entries: dict[str, dict[type, Any]] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, {}).setdefault(type(handle), handle)
-    if not found:
+            entries.setdefault(label, {}).setdefault(type(handle), handle)
+    if not entries:
         return
     handles: list[Any] = [
         tuple(same.values()) if len(same) > 1 else next(iter(same.values()))
-        for same in found.values()
+        for same in entries.values()
     ]
-    names = [_short(label) for label in found]
+    names = [_short(label) for label in entries]
     if own and isinstance(figure, Figure):
         renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
         for rows in range(1, len(names) + 1):

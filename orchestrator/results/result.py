@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -15,6 +16,7 @@ from .. import artifacts, style
 from ..scenario.wiring import RAW
 from . import figures as plots
 from . import metrics
+from .catalogue import Figure, by_name, jobs
 from .definitions import AXES, FRAMES, judge
 
 if TYPE_CHECKING:
@@ -49,31 +51,65 @@ _CONSISTENCY_NOTES = (
 )
 
 
-def manifest(
-    scenario_name: str,
-    scenario: Any,
-    receivers: Sequence[str],
-    fmus: Mapping[str, Any],
-    seeds: Mapping[str, int],
-    origins: Mapping[str, Mapping[str, Any]],
-    remarks: Sequence[str],
-) -> dict[str, Any]:
-    """What a folder of results says about its run; equal for equal runs. See `Result`."""
-    if hasattr(scenario, "model_dump"):
-        scenario = scenario.model_dump(mode="json")
-        for table in scenario.values():
-            if isinstance(table, dict) and table.get("fmu"):
-                table["fmu"] = Path(table["fmu"]).name
-    return {
-        "scenario_name": scenario_name,
-        "receivers": [
-            {"label": name, **artifacts.plain(origins.get(name, {}))} for name in receivers
-        ],
-        "remarks": list(remarks),
-        "seeds": artifacts.plain(seeds),
-        "fmus": artifacts.plain(fmus),
-        "scenario": artifacts.plain(scenario),
-    }
+FIGURES: Mapping[str, Figure[Result]] = by_name(
+    Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
+    Figure("path_xyz", plots.plot_path_3d, lambda run: (run.record, run.estimates)),
+    Figure("axes", plots.plot_axes, lambda run: (run.record, run.estimates)),
+    Figure("errors", plots.plot_errors, lambda run: (run.record, run.estimates)),
+    Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
+)
+"""The figures in a run's folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunDescription:
+    """What is known about a run beside its record.
+
+    Attributes
+    ----------
+    scenario_name
+        What the run is called.
+    scenario
+        The scenario as it was run, with defaults: a pydantic model, or plain data.
+    receivers
+        Names of the receivers, the main one first.
+    fmus
+        What identifies each component's FMU (its SHA-256), by component.
+    seeds
+        Seeds by component.
+    origins
+        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
+    remarks
+        What else there is to know about the run, in sentences.
+    """
+
+    scenario_name: str
+    scenario: Any
+    receivers: Sequence[str]
+    fmus: Mapping[str, Any] = field(default_factory=dict)
+    seeds: Mapping[str, int] = field(default_factory=dict)
+    origins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
+
+    def manifest(self) -> dict[str, Any]:
+        """The run's part of the manifest of its folder; equal for equal runs."""
+        scenario = self.scenario
+        if hasattr(scenario, "model_dump"):
+            scenario = scenario.model_dump(mode="json")
+            for table in scenario.values():
+                if isinstance(table, dict) and table.get("fmu"):
+                    table["fmu"] = Path(table["fmu"]).name
+        return {
+            "scenario_name": self.scenario_name,
+            "receivers": [
+                {"label": name, **artifacts.plain(self.origins.get(name, {}))}
+                for name in self.receivers
+            ],
+            "remarks": list(self.remarks),
+            "seeds": artifacts.plain(self.seeds),
+            "fmus": artifacts.plain(self.fmus),
+            "scenario": artifacts.plain(scenario),
+        }
 
 
 class Result:
@@ -81,32 +117,22 @@ class Result:
 
     Parameters
     ----------
-    scenario_name
-        What the run is called.
-    scenario
-        The scenario as it was run, defaults filled in: a pydantic model, or plain data.
+    description
+        What is known about the run.
     record
         Everything that was recorded.
-    receivers
-        Names of the receivers, the main one first.
-    fmus
-        What identifies each component's FMU (its SHA-256), by component.
-    seeds
-        Seeds by component.
     update_interval_ns
         Time between updates of the receivers; without it `summary` leaves ``update_share`` open.
-    origins
-        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
-    remarks
-        What else there is to know about the run, in sentences.
     failures
-        Messages of receivers that have failed. Those of which there is no record have not reached
-        the end, and are left out of `receivers`; the others have failed after it.
+        Messages of receivers that have failed. Those without a record did not reach the end, and
+        are left out of `receivers`; the others failed after it.
 
     Attributes
     ----------
-    data
-        The `Record`, as arrays.
+    record
+        Everything that was recorded, as arrays (see `Record`); as a DataFrame it is `table`.
+    receivers
+        Names of the receivers that have a record, the main one first.
 
     Examples
     --------
@@ -117,42 +143,60 @@ class Result:
 
     def __init__(
         self,
-        scenario_name: str,
-        scenario: Any,
+        description: RunDescription,
         record: Record,
-        receivers: Sequence[str],
-        fmus: Mapping[str, Any] | None = None,
-        seeds: Mapping[str, int] | None = None,
         update_interval_ns: int | None = None,
-        origins: Mapping[str, Mapping[str, Any]] | None = None,
-        remarks: Sequence[str] = (),
         failures: Mapping[str, str] | None = None,
     ) -> None:
-        self.scenario_name = scenario_name
-        self.scenario = scenario
-        self.data = record
-        self.asked = tuple(receivers)
+        self.description = description
+        self.record: Record = record
         self.failures = dict(failures or {})
         self.receivers = tuple(
             name
-            for name in receivers
+            for name in description.receivers
             if name not in self.failures or f"{name}.update_count" in record.values
         )
-        self.fmus = dict(fmus or {})
-        self.seeds = dict(seeds or {})
         self.update_interval_ns = update_interval_ns
-        self.origins = dict(origins or {})
-        self.remarks = tuple(remarks)
+
+    @property
+    def scenario_name(self) -> str:
+        """What the run is called."""
+        return self.description.scenario_name
+
+    @property
+    def scenario(self) -> Any:
+        """The scenario as it was run."""
+        return self.description.scenario
+
+    @property
+    def fmus(self) -> Mapping[str, Any]:
+        """SHA-256 of each component's FMU."""
+        return self.description.fmus
+
+    @property
+    def seeds(self) -> Mapping[str, int]:
+        """Seeds by component."""
+        return self.description.seeds
+
+    @property
+    def origins(self) -> Mapping[str, Mapping[str, Any]]:
+        """What each receiver was."""
+        return self.description.origins
+
+    @property
+    def remarks(self) -> Sequence[str]:
+        """What else there is to know about the run, in sentences."""
+        return self.description.remarks
 
     @cached_property
-    def record(self) -> pd.DataFrame:
-        """Everything that was recorded; one row per communication instant (see `Record`)."""
-        return self.data.to_frame()
+    def table(self) -> pd.DataFrame:
+        """The record as a DataFrame, one row per communication instant (see `Record.to_frame`)."""
+        return self.record.to_frame()
 
     @cached_property
     def estimates(self) -> dict[str, pd.DataFrame]:
         """Each receiver's estimates beside the truth (see `metrics.track`)."""
-        return {receiver: metrics.track(self.data, receiver) for receiver in self.receivers}
+        return {receiver: metrics.track(self.record, receiver) for receiver in self.receivers}
 
     @cached_property
     def errors(self) -> pd.DataFrame:
@@ -175,7 +219,7 @@ class Result:
     @cached_property
     def _judged(self) -> pd.DataFrame:
         """`summary` of the receivers that have reached the end."""
-        return metrics.summary(self.data, self.estimates, self.update_interval_ns)
+        return metrics.summary(self.record, self.estimates, self.update_interval_ns)
 
     @property
     def problems(self) -> list[str]:
@@ -192,18 +236,18 @@ class Result:
         return getattr(self.scenario, "title", "") or self.scenario_name
 
     def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
-        """Path and estimates from above; see `plots.plot_path`."""
-        return plots.plot_path(self.data, self.estimates, ax, theme)
+        """Path and estimates from above; see `sblcosim.results.figures.plot_path`."""
+        return plots.plot_path(self.record, self.estimates, ax, theme)
 
     def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
-        """Path and estimates in space; see `plots.plot_path_3d`."""
-        return plots.plot_path_3d(self.data, self.estimates, ax, theme)
+        """Path and estimates in space; see `sblcosim.results.figures.plot_path_3d`."""
+        return plots.plot_path_3d(self.record, self.estimates, ax, theme)
 
     def plot_axes(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Sequence[Axes]:
-        """Coordinates over time, three axes; see `plots.plot_axes`."""
-        return plots.plot_axes(self.data, self.estimates, axes, theme)
+        """Coordinates over time, three axes; see `sblcosim.results.figures.plot_axes`."""
+        return plots.plot_axes(self.record, self.estimates, axes, theme)
 
     def plot_errors(
         self,
@@ -211,14 +255,14 @@ class Result:
         frame: str = "absolute",
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
-        """Errors over time with ±2σ, four axes; see `plots.plot_errors`."""
-        return plots.plot_errors(self.data, self.estimates, axes, frame, theme)
+        """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
+        return plots.plot_errors(self.record, self.estimates, axes, frame, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
     ) -> Sequence[Axes]:
-        """Roll, pitch and yaw of the platform, three axes; see `plots.plot_inclination`."""
-        return plots.plot_inclination(self.data, axes, theme=theme)
+        """Angles of the platform, three axes; see `sblcosim.results.figures.plot_inclination`."""
+        return plots.plot_inclination(self.record, axes, theme=theme)
 
     def save(
         self,
@@ -249,9 +293,9 @@ class Result:
             There is something else under that name, or no such theme.
         """
         style.named(theme)
-        with artifacts.draft(directory, self._manifest(), other) as made:
-            folder = made.folder
-            artifacts.write_table(self.record, folder, "record")
+        with artifacts.draft(directory, self._manifest(), other) as draft:
+            folder = draft.folder
+            artifacts.write_table(self.table, folder, "record")
             tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
             estimates = pd.concat(tables, ignore_index=True)
             estimates.insert(0, "receiver", estimates.pop("receiver"))
@@ -261,8 +305,9 @@ class Result:
             if hasattr(self.scenario, "dump_toml"):
                 (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
             if figures:
-                self._save_figures(folder, theme)
-        return Path(directory).with_name(made.path.name)
+                for job in jobs(FIGURES, self):
+                    job.save(folder, theme)
+        return Path(directory).with_name(draft.path.name)
 
     def _scenario_file(self, directory: str | Path) -> str:
         text: str = self.scenario.dump_toml(Path(directory))
@@ -271,18 +316,8 @@ class Result:
             return text
         return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
 
-    def _save_figures(self, folder: Path, theme: style.ThemeName) -> None:
-        style.save(self.plot_path(theme=theme), folder, "path_xy")
-        style.save(self.plot_path_3d(theme=theme), folder, "path_xyz")
-        style.save(self.plot_axes(theme=theme)[0], folder, "axes")
-        style.save(self.plot_errors(theme=theme)[0], folder, "errors")
-        style.save(self.plot_inclination(theme=theme)[0], folder, "inclination")
-
     def _manifest(self) -> dict[str, Any]:
-        about = manifest(
-            self.scenario_name, self.scenario, self.asked, self.fmus, self.seeds,
-            self.origins, self.remarks,
-        )
+        about = self.description.manifest()
         return {**about, "failures": self.failures} if self.failures else about
 
     def to_json(self) -> dict[str, Any]:
@@ -343,11 +378,11 @@ class Result:
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
         if pd.isna(row.inconsistent):
-            claims = f"{receiver}.covariance" in self.data.values
+            claims = f"{receiver}.covariance" in self.record.values
             why = "its covariance is never positive definite" if claims else "no covariance"
             lines.append(f"  consistency unknown: {why}")
         if row.lost:
-            silent = not judge(self.data, receiver).late.any()
+            silent = not judge(self.record, receiver).late.any()
             lines.append(
                 "  lost: no estimate in the last quarter"
                 if silent
@@ -357,7 +392,7 @@ class Result:
 
     def _silence(self, receiver: str) -> str:
         """Why there may be no estimate, and where to look."""
-        values = self.data.values
+        values = self.record.values
         count = values[f"{receiver}.update_count"].astype(int)
         look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
         look = [name for name in look if name in values]

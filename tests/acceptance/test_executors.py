@@ -345,9 +345,9 @@ def test_an_fmu_that_was_received_and_damaged_is_taken_from_the_parcel(
 def test_processes_that_draw_end_with_the_one_that_started_them(tmp_path: Path) -> None:
     script = (
         "import os, signal, multiprocessing\n"
-        "from sblcosim.report.paper import page as paper\n"
+        "from sblcosim.report.paper import figures\n"
         "if __name__ == '__main__':\n"
-        "    with paper._painters(2):\n"
+        "    with figures.painters(2):\n"
         "        print(*[p.pid for p in multiprocessing.active_children()], flush=True)\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n"
     )

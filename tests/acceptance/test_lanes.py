@@ -240,8 +240,8 @@ def test_a_foreign_component_is_named(tmp_path: Path) -> None:
 
 def test_a_single_run_may_use_it_too() -> None:
     changes = {"time.duration_s": 5.0}
-    side = sblcosim.run("harbour-random", overrides=changes, master="lanes").record
-    alone = sblcosim.run("harbour-random", overrides=changes, master="python").record
+    side = sblcosim.run("harbour-random", overrides=changes, master="lanes").table
+    alone = sblcosim.run("harbour-random", overrides=changes, master="python").table
     assert side.equals(alone)
 
 

@@ -73,7 +73,7 @@ def test_both_masters_give_the_same_result() -> None:
         sblcosim.run("paper-scenario-1", RECEIVERS, SHORT, master=name)
         for name in ("python", "native")
     ]
-    assert results[0].record.equals(results[1].record)
+    assert results[0].table.equals(results[1].table)
     assert results[0].errors.equals(results[1].errors)
 
 

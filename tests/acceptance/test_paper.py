@@ -20,7 +20,7 @@ from sblcosim.analysis import workflow
 from sblcosim.analysis.factorial import Factorial
 from sblcosim.analysis.ranking import tied
 from sblcosim.cli import app
-from sblcosim.report.paper import page
+from sblcosim.report import paper
 from sblcosim.study import store
 from typer.testing import CliRunner
 
@@ -136,20 +136,20 @@ def test_the_favourable_point_gives_table_4_within_10_percent_on_every_axis(
     assert len(runs) == 50
     for axis in ("x", "y", "z", "total"):
         ours = runs[f"ekf.absolute_{axis}_rms_m"].mean()
-        assert ours == pytest.approx(page.facts()["table4"][axis], rel=0.1), axis
+        assert ours == pytest.approx(paper.facts()["table4"][axis], rel=0.1), axis
 
 
-@pytest.mark.parametrize("name", page.SESSIONS)
+@pytest.mark.parametrize("name", paper.SESSIONS)
 def test_the_ekf_s_row_of_table_2_is_met_within_10_percent(
     finished: tuple[Path, str], name: str
 ) -> None:
     runs = store.table(finished[0] / "runs" / f"harbour-{name}")
     assert len(runs) >= 500
-    ours = page.pooled(runs, "ekf")
-    assert ours == pytest.approx(page.facts()["table2"][name]["ekf"], rel=0.1)
+    ours = paper.pooled(runs, "ekf")
+    assert ours == pytest.approx(paper.facts()["table2"][name]["ekf"], rel=0.1)
 
 
-@pytest.mark.parametrize("n", page.SCENARIOS)
+@pytest.mark.parametrize("n", paper.SCENARIOS)
 def test_the_mean_over_all_points_is_that_of_an_independent_simulation(
     finished: tuple[Path, str], n: int
 ) -> None:
@@ -181,7 +181,7 @@ def is_close_third(a: Factorial, one: str, other: str) -> None:
     """Two main effects share places 3 and 4 and differ by less than what matters."""
     size = a.effects["effect"].abs()[a.effects["order"] == 1].sort_values(ascending=False)
     assert set(size.index[2:4]) == {one, other}
-    assert abs(size[one] - size[other]) < page.PRACTICAL
+    assert abs(size[one] - size[other]) < paper.PRACTICAL
     assert size.iloc[3] > 2.5 * size.iloc[4]
 
 
@@ -205,7 +205,7 @@ def test_sampling_time_and_range_noise_are_a_close_third_in_scenario_1(
 def test_the_printed_answer_ties_what_cannot_be_told_apart(
     found: dict[int, Factorial], finished: tuple[Path, str]
 ) -> None:
-    for n in page.SCENARIOS:
+    for n in paper.SCENARIOS:
         a = found[n].readable
         ranked = a.ranked()
         main = list(ranked.index[ranked["order"] == 1])
@@ -237,9 +237,9 @@ def test_every_table_of_the_paper_has_its_place(tree: Any, number: int) -> None:
     assert {"Quantity", "Paper", "Ours", "Ratio"} <= set(head)
     rows = table.findall(".//tbody/tr")
     paper_, ours, ratio = (head.index(word) for word in ("Paper", "Ours", "Ratio"))
-    known = page.facts()[f"table{number}"]
+    known = paper.facts()[f"table{number}"]
     if number == 2:
-        expected = [x for name in page.SESSIONS for row in ("instrument", "ekf")
+        expected = [x for name in paper.SESSIONS for row in ("instrument", "ekf")
                     for x in known[name][row]]
     else:
         expected = [*(known[axis] for axis in ("x", "y", "z", "total")), known["total"]]

@@ -74,10 +74,10 @@ def alone() -> sblcosim.Result:
 
 def same(result: sblcosim.Result, alone: sblcosim.Result) -> None:
     """All columns of all others are the same to the last bit."""
-    names = [name for name in alone.data.values if name.partition(".")[0] in OTHERS]
+    names = [name for name in alone.record.values if name.partition(".")[0] in OTHERS]
     assert {name.partition(".")[0] for name in names} == set(OTHERS)
     for name in names:
-        assert result.data.values[name].tobytes() == alone.data.values[name].tobytes(), name
+        assert result.record.values[name].tobytes() == alone.record.values[name].tobytes(), name
     assert result.errors.loc["ekf"].equals(alone.errors.loc["ekf"])
 
 
@@ -114,7 +114,7 @@ def judge(
     assert result.failures == {file.stem: expected}
     assert (file.stem in result.receivers) == (phase in AFTER)
     if phase in AFTER:
-        assert result.data.values[f"{file.stem}.update_count"].tolist() == list(range(21))
+        assert result.record.values[f"{file.stem}.update_count"].tolist() == list(range(21))
     assert expected in str(result)
     assert result.summary.loc[file.stem, "failure"] == expected
     same(result, alone)
@@ -369,7 +369,7 @@ def test_a_python_receiver_goes_beside_an_fmu_of_others(
     receivers = {"mine": receiver(), "ekf": "ekf", "theirs": rogue("none", "none")}
     result = sblcosim.run(SCENARIO, receivers, SHORT)
     assert not result.failures
-    assert result.data.values["mine.update_count"].tolist() == list(range(21))
+    assert result.record.values["mine.update_count"].tolist() == list(range(21))
     same(result, alone)
 
 

@@ -38,11 +38,11 @@ def test_the_ekf_of_scenario_1_beats_the_raw_fix_and_is_good_to_some_decimetres(
 
 
 def test_the_run_ends_with_the_semicircle(paper: Result) -> None:
-    path = paper.record[[f"target.position[{i}]" for i in (1, 2, 3)]].to_numpy()
+    path = paper.table[[f"target.position[{i}]" for i in (1, 2, 3)]].to_numpy()
     assert path[0] == pytest.approx([15.0, 0.0, 5.0])
     assert path[-1] == pytest.approx([-15.0, 0.0, 5.0], abs=0.05)
     assert np.linalg.norm(path[:, :2], axis=1) == pytest.approx(15.0)
-    assert paper.record["time_s"].iloc[-1] == pytest.approx(np.pi * 15 / 0.5, abs=0.1)
+    assert paper.table["time_s"].iloc[-1] == pytest.approx(np.pi * 15 / 0.5, abs=0.1)
 
 
 def test_the_prior_of_scenario_1_is_the_true_start(paper: Result) -> None:
@@ -57,12 +57,12 @@ def test_a_saved_run_holds_record_manifest_and_figures(paper: Result, tmp_path: 
     figures = ("path_xy", "path_xyz", "axes", "errors", "inclination")
     assert {f"{figure}.{kind}" for figure in figures for kind in ("svg", "png")} <= written
     record = pd.read_parquet(folder / "record.parquet")
-    pd.testing.assert_frame_equal(record, paper.record)
+    pd.testing.assert_frame_equal(record, paper.table)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["seeds"] == {"target": 1, "platform": 1, "acoustics": 1}
     assert set(manifest["fmus"]) == {"target", "platform", "acoustics", "ekf", "raw"}
     again = sblcosim.run(tomllib.loads((folder / "scenario.toml").read_text()))
-    pd.testing.assert_frame_equal(again.record, paper.record, check_exact=True)
+    pd.testing.assert_frame_equal(again.table, paper.table, check_exact=True)
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -70,23 +70,23 @@ def test_every_shipped_scenario_gives_fixes_on_both_fmi_versions(name: str) -> N
     two = sblcosim.run(name, overrides=SHORT)
     three = sblcosim.run(name, overrides=SHORT, fmi=3)
     assert (two.summary["availability"] > 0.6).all()
-    pd.testing.assert_frame_equal(two.record, three.record, check_exact=True)
+    pd.testing.assert_frame_equal(two.table, three.table, check_exact=True)
 
 
 def test_equal_seeds_give_equal_records_and_different_seeds_do_not() -> None:
     one, same, other = (
         sblcosim.run("harbour-random", overrides={**SHORT, "seed": seed}) for seed in (3, 3, 4)
     )
-    pd.testing.assert_frame_equal(one.record, same.record, check_exact=True)
+    pd.testing.assert_frame_equal(one.table, same.table, check_exact=True)
     for column in ("target.position[1]", "acoustics.range[1]", "platform.reported_position[1]"):
-        assert (one.record[column] != other.record[column]).mean() > 0.5
+        assert (one.table[column] != other.table[column]).mean() > 0.5
 
 
 def test_receivers_side_by_side_equal_receivers_alone() -> None:
     names = ("ekf", "sequential", "multilateration")
-    together = sblcosim.run("realistic-dive", names).record
+    together = sblcosim.run("realistic-dive", names).table
     for name in names:
-        alone = sblcosim.run("realistic-dive", name).record
+        alone = sblcosim.run("realistic-dive", name).table
         own = [column for column in alone if column.startswith(f"{name}.")]
         rest = [column for column in alone if column.startswith(("target.", "acoustics."))]
         assert own
@@ -129,7 +129,7 @@ def test_a_python_object_can_stand_in_for_a_component() -> None:
         "receiver": {"depth_std_m": 0.01, "range_std_m": 0.01},
     }
     result = sblcosim.run(calm, "sequential", components={"target": Anchored})
-    assert (result.record["target.position[1]"] == 8.0).all()
+    assert (result.table["target.position[1]"] == 8.0).all()
     assert result.estimates["sequential"]["error_total_m"].iloc[-1] < 1e-3
 
 
@@ -165,7 +165,7 @@ def test_what_a_run_was_given_is_in_its_scenario() -> None:
     again = sblcosim.run(changed.scenario)
     assert again.scenario.receiver.type == "sequential"
     assert changed.fmus == again.fmus
-    pd.testing.assert_frame_equal(again.record, changed.record, check_exact=True)
+    pd.testing.assert_frame_equal(again.table, changed.table, check_exact=True)
 
 
 def test_a_receiver_in_python_is_told_in_the_folder(tmp_path: Path) -> None:

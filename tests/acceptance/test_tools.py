@@ -21,7 +21,8 @@ import pytest
 import sblcosim
 from numpy.typing import NDArray
 from sblcosim.cli import app
-from sblcosim.export.ssp import export_fmu, export_ssp
+from sblcosim.export.container import export_fmu
+from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute

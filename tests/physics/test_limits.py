@@ -63,7 +63,7 @@ def test_travel_time_motion_and_sound_speed_show_up_as_they_must() -> None:
                           "assumed_sound_speed_m_s": 1500.0},
         },
     )
-    record = result.record
+    record = result.table
     epoch = record["acoustics.range_epoch[1]"].to_numpy()
     heard = record["acoustics.reception_count[1]"].to_numpy() > 0
     at_ping = 5.0 + 1.5 * epoch - 3.0  # beacon 1 is 3 m north of the centre

@@ -1,1 +1,27 @@
-"""The report on the paper's study."""
+"""The report on the paper's study: `sblcosim paper`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ... import lazy
+
+if TYPE_CHECKING:
+    from .campaigns import SCENARIOS, SESSIONS, progress_of
+    from .numbers import PRACTICAL, facts, pooled, pooled_intervals, verdict
+    from .page import Outcome, run
+
+__all__ = [
+    "PRACTICAL", "SCENARIOS", "SESSIONS", "Outcome", "facts", "pooled",
+    "pooled_intervals", "progress_of", "run", "verdict",
+]  # fmt: skip
+
+__getattr__, __dir__ = lazy.names(
+    __name__,
+    {
+        "Outcome": "page", "PRACTICAL": "numbers", "SCENARIOS": "campaigns",
+        "SESSIONS": "campaigns", "facts": "numbers", "pooled": "numbers",
+        "pooled_intervals": "numbers", "progress_of": "campaigns", "run": "page",
+        "verdict": "numbers",
+    },
+)  # fmt: skip

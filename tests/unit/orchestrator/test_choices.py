@@ -23,8 +23,8 @@ from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
 from sblcosim.report import factorial as report
 from sblcosim.report import page
-from sblcosim.report.paper import page as paper
-from sblcosim.results import figures, metrics, result
+from sblcosim.report.paper import figures as paper_figures
+from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
 from sblcosim.study import campaign, executors, study
@@ -38,7 +38,7 @@ RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"])
 FOUND = factorial.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
-RESULT = result.Result("x", {}, RECORD, ["ekf"])
+RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
 RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
 CALIBRATED = calibrate.CalibrationResult(
     {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
@@ -69,6 +69,7 @@ CALLS: dict[str, Any] = {
     "results.result.Result.plot_errors theme": RESULT.plot_errors,
     "results.result.Result.plot_errors frame": RESULT.plot_errors,
     "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
+    "results.catalogue.Job.axes theme": catalogue.Job("x", figures.plot_path, (RECORD, {})).axes,
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),
     "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
@@ -94,7 +95,7 @@ CALLS: dict[str, Any] = {
     "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),
     "analysis.workflow.save_advice theme": partial(workflow.save_advice, ADVICE, "nowhere"),
     "report.page.inline theme": partial(page.inline, PICTURE),
-    "report.paper.page.plot_waves theme": partial(paper.plot_waves, {"x": RECORD}),
+    "report.paper.figures.plot_waves theme": partial(paper_figures.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
     "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
     "scenario.wiring.connect fmi": partial(connect, sblcosim.load("paper-scenario-1")),
@@ -117,6 +118,7 @@ ELSEWHERE = {
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
     "report.study.save transform": "report.factorial.find",
     "analysis.workflow.write theme": "analysis.workflow.save",
+    "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 

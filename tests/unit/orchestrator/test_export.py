@@ -16,7 +16,8 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.export.ssp import PARAMETER_SET, export_fmu, export_ssp
+from sblcosim.export.container import export_fmu
+from sblcosim.export.ssp import PARAMETER_SET, export_ssp
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
 from sblcosim.models.ports import ESTIMATE, REQUIRED_ESTIMATE
@@ -273,7 +274,7 @@ def test_the_package_is_the_whole_system(
 def test_the_true_prior_is_a_number(package: zipfile.ZipFile, version: int) -> None:
     values = etree.fromstring(package.read("resources/ekf.ssv"))
     found = {p.get("name"): p[0].get("value") for p in values.iterfind(".//ssv:Parameter", NS)}
-    start = sblcosim.run(SCENARIO).record.iloc[0]
+    start = sblcosim.run(SCENARIO).table.iloc[0]
     true = [start[f"target.position[{i}]"] for i in (1, 2, 3)]
     names = ["prior_position"] if version == 2 else [f"prior_position[{i}]" for i in (1, 2, 3)]
     assert [float(word) for name in names for word in found[name].split()] == true
@@ -506,7 +507,7 @@ def test_an_enumeration_is_written_as_its_number(
 def test_the_toolbox_is_named_if_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sblcosim.export.ssp.find_spec", lambda name: None)
+    monkeypatch.setattr("sblcosim.export.container.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="pip install fmu-manipulation-toolbox"):
         export_fmu(SCENARIO, tmp_path / "x.fmu")
 

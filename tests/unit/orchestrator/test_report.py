@@ -15,10 +15,11 @@ from sblcosim.analysis import figures
 from sblcosim.analysis.factorial import analyse
 from sblcosim.analysis.ranking import ranking
 from sblcosim.analysis.sentences import percent
-from sblcosim.report import factorial
+from sblcosim.report import factorial, paper
 from sblcosim.report.formats import number
 from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
-from sblcosim.report.paper import page as paper
+from sblcosim.report.paper.figures import FIGURES
+from sblcosim.results.catalogue import by_name
 from sblcosim.study import study
 
 LABELS = {"gps": "GPS error", "arm": "baseline", "loss": "packet loss"}
@@ -156,6 +157,20 @@ def test_every_figure_of_the_paper_is_in_the_data_once() -> None:
     numbers = [figure["number"] for figure in paper.facts()["figure"]]
     assert numbers == [9, *range(11, 31)]
     assert all(figure["section"] and figure["shows"] for figure in paper.facts()["figure"])
+
+
+def test_every_figure_of_the_paper_has_a_row_in_the_table_of_figures() -> None:
+    numbers = {figure["number"] for figure in paper.facts()["figure"]}
+    assert {figure.number for figure in FIGURES.values() if figure.label} == numbers
+    for figure in paper.facts()["figure"]:
+        rows = [row for row in FIGURES.values() if row.number == figure["number"]]
+        assert {row.scenario for row in rows} == {figure.get("scenario")}
+
+
+def test_two_figures_of_a_table_cannot_have_one_name() -> None:
+    figure = next(iter(FIGURES.values()))
+    with pytest.raises(ValueError, match=f"'{figure.name}': the name must be unique"):
+        by_name(figure, figure)
 
 
 def test_the_paper_s_total_errors_are_rms_like() -> None:

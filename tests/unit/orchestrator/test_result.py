@@ -3,6 +3,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ import pytest
 from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
-from sblcosim.results.result import Result
+from sblcosim.results.result import Result, RunDescription
 from sblcosim.scenario.scenario import shipped
 from sblcosim.simulation.record import Record
 from synthetic_record import make_record, silent
@@ -37,15 +38,19 @@ def result():
         {"ekf": np.array([[3.0, 4, 0]]), "raw": np.array([[0.0, 0, 2]])},
         platform_error=(3.0, 0.0, 0.0),
     )
-    return Result(
-        "dive", Settings(), record, ("ekf", "raw"), fmus={"ekf": "ab12"}, seeds={"target": 7},
-        update_interval_ns=100_000_000,
+    description = RunDescription(
+        "dive", Settings(), ("ekf", "raw"), fmus={"ekf": "ab12"}, seeds={"target": 7}
     )
+    return Result(description, record, update_interval_ns=100_000_000)
+
+
+def run_of(receivers, record):
+    return Result(RunDescription("dive", {}, receivers), record)
 
 
 def test_tables_hold_each_receiver(result):
-    assert result.record.shape[0] == 101
-    assert "target.position[1]" in result.record
+    assert result.table.shape[0] == 101
+    assert "target.position[1]" in result.table
     assert list(result.estimates) == ["ekf", "raw"]
     assert result.errors.loc[("ekf", "absolute", "total"), "rms_m"] == pytest.approx(5)
     assert result.errors.loc[("ekf", "relative", "total"), "rms_m"] == pytest.approx(4)
@@ -59,21 +64,21 @@ def without(record, *ports, **values):
 
 def test_of_a_receiver_without_covariance_it_is_said_that_consistency_is_unknown(result):
     assert "consistency unknown" not in str(result)
-    record = without(result.data, "ekf.covariance")
-    bare = Result("dive", {}, record, ("ekf", "raw"))
+    record = without(result.record, "ekf.covariance")
+    bare = run_of(("ekf", "raw"), record)
     assert "  consistency unknown: no covariance\n" in str(bare)
     assert "consistency unknown" in bare._repr_html_()
     flags = {name: row["inconsistent"] for name, row in bare.to_json()["summary"].items()}
     assert flags == {"ekf": None, "raw": True}
     json.dumps(bare.to_json(), allow_nan=False)
     useless = {"ekf.covariance": np.zeros((101, 6, 6))}
-    bad = Result("dive", {}, without(result.data, **useless), ("ekf", "raw"))
+    bad = run_of(("ekf", "raw"), without(result.record, **useless))
     assert "  consistency unknown: its covariance is never positive definite\n" in str(bad)
 
 
 def test_the_written_summary_of_a_receiver_without_covariance_misses_the_flag(result, tmp_path):
-    record = without(result.data, "ekf.covariance")
-    Result("dive", {}, record, ("ekf", "raw")).save(tmp_path / "out", figures=False)
+    record = without(result.record, "ekf.covariance")
+    run_of(("ekf", "raw"), record).save(tmp_path / "out", figures=False)
     column = parquet.read_table(tmp_path / "out" / "summary.parquet")["inconsistent"]
     assert (str(column.type), column.to_pylist()) == ("bool", [None, True])
 
@@ -83,7 +88,7 @@ def test_a_receiver_without_an_estimate_is_a_problem_in_words():
     heard = np.zeros((101, 4), np.int32)
     heard[-1] = [3, 0, 2, 1]
     record = without(record, **{"acoustics.reception_count": heard})
-    result = Result("dive", {}, record, ("ekf",))
+    result = run_of(("ekf",), record)
     why = (
         "update_count stayed 0; packets received from each beacon: 3, 0, 2, 1; look at "
         "ekf.update_count, ekf.valid, acoustics.reception_count in the record"
@@ -95,8 +100,8 @@ def test_a_receiver_without_an_estimate_is_a_problem_in_words():
 
 
 def test_a_receiver_that_is_never_valid_is_a_problem_that_says_so(result):
-    invalid = without(result.data, **{"ekf.valid": np.zeros(101, bool)})
-    (problem,) = Result("dive", {}, invalid, ("ekf", "raw")).problems
+    invalid = without(result.record, **{"ekf.valid": np.zeros(101, bool)})
+    (problem,) = run_of(("ekf", "raw"), invalid).problems
     assert problem.startswith(
         "ekf: must give at least one estimate, got none; update_count reached 99, but there was no "
         "valid fix when it changed; look at ekf.update_count, ekf.valid in the record"
@@ -104,8 +109,8 @@ def test_a_receiver_that_is_never_valid_is_a_problem_that_says_so(result):
 
 
 def test_the_raw_fix_runs_along_and_may_have_no_estimate(result):
-    invalid = without(result.data, **{"raw.valid": np.zeros(101, bool)})
-    bare = Result("dive", {}, invalid, ("ekf", "raw"))
+    invalid = without(result.record, **{"raw.valid": np.zeros(101, bool)})
+    bare = run_of(("ekf", "raw"), invalid)
     assert bare.problems == []
     assert "raw: no estimate" in str(bare)
 
@@ -139,28 +144,28 @@ def test_text_says_what_its_numbers_mean(result):
 
 
 def test_text_explains_only_what_is_there():
-    text = str(Result("dive", {}, make_record(optional_ports=False), ("ekf",)))
+    text = str(run_of(("ekf",), make_record(optional_ports=False)))
     assert "north, east, down" in text
     assert "raw" not in text
     assert "NEES" not in text
 
 
 def test_small_errors_are_pessimistic_in_words():
-    text = str(Result("dive", {}, make_record({"ekf": np.array([[0.1, 0, 0]])}), ("ekf",)))
+    text = str(run_of(("ekf",), make_record({"ekf": np.array([[0.1, 0, 0]])})))
     assert "pessimistic, errors smaller than claimed" in text
 
 
 def test_nis_of_unknown_degrees_is_not_compared():
     record = make_record()
     values = {name: v for name, v in record.values.items() if name != "ekf.nis_degrees"}
-    text = str(Result("dive", {}, Record(record.time_ns, values), ("ekf",)))
+    text = str(run_of(("ekf",), Record(record.time_ns, values)))
     assert "mean NIS 5.00, of unknown degrees of freedom" in text
 
 
 def test_long_labels_keep_the_table_s_columns_in_line():
     labels = ("a_receiver_with_a_rather_long_name", "ekf")
     record = make_record(dict.fromkeys(labels, np.ones((1, 3))))
-    lines = str(Result("dive", {}, record, labels)).splitlines()
+    lines = str(run_of(labels, record)).splitlines()
     table = lines[3:12]
     assert len({len(line) for line in table}) == 1
     assert lines[3].index("axis") == table[1].index(" x ") + 1 == table[2].index(" y ") + 1
@@ -172,14 +177,14 @@ def test_text_counts_one_estimate_as_one():
     values = {**record.values, "ekf.update_count": np.minimum(
         record.values["ekf.update_count"], 1
     )}
-    text = str(Result("dive", {}, Record(record.time_ns, values), ("ekf",)))
+    text = str(run_of(("ekf",), Record(record.time_ns, values)))
     assert "ekf: 1 estimate, the first" in text
 
 
 def test_text_says_why_a_receiver_is_lost():
-    far = Result("dive", {}, make_record({"ekf": np.array([[50.0, 0, 0]])}), ("ekf",))
+    far = run_of(("ekf",), make_record({"ekf": np.array([[50.0, 0, 0]])}))
     assert "lost: in the last quarter its error exceeds the distance" in str(far)
-    quiet = Result("dive", {}, make_record({"ekf": np.zeros((40, 3))}), ("ekf",))
+    quiet = run_of(("ekf",), make_record({"ekf": np.zeros((40, 3))}))
     assert "lost: no estimate in the last quarter\n" in str(quiet)
     assert "exceeds" not in str(quiet)
 
@@ -220,7 +225,7 @@ def test_saved_folder_is_complete(result, tmp_path):
 
 def test_saved_tables_are_those_of_the_result(result, tmp_path):
     folder = result.save(tmp_path / "run", figures=False)
-    pd.testing.assert_frame_equal(pd.read_parquet(folder / "record.parquet"), result.record)
+    pd.testing.assert_frame_equal(pd.read_parquet(folder / "record.parquet"), result.table)
     errors = pd.read_csv(folder / "errors.csv")
     pd.testing.assert_frame_equal(
         errors.set_index(["receiver", "frame", "axis"]), result.errors, check_dtype=False
@@ -261,7 +266,7 @@ def test_plots_are_those_of_the_run(result):
 
 
 def test_plain_scenario_without_a_title_goes_by_its_name():
-    result = Result("dive", {"speed_m_s": 0.5}, make_record(), ("ekf",))
+    result = Result(RunDescription("dive", {"speed_m_s": 0.5}, ("ekf",)), make_record())
     assert str(result).startswith("dive\n")
     assert np.isnan(result.summary.loc["ekf", "update_share"])
 
@@ -272,8 +277,11 @@ def test_example_of_the_docstring_names_a_scenario_that_exists():
 
 
 def test_manifest_and_file_tell_what_the_receivers_were(result, tmp_path):
-    result.origins = {"ekf": {"python": "Mine", "parameters": {}}, "raw": {"type": "multi"}}
-    result.remarks = ("simulated half of it",)
+    origins = {"ekf": {"python": "Mine", "parameters": {}}, "raw": {"type": "multi"}}
+    description = replace(
+        result.description, origins=origins, remarks=("simulated half of it",)
+    )
+    result = Result(description, result.record)
     folder = result.save(tmp_path / "run", figures=False)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["receivers"] == [

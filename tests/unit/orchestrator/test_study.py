@@ -528,7 +528,7 @@ def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     assert result.errors.loc["ekf", "absolute", "total"].rms_m == pytest.approx(
         row["ekf.absolute_total_rms_m"], rel=1e-12
     )
-    assert "acoustics.range" in "".join(result.record.columns)
+    assert "acoustics.range" in "".join(result.table.columns)
     for wrong in ("", "zz"):
         with pytest.raises(ConfigurationError, match="none of them"):
             replay.replay(tmp_path / "out", wrong)

@@ -1,0 +1,203 @@
+"""What both kinds of export share: the FMUs of a scenario, their connections, and the file."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, cast
+
+from fmpy.model_description import ModelDescription, ModelVariable
+from sblcosim.fmus.build.factory import build
+from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.read.archive import opened
+from sblcosim.fmus.read.description import describe
+from sblcosim.fmus.read.ports import Fmu, Port
+from sblcosim.models import COMPONENTS
+from sblcosim.models.declaration import Number
+
+from ..errors import ConfigurationError
+from ..scenario.scenario import Receivers, Scenario, Source
+from ..scenario.wiring import RAW, connect
+from ..simulation.plan import Plan, PlannedComponent
+from ..simulation.resolve import resolve
+from ..simulation.system import System
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A component of the export.
+
+    Attributes
+    ----------
+    name
+        Its name there, an identifier.
+    planned
+        The component in the plan.
+    fmu, description
+        Its FMU, and what the FMU says of itself.
+    """
+
+    name: str
+    planned: PlannedComponent
+    fmu: Path
+    description: ModelDescription
+
+
+def fmu_plan(
+    scenario: Scenario,
+    receiver: Receivers,
+    components: Mapping[str, Source] | None,
+    fmi: int,
+    what: str,
+) -> Plan:
+    """The plan of a scenario that is to become `what`; all its components are FMUs of one version.
+
+    Raises
+    ------
+    ConfigurationError
+        A component is in Python, or an FMU of another version.
+    """
+    plan = resolve(_without_raw(connect(scenario, receiver, fmi, components), receiver))
+    for component in plan.components:
+        if not isinstance(component.source, Fmu):
+            raise ConfigurationError(
+                f"{component.name}: must be an FMU to be exported, got the Python component "
+                f"{component.origin}"
+            )
+        if component.source.fmi != fmi:
+            raise ConfigurationError(
+                f"{component.name}: must be FMI {fmi} for {what}, got FMI {component.source.fmi} "
+                f"({component.source.path})"
+            )
+    return plan
+
+
+def _without_raw(system: System, receiver: Receivers) -> System:
+    """The system without the raw fix that runs along for comparison."""
+    if isinstance(receiver, Mapping) and RAW in receiver:
+        return system
+    return replace(
+        system,
+        components={name: spec for name, spec in system.components.items() if name != RAW},
+        connections=tuple(c for c in system.connections if not c.target.startswith(f"{RAW}.")),
+    )
+
+
+def parts_of(plan: Plan, bake: bool) -> list[Part]:
+    """The components of a plan; with `bake`, the plan's numbers are the FMUs' start values."""
+    parts = []
+    names = _names(plan)
+    for component in plan.components:
+        source = cast(Fmu, component.source)
+        path = _baked(component, source, plan) if bake else source.path
+        with opened(path) as archive:
+            parts.append(Part(names[component.name], component, path, describe(archive)))
+    return parts
+
+
+def identifier(name: str, taken: Collection[str] = ()) -> str:
+    """A name as OMSimulator asks for it: ASCII letters, digits and _, a letter first."""
+    stem = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    stem = name = stem if stem[0].isalpha() else f"x{stem}"
+    number = 2
+    while name in taken:
+        name = f"{stem}_{number}"
+        number += 1
+    return name
+
+
+def _names(plan: Plan) -> dict[str, str]:
+    """The name of each component in a package; those that may stay as they are do."""
+    names = {c.name: c.name for c in plan.components if identifier(c.name) == c.name}
+    for component in plan.components:
+        if component.name not in names:
+            names[component.name] = identifier(component.name, names.values())
+    return names
+
+
+def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
+    """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
+    name, fmi = source.path.stem, cast(Literal[2, 3], source.fmi)
+    if name not in COMPONENTS or source.path != build(name, fmi):
+        for setting in component.settings:
+            if setting.port.start != setting.values:
+                raise ConfigurationError(
+                    f"{component.name}: cannot be baked, as it is somebody else's FMU; its "
+                    f"{setting.port.name} must start as {words(setting.port, setting.values)}, "
+                    f"got {words(setting.port, setting.port.start or ())}"
+                )
+        return source.path
+    values = {s.port.name: s.values for s in component.settings}
+    declared = COMPONENTS[name]
+    return build(
+        name,
+        fmi,
+        baked=replace(
+            declared,
+            variables=tuple(
+                replace(v, start=values[v.name] if v.shape else values[v.name][0])
+                if v.name in values
+                else v
+                for v in declared
+            ),
+            step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
+            stop_time=plan.stop_ns / SECOND,
+        ),
+    )
+
+
+def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
+    """(component, variable) at both ends of every connection, variable by variable of the FMUs."""
+    names = _names(plan)
+    by_name = {c.name: c for c in plan.components}
+    for target in plan.components:
+        for write in target.writes:
+            for port, connection in zip(write.ports, write.connections, strict=True):
+                source, _, variable = connection.source.partition(".")
+                outputs = by_name[source].ports[variable].variables
+                if len(outputs) != len(port.variables):
+                    raise ConfigurationError(
+                        f"{connection.target}: must be an array of FMI 3 to be exported, got "
+                        f"{len(port.variables)} scalars"
+                    )
+                for output, input_ in zip(outputs, port.variables, strict=True):
+                    yield (names[source], output), (names[target.name], input_)
+
+
+def step_ns(plan: Plan) -> int:
+    """The longest step in ns that divides all communication intervals."""
+    return math.gcd(*(c.interval_ns for c in plan.components))
+
+
+def outputs_of(part: Part) -> list[ModelVariable]:
+    """The numbers and switches among the outputs: libcosim, for one, drops enumerations."""
+    return [
+        v
+        for v in part.description.modelVariables
+        if v.causality == "output" and v.type not in ("Enumeration", "String", "Binary", "Clock")
+    ]
+
+
+def words(port: Port, values: tuple[Number, ...]) -> str:
+    """Values as XML has them; reading a number gives the same number."""
+    if port.type == "Boolean":
+        return " ".join("true" if value else "false" for value in values)
+    return " ".join(map(repr, values))
+
+
+def written(path: Path, write: Callable[[Path], None]) -> Path:
+    """Write a file; its path.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be written.
+    """
+    try:
+        write(path)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: must be writable, got {error.strerror}") from None
+    return path

@@ -1,0 +1,182 @@
+"""The campaigns behind `sblcosim paper`: which studies, points and sessions are run, and where.
+
+The paper's three factorial studies, the favourable point of each scenario, and the sessions of its
+Table 2. Each campaign is a study with a folder of its own.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from sblcosim.fmus.files import is_hidden
+
+from ... import artifacts
+from ...api import run as run_scenario
+from ...errors import ConfigurationError
+from ...results.figures import INCLINATION_WINDOW_S
+from ...scenario.scenario import load as load_scenario
+from ...simulation.record import Record
+from ...study import runner, store
+from ...study import study as studies
+from ...study.study import Study
+
+Progress = Callable[[float, str], None]
+"""Takes the share that is done, and a word for what is being done."""
+SCENARIOS = (1, 2, 3)
+SEAS = (2, 4)
+"""Beaufort numbers of Figure 9."""
+SESSIONS = ("square", "spiral", "random")
+RUNS, PAGES = "runs", "report"
+"""Folders below the one of the command."""
+REPLICATES, QUICK_REPLICATES = 50, 5
+SESSION_RUNS, QUICK_SESSION_RUNS = 500, 100
+POINT_RUNS = 50
+
+FAVOURABLE: dict[str, dict[str, float]] = {
+    "time": {"sampling_time_s": 0.1},
+    "target": {"speed_m_s": 0.3, "depth_std_m": 0.1},
+    "platform": {
+        "arm_length_m": 3.0, "gps_horizontal_std_m": 0.1,
+        "imu_tilt_std_deg": 10.0, "imu_heading_std_deg": 10.0,
+    },
+    "acoustics": {"range_std_m": 0.1, "loss_probability": 0.0},
+    "receiver": {"acceleration_psd_m2_s3": 0.1},
+}
+"""The design point that fits the paper's Table 4, with what else was changed of the preset."""
+
+
+def all_campaigns(quick: bool = False) -> dict[str, Study]:
+    """The campaigns, by the names of their folders."""
+    replicates = QUICK_REPLICATES if quick else REPLICATES
+    all_studies = {
+        f"paper-scenario-{n}": studies.load(f"paper-scenario-{n}").with_replicates(replicates)
+        for n in SCENARIOS
+    }
+    for n in SCENARIOS:
+        all_studies[f"favourable-{n}"] = studies.load({
+            "name": f"favourable-{n}", "title": f"Favourable point of Scenario {n}",
+            "scenario": f"paper-scenario-{n}", "fixed": FAVOURABLE, "design": {"kind": "single"},
+            "replicates": POINT_RUNS, "seed": 30001 + 1000 * n,
+        })
+    for i, name in enumerate(SESSIONS):
+        all_studies[f"harbour-{name}"] = studies.load({
+            "name": f"harbour-{name}", "title": f"Sessions of Table 2: {name}",
+            "scenario": f"harbour-{name}", "receivers": ["ekf", "multilateration"],
+            "design": {"kind": "single"}, "seed": 40001 + 1000 * i,
+            "replicates": QUICK_SESSION_RUNS if quick else SESSION_RUNS,
+        })
+    return all_studies
+
+
+def favourable_in_words() -> str:
+    """The favourable point, and what the preset has instead."""
+    point = load_scenario("paper-scenario-1", FAVOURABLE)
+    preset = load_scenario("paper-scenario-1")
+    return (
+        f"{_sensors(point)}; speed {point.target.speed_m_s:g} m/s and process noise "
+        f"{point.receiver.acceleration_psd_m2_s3:g} m²/s³, where the preset has "
+        f"{preset.target.speed_m_s:g} and {preset.receiver.acceleration_psd_m2_s3:g}"
+    )
+
+
+def sessions_in_words() -> str:
+    """The settings of the sessions in the harbour."""
+    session = load_scenario("harbour-square")
+    platform, target = session.platform, session.target
+    return (
+        f"GPS error that varies slowly (Gauss–Markov, {platform.gps_horizontal_markov_std_m:g} m "
+        f"per horizontal axis, {platform.gps_correlation_time_s:g} s), {_sensors(session)}, wave "
+        f"angles of {platform.roll_amplitude_deg:g}°, R of variances, process noise "
+        f"{session.receiver.acceleration_psd_m2_s3:g} m²/s³, speed {target.speed_m_s:g} m/s, "
+        f"depth {target.depth_start_m:g} m"
+    )
+
+
+def _sensors(scenario: Any) -> str:
+    platform, acoustics = scenario.platform, scenario.acoustics
+    return (
+        f"white GPS error {platform.gps_horizontal_std_m:g} m, baseline "
+        f"{platform.arm_length_m:g} m, sampling time {scenario.time.sampling_time_s:g} s, range "
+        f"{acoustics.range_std_m:g} m, packet loss {acoustics.loss_probability:.0%}, IMU "
+        f"{platform.imu_tilt_std_deg:g}°, depth {scenario.target.depth_std_m:g} m"
+    )
+
+
+def check(folder: Path) -> None:
+    """Refuse a folder with something else in it, or that cannot be written to.
+
+    Raises
+    ------
+    ConfigurationError
+        So it is.
+    """
+    if folder.is_dir():
+        foreign = sorted(
+            f.name
+            for f in folder.iterdir()
+            if f.name not in (RUNS, PAGES) and not is_hidden(f.name)
+        )
+        if foreign:
+            raise ConfigurationError(
+                f"{folder}: must be empty or hold what 'sblcosim paper' wrote, got {foreign[0]!r} "
+                "in it"
+            )
+    elif os.path.lexists(folder):
+        raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
+    for name in all_campaigns():
+        results = folder / RUNS / name
+        if results.is_dir() and not (results / store.STUDY).exists():
+            for file in sorted(results.iterdir()):
+                if file.name in (store.PARTS, store.RUNS) or is_hidden(file.name):
+                    continue
+                raise ConfigurationError(
+                    f"{results}: must be empty or hold results of this study, got {file.name!r} "
+                    "in it"
+                )
+    artifacts.check(folder / PAGES)
+
+
+def runs_of(study: Study) -> int:
+    """The number of its runs."""
+    return len(study.plan.points) * study.replicates
+
+
+def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:
+    """Finished runs, and runs in all."""
+    folder = Path(out).resolve() / RUNS
+    runs = {name: runs_of(study) for name, study in all_campaigns(quick).items()}
+    done = sum(min(len(store.finished(folder / name)), number) for name, number in runs.items())
+    return done, sum(runs.values())
+
+
+def simulate(
+    folder: Path, studies: Mapping[str, Study], workers: int | None, tell: Progress
+) -> dict[str, pd.DataFrame]:
+    """Do the missing runs of all campaigns; the tables by the names of the campaigns."""
+    total = sum(map(runs_of, studies.values()))
+    tables, passed = {}, 0
+    for name, study in studies.items():
+        own = runs_of(study)
+
+        def report(share: float, passed: int = passed, own: int = own) -> None:
+            tell(0.5 * (passed + share * own) / total, "simulating")
+
+        tables[name] = runner.run(study, folder / name, workers=workers, progress=report)
+        passed += own
+    return tables
+
+
+def sea(beaufort: int) -> Record:
+    """The platform in a sea of the shipped table of waves."""
+    tables = load_scenario("harbour-square").given()
+    platform = {
+        key: value for key, value in tables["platform"].items()
+        if not key.startswith(("roll_", "pitch_", "yaw_"))
+    }
+    tables["platform"] = platform | {"beaufort": beaufort}
+    tables["time"] = tables["time"] | {"duration_s": INCLINATION_WINDOW_S}
+    return run_scenario(tables).record

@@ -1,0 +1,108 @@
+"""Tables of figures: everything about a figure of a run or of a report stands in one row.
+
+To add a figure, write the function that draws it and its row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+from matplotlib.axes import Axes
+
+from .. import style
+
+Subject = TypeVar("Subject")
+
+
+def _no_words(subject: object) -> str:
+    return ""
+
+
+def _always(subject: object) -> bool:
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A figure and its data, ready to be drawn here or in another process.
+
+    Attributes
+    ----------
+    plot
+        A function of a module; it takes the arguments and a theme, and returns axes.
+    """
+
+    name: str
+    plot: Callable[..., Axes | Sequence[Axes]]
+    arguments: tuple[Any, ...]
+
+    def axes(self, theme: style.ThemeName = "light") -> Axes:
+        """Draw it; the first of its axes."""
+        axes = self.plot(*self.arguments, theme=theme)
+        return axes if isinstance(axes, Axes) else axes[0]
+
+    def svg(self) -> str:
+        """Draw it; the text of an SVG file."""
+        return style.svg(self.axes(), self.name)
+
+    def save(self, folder: Path, theme: style.ThemeName = "light") -> None:
+        """Draw it; write it into a folder as SVG and PNG."""
+        style.save(self.axes(theme), folder, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Figure(Generic[Subject]):
+    """A figure of a subject: a run, the analysis of a study, the studies of the paper.
+
+    Attributes
+    ----------
+    name
+        Of its file; unique in its table.
+    plot
+        Draws it; see `Job`.
+    data
+        The arguments of `plot`, from the subject.
+    caption, alt
+        The text below it, and the one for readers who do not see it.
+    condition
+        Whether the subject has this figure.
+    """
+
+    name: str
+    plot: Callable[..., Axes | Sequence[Axes]]
+    data: Callable[[Subject], tuple[Any, ...]]
+    caption: Callable[[Subject], str] = _no_words
+    alt: Callable[[Subject], str] = _no_words
+    condition: Callable[[Subject], bool] = _always
+
+    def job(self, subject: Subject) -> Job:
+        """The figure with the subject's data."""
+        return Job(self.name, self.plot, self.data(subject))
+
+
+AnyFigure = TypeVar("AnyFigure", bound=Figure[Any])
+
+
+def by_name(*figures: AnyFigure) -> Mapping[str, AnyFigure]:
+    """A table of figures.
+
+    Raises
+    ------
+    ValueError
+        Two figures have the same name.
+    """
+    rows: dict[str, AnyFigure] = {}
+    for figure in figures:
+        if figure.name in rows:
+            raise ValueError(f"figure {figure.name!r}: the name must be unique in its table")
+        rows[figure.name] = figure
+    return MappingProxyType(rows)
+
+
+def jobs(figures: Mapping[str, Figure[Subject]], subject: Subject) -> list[Job]:
+    """The figures that a subject has, in the order of the table."""
+    return [figure.job(subject) for figure in figures.values() if figure.condition(subject)]
