@@ -103,9 +103,9 @@ SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all rand
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from .. import __version__
+        from importlib.metadata import version
 
-        typer.echo(f"sblcosim {__version__}")
+        typer.echo(f"sblcosim {version('sblcosim')}")
         raise typer.Exit
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
-from .. import style
-from ..analysis import figures as plots
 from ..analysis.box_cox import box_cox
 from ..analysis.factorial import Factorial
 from ..analysis.options import Transform
@@ -20,7 +18,7 @@ from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
 from ..study.study import Study
 from .formats import minus, number, probability, signed, span
-from .page import Block, Picture, Table, Text
+from .page import Block, Table, Text
 
 MOST_ROWS = 40
 """Effects that a table shows."""
@@ -356,73 +354,8 @@ def tables(findings: Findings) -> list[Block]:
 # --- Figures -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """A figure to draw: a function that takes a theme, and its other arguments."""
-
-    name: str
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-
-
-def draw(job: Job) -> str:
-    """The figure's SVG."""
-    axes = job.function(*job.arguments, theme="light")
-    return style.svg(axes[0] if isinstance(axes, Sequence) else axes, job.name)
-
-
 def get_ready() -> None:
     """Do nothing: a process that calls this has imported what drawing needs."""
-
-
-def jobs(findings: Findings, prefix: str = "") -> list[Job]:
-    """The paper's four pictures, and the Box–Cox profile."""
-    a = findings.shown
-    pictures = [
-        Job(f"{prefix}pareto", plots.plot_pareto, (a,)),
-        Job(f"{prefix}main_effects", plots.plot_main_effects, (a,)),
-        Job(f"{prefix}residuals", plots.plot_residuals, (a,)),
-    ]
-    if len(a.factors) > 1:
-        pictures.insert(1, Job(f"{prefix}interactions", plots.plot_interactions, (a,)))
-    if findings.profile is not None:
-        pictures.append(Job(f"{prefix}box_cox", plots.plot_box_cox, (a,)))
-    return pictures
-
-
-def picture(findings: Findings, name: str, svg: str, prefix: str = "") -> Picture:
-    """A figure with its caption."""
-    a = findings.shown
-    top = ", ".join(map(str, a.ranked().index[:3]))
-    captions = {
-        "pareto": (_pareto(a),
-                   f"Pareto chart; the largest effects are {top}"),
-        "interactions": (f"Interactions: mean {a.quantity} at each pair of levels. Lines that are "
-                         "not parallel are an interaction.",
-                         "Matrix of interaction plots, one for each pair of factors"),
-        "main_effects": (f"Main effects: mean {a.quantity} at both levels of each factor, and the "
-                         "overall mean.",
-                         f"Main effects; overall mean {a.overall_mean:.3g}{unit(a)}"),
-        "residuals": ("Residuals: normal probability, histogram, against fits, and against the "
-                      "random run order.", "Four plots of the residuals"),
-        "box_cox": ("Box–Cox profile: which power of the response suits the model.",
-                    "Box–Cox profile"),
-    }
-    caption, alt = captions[name]
-    return Picture(f"{prefix}{name}", svg, caption, alt)
-
-
-def _pareto(a: Factorial) -> str:
-    """The chart's caption."""
-    count, shown = len(a.effects), min(len(a.effects), plots.MOST_BARS)
-    part = f"the {shown} largest of {count} effects" if shown < count else f"all {count} effects"
-    if a.lenth is None:
-        return (f"Pareto chart of the standardised effects |t|, {part}. What crosses the line is "
-                "significant; hatched bars are negative effects.")
-    own = f" in {a.unit}" if a.unit else ""
-    return (f"Pareto chart of the size of the effects{own}, {part}. What crosses the margin of "
-            "error (ME) is significant if looked at alone, what crosses the simultaneous one (SME) "
-            "also as one of many; hatched bars are negative effects.")
 
 
 def summary(findings: Findings) -> list[Block]:

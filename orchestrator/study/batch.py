@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, one_line
 from ..results.definitions import TRUTH
-from ..results.responses import PERCENTAGES, PERCENTILES, value_of
+from ..results.responses import PERCENTAGES, PERCENTILES, Response, value_of
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
@@ -186,18 +186,12 @@ def _one_by_one(
             raise
         except FmuError as error:
             return sums, extra, one_line(error)
-        left = {c.name for c in outcome.plan.components}
-        settling_ns = campaign.study.settling_ns
         problems = [_line(message) for message in outcome.failures.values()]
+        left = {c.name for c in outcome.plan.components}
         for i, receiver in enumerate(campaign.receivers):
             if receiver in left:
-                sums[i] = sums_of(outcome.record, receiver, settling_ns)
-                seen = Observed(outcome.record, receiver, settling_ns)
-                for k, response in enumerate(campaign.study.asked):
-                    try:
-                        extra[i, k] = value_of(response, seen)
-                    except ConfigurationError as error:
-                        problems.append(one_line(error))
+                seen = Observed(outcome.record, receiver, campaign.study.settling_ns)
+                sums[i], extra[i] = _reduced(seen, campaign.study.asked, problems)
         return sums, extra, "; ".join(problems) or None
 
     made = []
@@ -216,6 +210,20 @@ def _one_by_one(
             raise
     sums, extra = (np.array([m[i] for m in made]) for i in (0, 1))
     return sums, extra, [m[2] for m in made]
+
+
+def _reduced(
+    run: Observed, asked: Sequence[Response], problems: list[str]
+) -> tuple[Floats, list[float]]:
+    """Sums and responses of a receiver in a run; what goes wrong is added to the problems."""
+    values = []
+    for response in asked:
+        try:
+            values.append(value_of(response, run))
+        except ConfigurationError as error:
+            values.append(float("nan"))
+            problems.append(one_line(error))
+    return sums_of(run.record, run.receiver, run.settling_ns), values
 
 
 def _line(message: str) -> str:

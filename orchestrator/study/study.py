@@ -97,8 +97,11 @@ def load(
     raw["responses"] = [
         *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
     ]
-    if not raw["responses"]:
-        del raw["responses"]
+    return _checked(raw, where)
+
+
+def _checked(raw: Mapping[str, Any], where: str) -> Study:
+    """The study that some tables are, if nothing is wrong with it."""
     try:
         study = Study.model_validate(raw)
     except ValidationError as error:

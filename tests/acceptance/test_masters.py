@@ -97,7 +97,7 @@ def test_the_command_runs_the_master_it_is_told(
 @pytest.mark.parametrize("master", ["python", "lanes"])
 def test_a_master_that_waits_for_ever_takes_no_timeout(master: str) -> None:
     done = CliRunner().invoke(
-        app, ["run", "paper-scenario-1", "--master", python, "--step-timeout", "3"]
+        app, ["run", "paper-scenario-1", "--master", master, "--step-timeout", "3"]
     )
     assert done.exit_code == 2
-    assert f"step_timeout: must be left out with the {python} master" in done.output
+    assert f"step_timeout: must be left out with the {master} master" in done.output

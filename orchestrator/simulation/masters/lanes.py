@@ -9,7 +9,6 @@ kept of a run are the sums of `sblcosim.results.sums`, or a record on request.
 from __future__ import annotations
 
 import ctypes
-import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -21,14 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigurationError, FmuError, nearest
-from ..plan import Plan, PlannedComponent
+from ..plan import Plan
 from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,
     MAX_COMPONENTS,
     MAX_RECEIVERS,
-    MOMENT,
     RECEIVER_PORTS,
     SUMS,
     Engine,
@@ -42,6 +40,7 @@ from .lanes_driver import (
     loaded_driver,
     unsupported,
 )
+from .lanes_memory import Memory, first_elements, in_order, starts_of
 
 _GROUPS_PER_CALL = 16
 ROOM_BYTES = 128 * 2**20
@@ -158,10 +157,10 @@ class _Batch:
         self.names = [c.name for c in plan.components]
         self.engines = [engine_of(c, lanes) for c in plan.components]
         self.lanes = int(self.engines[0].contents.lanes)
-        self.places = [_places(c) for c in plan.components]
+        self.places = [first_elements(c) for c in plan.components]
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
         self.starts = [
-            _starts(c, engine.contents)
+            starts_of(c, engine.contents)
             for c, engine in zip(plan.components, self.engines, strict=True)
         ]
         self.runs, self.varied = self._varied(variations)
@@ -317,7 +316,7 @@ class _Batch:
 
         def chunk(first: int) -> None:
             if not hasattr(local, "memory"):
-                local.memory = _Memory(self)
+                local.memory = Memory(self)
                 local.done = ctypes.c_int64(0)
                 counters.append(local.done)
             last = min(first + at_once, groups)
@@ -339,7 +338,8 @@ class _Batch:
             if status == -2:
                 raise FmuError("a receiver must not give more estimates than it has updates")
             if squares.size:
-                self._in_order(squares, filled, sums[first:last], order[first:last])
+                counts = sums[first:last, :, SUMS.index("estimates")].astype(np.int64)
+                order[first:last] = in_order(squares, filled, counts, self.percentages)
 
         with ThreadPoolExecutor(threads) as pool:
             try:
@@ -391,22 +391,6 @@ class _Batch:
             "must be whole nanoseconds"
         )
 
-    def _in_order(
-        self, squares: Floats, filled: NDArray[np.int64], sums: Floats, order: Floats
-    ) -> None:
-        """The order statistics of some groups, from the squares of the lengths."""
-        counts = sums[:, :, SUMS.index("estimates")].astype(np.int64)
-        at = np.maximum(-(-counts[..., None] * np.array(self.percentages) // 100) - 1, 0)
-        for place in np.ndindex(filled.shape):
-            # A vectorised sort; what a lane has not is infinite, and so at its end.
-            if not filled[place]:
-                order[place] = np.nan
-                continue
-            ordered = squares[place][: filled[place]].transpose(1, 2, 0).copy()
-            ordered.sort(axis=-1)
-            found = np.take_along_axis(ordered, at[place][None], axis=-1)
-            order[place] = np.where(counts[place][:, None] > 0, np.sqrt(found), np.nan)
-
     def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
         by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
         shape = (len(order) * self.lanes, *order.shape[1:3], order.shape[4])
@@ -457,56 +441,6 @@ def remembered(plan: Plan) -> int:
     instants = plan.instants
     behind = 2 * max(updates, default=0) + max(samples, default=0)
     return int(min(behind // np.diff(instants).min() + 2, len(instants)))
-
-
-class _Memory:
-    """Blocks for one thread."""
-
-    def __init__(self, campaign: _Batch) -> None:
-        self._kept: list[NDArray[np.uint8]] = []
-        blocks, held = [], []
-        for engine, holds in zip(campaign.engines, campaign.needs_holding, strict=True):
-            k = engine.contents
-            blocks.append(self._aligned(k.block_size))
-            size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
-            held.append(self._aligned(size) if holds else None)
-        self.moments = self._aligned(campaign.remembered * MOMENT * campaign.lanes * 8)
-        self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
-        self.held = (ctypes.c_void_p * len(held))(*held)
-        self._squares = np.empty(0)
-
-    def squares(self, batch: _Batch, groups: int) -> tuple[Floats, NDArray[np.int64]]:
-        """Room for the errors of some groups, and how much of it is filled."""
-        filled = np.zeros((groups, len(batch.receivers)), np.int64)
-        shape = (*filled.shape, batch.room, len(LENGTHS), batch.lanes)
-        size = math.prod(shape) if batch.percentages else 0
-        if self._squares.size < size:
-            self._squares = np.empty(size)
-        return self._squares[:size].reshape(shape if size else 0), filled
-
-    def _aligned(self, size: int) -> int:
-        memory = np.zeros(size + 64, np.uint8)
-        self._kept.append(memory)
-        address: int = memory.ctypes.data
-        return address + -address % 64
-
-
-def _places(component: PlannedComponent) -> dict[str, int]:
-    """First element of each variable; ours are numbered in order of their value references."""
-    return {p.name: min(p.references) - 1 for p in component.ports.values()}
-
-
-def _starts(component: PlannedComponent, engine: Engine) -> Floats:
-    """Parameters and inputs at the start, as in the plan."""
-    values = np.zeros(engine.parameters + engine.inputs)
-    places = _places(component)
-    for port in component.ports.values():
-        if port.causality in ("parameter", "input") and port.start is not None:
-            values[places[port.name] : places[port.name] + port.size] = port.start
-    for setting in component.settings:
-        place = places[setting.port.name]
-        values[place : place + setting.port.size] = setting.values
-    return values
 
 
 __all__ = ["Outcome", "execute", "unsupported"]

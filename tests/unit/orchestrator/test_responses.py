@@ -155,7 +155,7 @@ def study_record(folder: Path, run_id: str) -> Any:
     from sblcosim.study.replay import replay
 
     result = replay(folder, run_id)
-    return result.data
+    return result.record
 
 
 FILE = """

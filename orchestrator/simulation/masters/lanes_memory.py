@@ -1,0 +1,115 @@
+"""Memory of a thread of the lanes master, and what is made of it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plan import PlannedComponent
+from .lanes_driver import LENGTHS, MOMENT, Engine, Floats
+
+
+class Batch(Protocol):
+    """What `Memory` has to know of the runs."""
+
+    engines: list[Any]
+    needs_holding: list[bool]
+    remembered: int
+    lanes: int
+    receivers: list[str]
+    percentages: tuple[int, ...]
+
+    @property
+    def room(self) -> int:
+        """Most estimates of a run."""
+
+
+class Memory:
+    """Blocks for one thread."""
+
+    def __init__(self, batch: Batch) -> None:
+        self._kept: list[NDArray[np.uint8]] = []
+        blocks, held = [], []
+        for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
+            k = engine.contents
+            blocks.append(self._aligned(k.block_size))
+            size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
+            held.append(self._aligned(size) if holds else None)
+        self.moments = self._aligned(batch.remembered * MOMENT * batch.lanes * 8)
+        self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
+        self.held = (ctypes.c_void_p * len(held))(*held)
+        self._squares = np.empty(0)
+
+    def squares(self, batch: Batch, groups: int) -> tuple[Floats, NDArray[np.int64]]:
+        """Room for the errors of some groups, and how much of it is filled."""
+        filled = np.zeros((groups, len(batch.receivers)), np.int64)
+        shape = (*filled.shape, batch.room, len(LENGTHS), batch.lanes)
+        size = math.prod(shape) if batch.percentages else 0
+        if self._squares.size < size:
+            self._squares = np.empty(size)
+        return self._squares[:size].reshape(shape if size else 0), filled
+
+    def _aligned(self, size: int) -> int:
+        memory = np.zeros(size + 64, np.uint8)
+        self._kept.append(memory)
+        address: int = memory.ctypes.data
+        return address + -address % 64
+
+
+def in_order(
+    squares: Floats,
+    filled: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    percentages: Sequence[int],
+) -> Floats:
+    """Order statistics of the lengths of the errors of some groups.
+
+    Parameters
+    ----------
+    squares
+        Of the lengths [m²], infinite where a lane has none; shape (groups, receivers, room,
+        len(LENGTHS), lanes).
+    filled
+        Rows that hold some; shape (groups, receivers).
+    counts
+        Estimates; shape (groups, receivers, lanes).
+
+    Returns
+    -------
+    Floats
+        [m]; shape (groups, receivers, len(LENGTHS), lanes, len(percentages)).
+    """
+    shape = (*filled.shape, len(LENGTHS), counts.shape[-1], len(percentages))
+    order = np.full(shape, np.nan)
+    at = np.maximum(-(-counts[..., None] * np.array(percentages) // 100) - 1, 0)
+    for index in np.ndindex(filled.shape):
+        if filled[index]:
+            # A vectorised sort; what is infinite comes last.
+            ordered = squares[index][: filled[index]].transpose(1, 2, 0).copy()
+            ordered.sort(axis=-1)
+            found = np.take_along_axis(ordered, at[index][None], axis=-1)
+            order[index] = np.where(counts[index][:, None] > 0, np.sqrt(found), np.nan)
+    return order
+
+
+def first_elements(component: PlannedComponent) -> dict[str, int]:
+    """First element of each variable; ours are numbered in order of their value references."""
+    return {p.name: min(p.references) - 1 for p in component.ports.values()}
+
+
+def starts_of(component: PlannedComponent, engine: Engine) -> Floats:
+    """Parameters and inputs at the start, as in the plan."""
+    values = np.zeros(engine.parameters + engine.inputs)
+    first = first_elements(component)
+    for port in component.ports.values():
+        if port.causality in ("parameter", "input") and port.start is not None:
+            values[first[port.name] : first[port.name] + port.size] = port.start
+    for setting in component.settings:
+        place = first[setting.port.name]
+        values[place : place + setting.port.size] = setting.values
+    return values
