@@ -14,9 +14,10 @@ import platform
 import shutil
 import sys
 import time
-from sblcosim.scenario.wiring import connect
 from dataclasses import replace
 from pathlib import Path
+
+from sblcosim.scenario.wiring import connect
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, too
 

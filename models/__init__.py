@@ -11,17 +11,17 @@ from .range_model.variables import COMPONENT as _RANGE_MODEL
 from .receiver.variables import EKF, MULTILATERATION, SEQUENTIAL
 from .target.variables import COMPONENT as _TARGET
 
+RECEIVERS: Mapping[str, Component] = {
+    "ekf": EKF,
+    "sequential": SEQUENTIAL,
+    "multilateration": MULTILATERATION,
+}
 COMPONENTS: Mapping[str, Component] = {
     "target": _TARGET,
     "platform": _PLATFORM,
     "acoustics": _ACOUSTICS,
-    "ekf": EKF,
-    "sequential": SEQUENTIAL,
-    "multilateration": MULTILATERATION,
+    **RECEIVERS,
     "range_model": _RANGE_MODEL,
-}
-RECEIVERS: Mapping[str, Component] = {
-    name: COMPONENTS[name] for name in ("ekf", "sequential", "multilateration")
 }
 
 

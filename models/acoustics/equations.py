@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi, sqrt
 from typing import Any
 
@@ -11,14 +12,11 @@ from ..equations import Draw, Equations, Symbols, Values
 from ..ports import BEACONS
 from .variables import OUTLIERS
 
-_DRAWS = (
-    Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
-    Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
-    Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
-    Draw("noise", "normal", "tick", 1, ("range_std",)),
-)
 _UNIFORMS = 2.0**53
 """How many values a uniform draw has."""
+
+RangeError = Callable[[Symbols, Symbols], Any]
+"""``error(p, w)``: what is added to a range in m, from the parameters and the draws."""
 _EXPONENTIAL = next(value for value, name in OUTLIERS.items() if name == "exponential")
 
 
@@ -61,6 +59,27 @@ def _excess(p: Symbols, w: Symbols) -> Any:
     )
 
 
+def _noise(p: Symbols, w: Symbols) -> Any:
+    """White noise in m."""
+    return p.range_std * w.noise
+
+
+def _outlier(p: Symbols, w: Symbols) -> Any:
+    """The excess of a range that is an outlier, in m."""
+    return ca.if_else(w.outlier < p.outlier_probability * _UNIFORMS, _excess(p, w), 0)
+
+
+RANGE_ERRORS: tuple[RangeError, ...] = (_noise, _outlier)
+"""All errors that are added to a range."""
+_DRAWS = (
+    Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
+    Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
+    Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
+    Draw("noise", "normal", "tick", 1, ("range_std",)),
+)
+"""The draws of the errors and of the loss; a new one comes last, so that the others stay."""
+
+
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     turn = (k - 1) - BEACONS * ca.floor((k - 1) / BEACONS)
     is_turn = [turn == i for i in range(BEACONS)]
@@ -72,12 +91,9 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         p.clock_offset + p.clock_drift * (t - x.start)
         + p.processing_delay - p.processing_delay_correction
     )
-    is_outlier = w.outlier < p.outlier_probability * _UNIFORMS
-    measured = (
-        p.assumed_sound_speed * (true_range / p.sound_speed + delay)
-        + p.range_std * w.noise
-        + ca.if_else(is_outlier, _excess(p, w), 0)
-    )
+    measured = p.assumed_sound_speed * (true_range / p.sound_speed + delay)
+    for error in RANGE_ERRORS:
+        measured = measured + error(p, w)
     received = w.loss >= p.loss_probability * _UNIFORMS
 
     def latch(new: Any, old: Any) -> Any:

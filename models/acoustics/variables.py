@@ -12,7 +12,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
-from ..ports import BEACONS, BEACON_POSITIONS, MOTION, RECEPTION, ports, terminal
+from ..ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION, ports, terminal
 
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 

@@ -16,7 +16,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
-from ..ports import BEACONS, BEACON_POSITIONS, ports
+from ..ports import BEACON_POSITIONS, BEACONS, ports
 
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}

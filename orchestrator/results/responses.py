@@ -90,7 +90,7 @@ class Response:
     Attributes
     ----------
     name
-        Of its column, after the receiver's; what ends in ``_m`` is in metres.
+        Of its column, after the receiver's; what ends in ``_m`` or ``_s`` is in m or s.
     words
         For people.
     definition
@@ -128,7 +128,7 @@ class Response:
 
 def unit_of(column: str) -> str:
     """Unit of a response, from its name."""
-    return "m" if column.endswith("_m") else ""
+    return next((unit for unit in ("m", "s") if column.endswith(f"_{unit}")), "")
 
 
 # --- Those that are shipped ----------------------------------------------------------------------
@@ -235,6 +235,16 @@ def _percentiles() -> Iterator[Response]:
             )
 
 
+def _time_to_first_fix(run: Run) -> float:
+    epochs = run.judged.epoch_s[~run.judged.broken]
+    return float(epochs[0] - run.record.time_ns[0] / 1e9) if len(epochs) else float("nan")
+
+
+def _defined() -> Iterator[Response]:
+    """Those that are nothing but their definition: a run with one is done alone."""
+    yield Response("first_fix_s", "time to the first fix", _time_to_first_fix)
+
+
 def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response]:
     named: dict[str, Response] = {}
     for response in responses:
@@ -245,8 +255,10 @@ def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response
 
 
 PERCENTILES = _registered(_percentiles())
-"""The order statistics of the lengths of the errors; a study has those that it asks for."""
-RESPONSES = _registered((*_shipped(), *PERCENTILES.values()))
+"""The order statistics of the lengths of the errors, which all masters know."""
+ON_REQUEST = _registered((*PERCENTILES.values(), *_defined()))
+"""What a study notes if it asks for it."""
+RESPONSES = _registered((*_shipped(), *ON_REQUEST.values()))
 """All responses that are shipped, by name."""
 
 
@@ -355,7 +367,7 @@ def value_of(response: Response, run: Run) -> float:
 
 def readable(name: str) -> str:
     """A name that nobody has words for."""
-    return name.removesuffix("_m").replace("_", " ")
+    return name.removesuffix("_m").removesuffix("_s").replace("_", " ")
 
 
 def _of_name(name: str) -> Response:

@@ -25,7 +25,7 @@ from ..errors import (
     SblcosimError,
     check_choice,
 )
-from ..results.responses import Response
+from ..results.responses import PERCENTILES, Response
 from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
@@ -195,13 +195,13 @@ def prepare(
         )
     ]
     _check_effects(study, points)
-    functions = any(not r.shipped for r in study.asked)
-    if functions and master == "lanes":
+    alone = [r.name for r in study.asked if r.name not in PERCENTILES]
+    if alone and master == "lanes":
         raise ConfigurationError(
-            "master: must not be lanes where responses are functions, which need a record"
+            f"master: must not be lanes with a response that needs a record, got {alone[0]}"
         )
     fmus = {c.name: c.source.sha256 for c in plans[0].components if isinstance(c.source, Fmu)}
-    groups = _groups(points, plans, free, master, functions)
+    groups = _groups(points, plans, free, master, bool(alone))
     return Campaign(
         study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
     )
@@ -350,9 +350,9 @@ def _groups(
     plans: Sequence[Plan],
     free: Iterable[str],
     master: str | None,
-    functions: bool,
+    alone: bool,
 ) -> tuple[Group, ...]:
-    """Points that differ in parameters only; functions need records, and so each run alone."""
+    """Points that differ in parameters only; a run alone has a record."""
     alike: dict[Any, list[int]] = {}
     for place, (point, plan) in enumerate(zip(points, plans, strict=True)):
         specs = point.system.components
@@ -375,7 +375,7 @@ def _groups(
     groups = []
     for places in alike.values():
         plan = plans[places[0]]
-        if functions:
+        if alone:
             in_lanes = False
         elif master is None:
             in_lanes = lanes_driver.unsupported(plan) is None and native.available()

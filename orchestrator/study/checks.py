@@ -11,7 +11,7 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
-from ..results.responses import ALL_PERCENTILES, PERCENTILES, RESPONSES, Response
+from ..results.responses import ALL_PERCENTILES, ON_REQUEST, RESPONSES, Response
 from ..scenario import effects
 from ..scenario.messages import requirement
 from ..scenario.scenario import SETTERS, Scenario, no_effect
@@ -79,13 +79,13 @@ def _response_problems(study: Definition) -> Iterator[str]:
         if isinstance(entry, Response):
             if seen.setdefault(entry.name, entry).sha256 != entry.sha256:
                 yield f"responses: must have one response {entry.name}, got another of that name"
-        elif entry in RESPONSES and entry not in PERCENTILES:
+        elif entry in RESPONSES and entry not in ON_REQUEST:
             yield f"responses: must not have {entry}, which is always there"
-        elif entry != ALL_PERCENTILES and entry not in PERCENTILES:
-            known = (*PERCENTILES, ALL_PERCENTILES)
+        elif entry != ALL_PERCENTILES and entry not in ON_REQUEST:
+            known = (*ON_REQUEST, ALL_PERCENTILES)
             close = nearest(entry, known) if isinstance(entry, str) else ""
             yield (
-                "responses: must be names of percentiles or FILE.py:FUNCTION, got "
+                "responses: must be names of responses or FILE.py:FUNCTION, got "
                 f"{shortened(instance(entry))}{close}"
             )
 

@@ -12,7 +12,7 @@ from sblcosim.fmus.host.nanoseconds import nanoseconds, settled
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError
-from ..results.responses import ALL_PERCENTILES, PERCENTILES, Response
+from ..results.responses import ALL_PERCENTILES, ON_REQUEST, PERCENTILES, Response
 from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
@@ -104,8 +104,9 @@ class Definition(Table):
     receivers
         As in `sblcosim.run`; none: the scenario's own.
     responses
-        What is noted of each run beside the usual: names of percentiles (``absolute_total_p95_m``;
-        ``percentiles``: all of them), and functions, as ``file.py:function`` or as they are.
+        What is noted of each run beside the usual: names of `sblcosim.results.responses.ON_REQUEST`
+        (``absolute_total_p95_m``), ``percentiles`` for all percentiles, and functions, as
+        ``file.py:function`` or as they are.
     fixed
         Keys of the scenario that are changed for all runs.
     """
@@ -139,8 +140,8 @@ class Definition(Table):
                 found[entry.name] = entry
             elif entry == ALL_PERCENTILES:
                 found |= PERCENTILES
-            elif entry in PERCENTILES:
-                found[entry] = PERCENTILES[entry]
+            elif entry in ON_REQUEST:
+                found[entry] = ON_REQUEST[entry]
         return tuple(found.values())
 
     @cached_property

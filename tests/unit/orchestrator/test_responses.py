@@ -13,7 +13,14 @@ import sblcosim
 from sblcosim.errors import ConfigurationError
 from sblcosim.results import responses, sums
 from sblcosim.results.definitions import TRUTH, order_statistics
-from sblcosim.results.responses import PERCENTAGES, PERCENTILES, RESPONSES, Run, value_of
+from sblcosim.results.responses import (
+    ON_REQUEST,
+    PERCENTAGES,
+    PERCENTILES,
+    RESPONSES,
+    Run,
+    value_of,
+)
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.masters import lanes
@@ -51,7 +58,7 @@ def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -
     for receiver in RECEIVERS:
         made = sums.responses(sums.sums_of(record, receiver, settling_ns)[None], span).iloc[0]
         run = Run(record, receiver, settling_ns)
-        assert [*made.index, *PERCENTILES] == list(RESPONSES)
+        assert [*made.index, *ON_REQUEST] == list(RESPONSES)
         for column, value in made.items():
             defined = value_of(RESPONSES[str(column)], run)
             got = math.nan if value is pd.NA else float(value)
@@ -137,6 +144,15 @@ def test_percentiles_are_there_if_they_are_asked_for(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(native, asked, check_exact=True)
 
 
+def test_a_response_without_sums_takes_the_record(tmp_path: Path) -> None:
+    table = study.load(STUDY | {"responses": ["first_fix_s"]}).run(tmp_path / "out")
+    for _, row in table.iterrows():
+        record = study_record(tmp_path / "out", row["run_id"])
+        seen = Run(record, "ekf").judged.epoch_s[0]
+        assert row["ekf.first_fix_s"] == seen
+    assert RESPONSES["first_fix_s"].unit == "s"
+
+
 def test_a_function_is_a_response_wherever_it_is_run(tmp_path: Path) -> None:
     made = study.load(STUDY, responses=[worst_after_three_seconds_m])
     here = made.run(tmp_path / "here")
@@ -208,9 +224,9 @@ def test_a_function_that_fails_is_told_in_the_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("absolute_total_p96_m", "percentiles or FILE.py:FUNCTION, got .*did you mean"),
+        ("absolute_total_p96_m", "responses or FILE.py:FUNCTION, got .*did you mean"),
         ("lost", "must not have lost, which is always there"),
-        (3, "must be names of percentiles or FILE.py:FUNCTION, got 3"),
+        (3, "must be names of responses or FILE.py:FUNCTION, got 3"),
         ("none.py:mine", "'none.py:mine' must be FILE.py:FUNCTION, got no file 'none.py'"),
         ("mine.py:share_abov", "must name a function of 'mine.py', .*did you mean 'share_above'"),
         ("broken.py:f", r"'broken.py:f' must be importable, got ZeroDivisionError: division by"),
@@ -243,5 +259,5 @@ def test_a_name_belongs_to_one_response() -> None:
 
 def test_lanes_cannot_do_functions() -> None:
     made = study.load(STUDY, responses=[worst_after_three_seconds_m])
-    with pytest.raises(ConfigurationError, match="master: must not be lanes where responses are"):
+    with pytest.raises(ConfigurationError, match="master: must not be lanes with a response"):
         campaign.prepare(made, master="lanes")

@@ -1,0 +1,135 @@
+"""The recipes of CONTRIBUTING.md, done in a copy of the sources, and run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = {"orchestrator": "", "models": "models", "fmus": "fmus"}
+
+
+def recipe(title: str) -> list[tuple[str, str]]:
+    """The blocks of a section: their languages and texts."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    section = re.split(r"^## ", text.partition(f"\n## {title}\n")[2], flags=re.MULTILINE)[0]
+    return re.findall(r"^```(\w+)\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
+
+
+def changed(text: str, lines: list[str]) -> str:
+    """A text with the change of a block: lines begin with a space, ``-`` or ``+``."""
+    old = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "-"))
+    new = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "+"))
+    assert text.count(old) == 1, f"must be there once, is there {text.count(old)} times:\n{old}"
+    return text.replace(old, new)
+
+
+class Copy:
+    """A copy of the sources, and a Python that uses it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.package = folder, folder / "package" / "sblcosim"
+        for name, inner in FOLDERS.items():
+            shutil.copytree(
+                ROOT / name, self.package / inner, dirs_exist_ok=True,
+                ignore=shutil.ignore_patterns("__pycache__", "ready"),
+            )  # fmt: skip
+
+    def path(self, name: str) -> Path:
+        folder, _, rest = name.partition("/")
+        return self.package / FOLDERS[folder] / rest
+
+    def follow(self, blocks: list[tuple[str, str]]) -> list[str]:
+        """Do what the blocks say; the commands are left."""
+        commands: list[str] = []
+        for language, text in blocks:
+            first, _, rest = text.partition("\n")
+            if language == "python":
+                self.path(first.removeprefix("# ")).write_text(rest, "utf-8")
+            elif language == "diff":
+                path = self.path(first.removeprefix("--- "))
+                path.write_text(changed(path.read_text("utf-8"), rest.splitlines()), "utf-8")
+            else:
+                commands.append(text)
+        return commands
+
+    def run(self, commands: str) -> str:
+        """Run commands of a shell, with ``sblcosim`` from the copy."""
+        script = commands.replace("sblcosim ", f"'{sys.executable}' -m sblcosim ")
+        done = subprocess.run(
+            ["sh", "-euc", script], cwd=self.folder, capture_output=True, text=True, check=False,
+            env=os.environ | {"PYTHONPATH": str(self.package.parent), "MPLBACKEND": "Agg"},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert "warning" not in done.stderr
+        return done.stdout
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Copy:
+    return Copy(tmp_path)
+
+
+def errors(copy: Copy, run: str) -> pd.DataFrame:
+    return pd.read_parquet(copy.folder / "runs" / run / "errors.parquet")
+
+
+def done(copy: Copy, title: str) -> str:
+    (commands,) = copy.follow(recipe(title))
+    return copy.run(commands)
+
+
+SHORT = "sblcosim run harbour-square --no-figures --set time.duration_s=20"
+
+
+def test_a_receiver(copy: Copy) -> None:
+    done(copy, "Add a receiver")
+    table = errors(copy, "direct")
+    assert {"direct", "raw"} == set(table["receiver"])
+    assert (table["n"] > 0).all()
+    assert "direct" in copy.run("sblcosim receivers")
+
+
+def test_an_error_of_the_ranges(copy: Copy) -> None:
+    copy.run(f"{SHORT} --out runs/before")
+    done(copy, "Add an error of the ranges")
+    copy.run(f"{SHORT} --out runs/without")
+    pd.testing.assert_frame_equal(errors(copy, "before"), errors(copy, "without"))
+    assert errors(copy, "bubbles")["rms_m"].mean() > errors(copy, "without")["rms_m"].mean()
+
+
+def test_a_trajectory(copy: Copy) -> None:
+    done(copy, "Add a trajectory")
+    # On a zigzag of 45 degrees the course is sqrt(2) times as long as its progress.
+    record = pd.read_parquet(copy.folder / "runs" / "zigzag" / "record.parquet")
+    north = record["target.position[1]"].to_numpy()
+    east = record["target.position[2]"].to_numpy()
+    steps = np.hypot(np.diff(north), np.diff(east))
+    assert steps.sum() > 1.3 * np.hypot(north[-1] - north[0], east[-1] - east[0]) > 1.0
+
+
+def test_a_response(copy: Copy) -> None:
+    done(copy, "Add a response")
+    table = pd.read_parquet(copy.folder / "studies" / "mine" / "runs.parquet")
+    (column,) = [c for c in table if c.endswith(".settled_s")]
+    assert 0.0 <= table[column][0] <= 20.0
+
+
+def test_a_figure(copy: Copy) -> None:
+    done(copy, "Add a figure")
+    names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
+    assert {"depth.svg", "depth.png", "errors.svg"} <= names
+
+
+def test_a_block_that_no_longer_fits_is_noticed() -> None:
+    with pytest.raises(AssertionError, match="must be there once, is there 0 times"):
+        changed("a\nb\n", ["-c", "+d"])
+    assert changed("a\nb\n", [" a", "-b", "+d"]) == "a\nd\n"
