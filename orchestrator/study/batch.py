@@ -157,13 +157,7 @@ def _one_by_one(
     children: Children,
 ) -> Reduced:
     """As `_side_by_side`, through records."""
-    known = {c.name for c in group.plan.columns}
-    ports = [f"{label}.{port}" for label in campaign.receivers for port in PORTS]
-    record = [name for name in (*TRUTH, *ports) if name in known]
-    for name in (*TRUTH, *(f"{r}.{p}" for r in campaign.receivers for p in _NEEDED)):
-        if name not in known:
-            raise ConfigurationError(f"{name}: must be an output, to judge the runs by, got none")
-
+    record = _to_record(campaign, group)
     stopped = threading.Event()
 
     def executed(plan: Plan) -> Record:
@@ -210,6 +204,16 @@ def _one_by_one(
             raise
     sums, extra = (np.array([m[i] for m in made]) for i in (0, 1))
     return sums, extra, [m[2] for m in made]
+
+
+def _to_record(campaign: Campaign, group: Group) -> list[str]:
+    """Outputs to judge the runs by."""
+    known = {c.name for c in group.plan.columns}
+    ports = [f"{label}.{port}" for label in campaign.receivers for port in PORTS]
+    for name in (*TRUTH, *(f"{r}.{p}" for r in campaign.receivers for p in _NEEDED)):
+        if name not in known:
+            raise ConfigurationError(f"{name}: must be an output, to judge the runs by, got none")
+    return [name for name in (*TRUTH, *ports) if name in known]
 
 
 def _reduced(

@@ -17,7 +17,24 @@ MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS = 450, 60, 7
 
 LONG_MODULES: dict[str, str] = {}
 """Modules that are one thing all the same, and what."""
-LONG_FUNCTIONS: dict[str, str] = {}
+_OPTIONS = "its options are documented, and given by keyword"
+_COMMAND = "a command: each of its options is an argument"
+LONG_FUNCTIONS = {
+    "analysis.advice.advise": _OPTIONS,
+    "analysis.factorial.analyse": _OPTIONS,
+    "analysis.workflow.advice_on_study": _OPTIONS,
+    "analysis.workflow.of_table": _OPTIONS,
+    "api.run": _OPTIONS,
+    "calibrate.calibrate": _OPTIONS,
+    "cli.simulate.calibrate": _COMMAND,
+    "cli.simulate.run": _COMMAND,
+    "cli.studies.advise": _COMMAND,
+    "cli.studies.analyse": _COMMAND,
+    "cli.studies.study": _COMMAND,
+    "report.study.save": _OPTIONS,
+    "simulation.masters.lanes.execute": _OPTIONS,
+    "study.runner.run": _OPTIONS,
+}
 """Functions that are longer, or take more, and why."""
 
 
@@ -80,13 +97,18 @@ def rooms() -> dict[str, tuple[str, ...]]:
     """The table of rooms in ARCHITECTURE.md: folders or modules, and what each may import."""
     text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
     table = text.partition("<!-- rooms -->\n")[2].partition("\n\n")[0]
-    found = {}
+    found: dict[str, tuple[str, ...]] = {}
     for line in table.splitlines()[2:]:
         room, _, allowed = (cell.strip() for cell in line.strip("|").split("|"))
+        named = tuple(name.rstrip("/") for name in re.findall(r"`([^`]+)`", allowed))
+        if allowed.startswith("all above but "):
+            named = tuple(r for r in found if not r.endswith(allowed.split()[-1]))
+        elif allowed.startswith("all above"):
+            named = tuple(found)
+        elif allowed.startswith("all up to "):
+            named = tuple(found)[: list(found).index(named[0]) + 1]
         for name in re.findall(r"`([^`]+)`", room):
-            found[name.rstrip("/")] = tuple(
-                cell.rstrip("/") for cell in re.findall(r"`([^`]+)`", allowed)
-            )
+            found[name.rstrip("/")] = named
     return found
 
 
