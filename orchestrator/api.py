@@ -12,7 +12,8 @@ from sblcosim.fmus.read.ports import Fmu
 
 from .errors import ConfigurationError, nearest
 from .results.definitions import TRUTH
-from .results.result import Result, RunDescription
+from .results.description import RunDescription
+from .results.result import Result
 from .scenario.overrides import Overrides
 from .scenario.scenario import Receivers, Scenario, Source, load
 from .scenario.schema import CORE_COMPONENTS

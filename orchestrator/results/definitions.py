@@ -57,6 +57,8 @@ POSITION_STATES = [0, 2, 4]
 CONFIDENCE = 0.95
 PIVOT = 1e-14
 """Least share of a diagonal element that is left of it as a pivot; as ``PIVOT`` in the C."""
+PERCENTAGES = (50, 67, 95, 100)
+"""Order statistics of the errors that are shipped; 100 is the largest."""
 TRUTH = (
     "target.position", "target.velocity", "platform.position", "platform.beacon_position",
     "platform.reported_beacon_position",
@@ -174,6 +176,11 @@ def length_squares(judged: Judged) -> dict[str, Floats]:
         squares[f"{frame}_horizontal"] = error[:, 0] * error[:, 0] + error[:, 1] * error[:, 1]
         squares[f"{frame}_total"] = total
     return squares
+
+
+def percentile_column(percentage: int) -> str:
+    """Column of an order statistic: ``p95_m``, or ``max_m`` for 100."""
+    return "max_m" if percentage == 100 else f"p{percentage}_m"
 
 
 def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:

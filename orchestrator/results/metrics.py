@@ -18,6 +18,7 @@ from ..simulation.record import NEVER
 from .definitions import (
     AXES,
     FRAMES,
+    PERCENTAGES,
     POSITION_STATES,
     Judged,
     Nanoseconds,
@@ -27,6 +28,8 @@ from .definitions import (
     judge,
     nees,
     of_position,
+    order_statistics,
+    percentile_column,
 )
 from .definitions import lost as lost_by
 
@@ -148,6 +151,34 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                 }
     table = pd.DataFrame.from_dict(rows, orient="index")
     table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "axis"])
+    return table
+
+
+def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Order statistics of the lengths of the errors over all valid estimates.
+
+    Parameters
+    ----------
+    tracks
+        What `track` returns, by receiver.
+
+    Returns
+    -------
+    table
+        Index: receiver, frame (``absolute``, ``relative``), length (``horizontal``, ``total``).
+        Columns [m]: ``p50_m`` (of the horizontal error: CEP50), ``p67_m``, ``p95_m`` (R95) and
+        ``max_m``: x₍⌈p n / 100⌉₎ of n estimates.
+    """
+    rows = {}
+    for receiver, estimates in tracks.items():
+        for frame in FRAMES:
+            x, y = (estimates[error_column(frame, axis)].to_numpy() for axis in ("x", "y"))
+            total = estimates[error_column(frame, "total")].to_numpy()
+            for length, values in (("horizontal", np.sqrt(x * x + y * y)), ("total", total)):
+                rows[receiver, frame, length] = order_statistics(values, PERCENTAGES)
+    columns = [percentile_column(p) for p in PERCENTAGES]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "length"])
     return table
 
 

@@ -19,7 +19,7 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -35,19 +35,19 @@ from ..simulation.record import Record
 from .definitions import (
     AXES,
     FRAMES,
+    PERCENTAGES,
     Judged,
     chosen,
     inconsistent,
     judge,
     length_squares,
     order_statistics,
+    percentile_column,
 )
 from .metrics import availability, lost
 
 Floats = NDArray[np.float64]
 
-PERCENTAGES = (50, 67, 95, 100)
-"""Order statistics of the errors that are shipped; 100 is the largest."""
 ALL_PERCENTILES = "percentiles"
 """In a study file: all of them."""
 
@@ -83,7 +83,6 @@ class Run:
         return chosen(self.judged, ~self.judged.broken & (after <= self.judged.epoch_s))
 
 
-@dataclass(frozen=True, eq=False)
 class Response:
     """A number per run and receiver.
 
@@ -103,13 +102,21 @@ class Response:
         Of a function of somebody's own: where it comes from, and the hash of its source.
     """
 
-    name: str
-    words: str
-    definition: Callable[[Run], Any]
-    shipped: bool = True
-    needs_covariance: bool = False
-    origin: str = ""
-    sha256: str = ""
+    # No dataclass: pydantic, which holds it in a study, would take it apart.
+    def __init__(
+        self,
+        name: str,
+        words: str,
+        definition: Callable[[Run], Any],
+        shipped: bool = True,
+        *,
+        needs_covariance: bool = False,
+        origin: str = "",
+        sha256: str = "",
+    ) -> None:
+        self.name, self.words, self.definition = name, words, definition
+        self.shipped, self.needs_covariance = shipped, needs_covariance
+        self.origin, self.sha256 = origin, sha256
 
     @property
     def unit(self) -> str:
@@ -227,12 +234,12 @@ def _shipped() -> Iterator[Response]:
 def _percentiles() -> Iterator[Response]:
     for length in LENGTHS:
         frame, _, what = length.partition("_")
-        text = f"{what} error" + (" relative to the platform" if frame == "relative" else "")
+        beside = " relative to the platform" if frame == "relative" else ""
         for p in PERCENTAGES:
-            name, words = (f"p{p}", f"{p} % of the") if p < 100 else ("max", "largest")
-            yield Response(
-                f"{length}_{name}_m", f"{words} {text}", partial(_percentile, length, p)
-            )
+            words = f"{what} error's {p}th percentile" if p < 100 else f"largest {what} error"
+            name = f"{length}_{percentile_column(p)}"
+            text = f"{words}{beside} in a run"
+            yield Response(name, text, partial(_percentile, length, p))
 
 
 def _time_to_first_fix(run: Run) -> float:
@@ -325,7 +332,8 @@ def of_file(text: str, folder: Path) -> Response:
         )
     made = of_function(getattr(module, name), text)
     # The whole file: the function may use what else is in it.
-    return replace(made, sha256=hashlib.sha256(source).hexdigest())
+    made.sha256 = hashlib.sha256(source).hexdigest()
+    return made
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -17,7 +16,8 @@ from ..scenario.wiring import RAW
 from . import figures as plots
 from . import metrics
 from .catalogue import Figure, by_name, jobs
-from .definitions import AXES, FRAMES, judge
+from .definitions import AXES, FRAMES, PERCENTAGES, judge
+from .description import RunDescription
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
@@ -59,57 +59,6 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
 )
 """The figures in a run's folder."""
-
-
-@dataclass(frozen=True, eq=False)
-class RunDescription:
-    """What is known about a run beside its record.
-
-    Attributes
-    ----------
-    scenario_name
-        What the run is called.
-    scenario
-        The scenario as it was run, with defaults: a pydantic model, or plain data.
-    receivers
-        Names of the receivers, the main one first.
-    fmus
-        What identifies each component's FMU (its SHA-256), by component.
-    seeds
-        Seeds by component.
-    origins
-        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
-    remarks
-        What else there is to know about the run, in sentences.
-    """
-
-    scenario_name: str
-    scenario: Any
-    receivers: Sequence[str]
-    fmus: Mapping[str, Any] = field(default_factory=dict)
-    seeds: Mapping[str, int] = field(default_factory=dict)
-    origins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    remarks: Sequence[str] = ()
-
-    def manifest(self) -> dict[str, Any]:
-        """The run's part of the manifest of its folder; equal for equal runs."""
-        scenario = self.scenario
-        if hasattr(scenario, "model_dump"):
-            scenario = scenario.model_dump(mode="json")
-            for table in scenario.values():
-                if isinstance(table, dict) and table.get("fmu"):
-                    table["fmu"] = Path(table["fmu"]).name
-        return {
-            "scenario_name": self.scenario_name,
-            "receivers": [
-                {"label": name, **artifacts.plain(self.origins.get(name, {}))}
-                for name in self.receivers
-            ],
-            "remarks": list(self.remarks),
-            "seeds": artifacts.plain(self.seeds),
-            "fmus": artifacts.plain(self.fmus),
-            "scenario": artifacts.plain(scenario),
-        }
 
 
 class Result:
@@ -204,6 +153,14 @@ class Result:
         return metrics.error_table(self.estimates)
 
     @cached_property
+    def percentiles(self) -> pd.DataFrame:
+        """Order statistics of the errors [m], CEP50 and R95 among them.
+
+        See `metrics.percentile_table`.
+        """
+        return metrics.percentile_table(self.estimates)
+
+    @cached_property
     def summary(self) -> pd.DataFrame:
         """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
 
@@ -272,7 +229,7 @@ class Result:
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
     ) -> Path:
-        """Write record, estimates, errors, summary, manifest and figures into a folder.
+        """Write record, estimates, tables, manifest and figures into a folder.
 
         The folder appears when it is complete. An earlier result of the very same run is replaced.
 
@@ -301,6 +258,7 @@ class Result:
             estimates.insert(0, "receiver", estimates.pop("receiver"))
             artifacts.write_table(estimates, folder, "estimates")
             artifacts.write_table(self.errors.reset_index(), folder, "errors")
+            artifacts.write_table(self.percentiles.reset_index(), folder, "percentiles")
             artifacts.write_table(self.summary.reset_index(), folder, "summary")
             if hasattr(self.scenario, "dump_toml"):
                 (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
@@ -321,11 +279,15 @@ class Result:
         return {**about, "failures": self.failures} if self.failures else about
 
     def to_json(self) -> dict[str, Any]:
-        """Errors and summary as plain data; a number that does not exist is None."""
+        """Errors, percentiles and summary as plain data; a number that there is not is None."""
         errors: dict[str, Any] = {}
         for row in self.errors.reset_index().to_dict(orient="records"):
             receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
             errors.setdefault(receiver, {}).setdefault(frame, {})[axis] = row
+        percentiles: dict[str, Any] = {}
+        for row in self.percentiles.reset_index().to_dict(orient="records"):
+            receiver, frame, length = (row.pop(n) for n in ("receiver", "frame", "length"))
+            percentiles.setdefault(receiver, {}).setdefault(frame, {})[length] = row
         result: dict[str, Any] = artifacts.plain(
             {
                 "scenario_name": self.scenario_name,
@@ -333,6 +295,7 @@ class Result:
                 "remarks": self.remarks,
                 **({"failures": self.failures} if self.failures else {}),
                 "errors": errors,
+                "percentiles": percentiles,
                 "summary": self.summary.to_dict(orient="index"),
             }
         )
@@ -358,9 +321,28 @@ class Result:
                     for frame in FRAMES
                 )
                 lines.append(f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}")
+        lines += ["", *self._within(width)]
         for receiver in self.receivers:
             lines += ["", *self._about(receiver)]
         return "\n".join([*lines, "", *self._notes()])
+
+    def _within(self, width: int) -> Iterator[str]:
+        """The percentiles as a table."""
+        heads = [f"{p} %" if p < 100 else "all" for p in PERCENTAGES]
+        part = "".join(f"{head:>7}" for head in heads)
+        size = len(part)
+        title = f"{'Within [m]':<{width + 11}}"
+        yield f"{title}{'absolute':^{size}}   {'relative to the platform':^{size}}".rstrip()
+        yield f"{'receiver':<{width}}{'error':<11}{part}   {part}"
+        table = self.percentiles
+        percentiles = dict(zip(table.index, table.to_numpy(), strict=True))
+        for receiver in self.receivers:
+            for length in ("horizontal", "total"):
+                cells = "   ".join(
+                    "".join(f"{value:7.3f}" if pd.notna(value) else f"{'–':>7}" for value in row)
+                    for row in (percentiles[receiver, f, length] for f in FRAMES)
+                )
+                yield f"{receiver if length == 'horizontal' else '':<{width}}{length:<11}{cells}"
 
     def _about(self, receiver: str) -> list[str]:
         """Availability and consistency of a receiver in words."""
@@ -423,6 +405,7 @@ class Result:
         notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
+            f"{self.percentiles.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
 

@@ -14,8 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, one_line
-from ..results.definitions import TRUTH
-from ..results.responses import PERCENTAGES, PERCENTILES, Response, value_of
+from ..results.definitions import PERCENTAGES, TRUTH
+from ..results.responses import PERCENTILES, Response, value_of
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution

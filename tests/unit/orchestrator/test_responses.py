@@ -12,10 +12,9 @@ import pytest
 import sblcosim
 from sblcosim.errors import ConfigurationError
 from sblcosim.results import responses, sums
-from sblcosim.results.definitions import TRUTH, order_statistics
+from sblcosim.results.definitions import PERCENTAGES, TRUTH, order_statistics
 from sblcosim.results.responses import (
     ON_REQUEST,
-    PERCENTAGES,
     PERCENTILES,
     RESPONSES,
     Run,
@@ -117,6 +116,20 @@ def test_a_percentile_is_the_least_value_that_so_many_do_not_exceed(n: int) -> N
         assert 100 * (values <= found).sum() >= p * n > 100 * (values < found).sum()
 
 
+def test_the_table_of_a_run_has_the_percentiles_of_its_responses() -> None:
+    result = sblcosim.run("harbour-random", overrides={"time.duration_s": 20.0})
+    for (receiver, frame, length), row in result.percentiles.iterrows():
+        run = Run(result.record, receiver)
+        for column, value in row.items():
+            assert value == value_of(RESPONSES[f"{frame}_{length}_{column}"], run)
+    assert "Within [m]" in str(result)
+    total = result.estimates["ekf"]["error_total_m"]
+    assert any(
+        line.strip().startswith("total ") and f" {total.max():.3f}" in line
+        for line in str(result).splitlines()
+    )
+
+
 def test_without_estimates_there_is_no_percentile() -> None:
     assert np.isnan(order_statistics(np.empty(0), PERCENTAGES)).all()
 
@@ -154,13 +167,13 @@ def test_a_response_without_sums_takes_the_record(tmp_path: Path) -> None:
 
 
 def test_a_function_is_a_response_wherever_it_is_run(tmp_path: Path) -> None:
-    made = study.load(STUDY, responses=[worst_after_three_seconds_m])
+    made = study.load(STUDY, responses=[worst_after_three_seconds_m]).with_replicates(2)
     here = made.run(tmp_path / "here")
     for i, row in here.iterrows():
         record = study_record(tmp_path / "here", row["run_id"])
         expected = worst_after_three_seconds_m(Run(record, "ekf", 1_000_000_000))
         assert row["ekf.worst_after_three_seconds_m"] == expected, i
-    there = study.load(STUDY, responses=[worst_after_three_seconds_m]).run(
+    there = made.run(
         tmp_path / "there", executor="processes", workers=2
     )
     pd.testing.assert_frame_equal(there, here, check_exact=True)

@@ -11,7 +11,8 @@ import pytest
 from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
-from sblcosim.results.result import Result, RunDescription
+from sblcosim.results.description import RunDescription
+from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import shipped
 from sblcosim.simulation.record import Record
 from synthetic_record import make_record, silent
@@ -192,7 +193,7 @@ def test_text_says_why_a_receiver_is_lost():
 def test_html_shows_the_table_and_escapes_the_title(result):
     page = result._repr_html_()
     assert "A hand-made dive &lt;1&gt;" in page
-    assert page.count("<table") == 1
+    assert page.count("<table") == 2
     assert "5.000" in page
 
 
@@ -201,13 +202,14 @@ def test_json_is_plain_and_holds_errors_and_summary(result):
     assert data["scenario_name"] == "dive"
     assert data["errors"]["ekf"]["absolute"]["x"]["rms_m"] == pytest.approx(3)
     assert data["errors"]["ekf"]["absolute"]["x"]["n"] == 99
+    assert data["percentiles"]["ekf"]["absolute"]["total"]["max_m"] == pytest.approx(5)
     assert data["summary"]["ekf"]["inconsistent"] is True
 
 
 def test_saved_folder_is_complete(result, tmp_path):
     folder = result.save(tmp_path / "run")
     present = {path.name for path in folder.iterdir()}
-    tables = ("record", "estimates", "errors", "summary")
+    tables = ("record", "estimates", "errors", "percentiles", "summary")
     assert present == {
         "manifest.json", "scenario.toml",
         *(f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")),
