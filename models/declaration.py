@@ -310,6 +310,20 @@ def is_one_of(name: str, choices: Mapping[int, str], *chosen: str) -> Condition:
     return Condition(name, tuple(value for value, label in choices.items() if label in chosen))
 
 
+def number_of(choices: Mapping[int, str], name: str) -> int:
+    """The number by which a choice is known in the FMU.
+
+    Raises
+    ------
+    KeyError
+        There is no such choice.
+    """
+    for number, known in choices.items():
+        if known == name:
+            return number
+    raise KeyError(f"a choice must be one of {', '.join(choices.values())}, got {name!r}")
+
+
 def not_zero(*names: str) -> tuple[Condition, ...]:
     """The conditions that parameters are not zero."""
     return tuple(map(Condition, names))

@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from ..declaration import number_of
 from ..equations import Draw, Equations, Symbols, Values
 from ..ports import BEACONS
 from .variables import OUTLIERS
@@ -17,7 +18,7 @@ _UNIFORMS = 2.0**53
 
 RangeError = Callable[[Symbols, Symbols], Any]
 """``error(p, w)``: what is added to a range in m, from the parameters and the draws."""
-_EXPONENTIAL = next(value for value, name in OUTLIERS.items() if name == "exponential")
+_EXPONENTIAL = number_of(OUTLIERS, "exponential")
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:

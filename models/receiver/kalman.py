@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 
+from ..declaration import number_of
 from ..equations import Loop, Symbols, Values
 from . import estimate, fix, measurements
 from .estimate import POSITION, STATES, expand, expand_covariance, pack, unpack
@@ -13,8 +14,8 @@ from .fix import symmetric
 from .measurements import Samples, samples
 from .variables import INITIALISATION, PROCESS_NOISE
 
-_PRIOR = next(k for k, v in INITIALISATION.items() if v == "prior")
-_WHITE = next(k for k, v in PROCESS_NOISE.items() if v == "white_noise_acceleration")
+_PRIOR = number_of(INITIALISATION, "prior")
+_WHITE = number_of(PROCESS_NOISE, "white_noise_acceleration")
 
 
 def initial(p: Symbols, t: Any) -> Values:

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from ..declaration import number_of
 from ..equations import Symbols, Values
 from ..ports import BEACONS
 from .variables import BEACON_POSITION_SOURCE, MEASUREMENT_NOISE
@@ -18,8 +19,8 @@ from .variables import BEACON_POSITION_SOURCE, MEASUREMENT_NOISE
 DEPTH = BEACONS
 """Index of the depth in z."""
 MEASUREMENTS = BEACONS + 1
-_OWN_PACKET = next(k for k, v in BEACON_POSITION_SOURCE.items() if v == "own_packet")
-_VARIANCE = next(k for k, v in MEASUREMENT_NOISE.items() if v == "variance")
+_OWN_PACKET = number_of(BEACON_POSITION_SOURCE, "own_packet")
+_VARIANCE = number_of(MEASUREMENT_NOISE, "variance")
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
-from ..study.design import TIMES
+from ..study.design import INTERACTION_SIGN
 from ..style import LINES, PLAIN, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
@@ -344,4 +344,6 @@ def _wrapped(name: str, width: int) -> str:
 
 def _short(term: str) -> str:
     """Long terms in two lines."""
-    return term if len(term) <= LONGEST_TERM else term.replace(TIMES, f"{TIMES.rstrip()}\n", 1)
+    if len(term) <= LONGEST_TERM:
+        return term
+    return term.replace(INTERACTION_SIGN, f"{INTERACTION_SIGN.rstrip()}\n", 1)

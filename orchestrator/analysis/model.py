@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
-from ..study.design import TIMES
+from ..study.design import INTERACTION_SIGN
 
 Floats = NDArray[np.float64]
 Term = tuple[int, ...]
@@ -146,7 +146,7 @@ def chosen_terms(
     terms: list[Term] = []
     for entry in given:
         if isinstance(entry, str):
-            names = [entry] if entry in factors else entry.split(TIMES)
+            names = [entry] if entry in factors else entry.split(INTERACTION_SIGN)
         else:
             names = list(entry)
         for name in names:
@@ -165,7 +165,7 @@ def chosen_terms(
 
 def term_name(term: Term, factors: Sequence[str]) -> str:
     """``A × B``; of the mean nothing."""
-    return TIMES.join(factors[i] for i in term)
+    return INTERACTION_SIGN.join(factors[i] for i in term)
 
 
 def checked_levels(

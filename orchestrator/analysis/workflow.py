@@ -221,7 +221,7 @@ def _prices(
 
 def _centre(study: Study) -> list[int]:
     """Numbers of the centre points."""
-    return [number for number, centre in enumerate(study.plan.centre, 1) if centre]
+    return [number for number, centre in enumerate(study.points.centre, 1) if centre]
 
 
 def _read(path: Path) -> tuple[str, dict[str, Any]]:

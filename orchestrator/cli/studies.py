@@ -145,7 +145,7 @@ def study(
                     step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
-                _say_how_to_resume(out, settled.replicates * len(settled.plan.points))
+                _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
     if dry_run:
         typer.echo(text)

@@ -52,7 +52,7 @@ def fmu_table(fmus: Mapping[str, str]) -> Table:
 
 def seeding(study: Study) -> str:
     """The seeds of the runs."""
-    last = study.run_seed(len(study.plan.points), study.replicates)
+    last = study.run_seed(len(study.points.values), study.replicates)
     how = {"independent": "each run has its own", "common": "the points of a replicate share one"}
     return f"seeds {study.seed} to {last} ({how[study.seeding]})"
 

@@ -120,7 +120,7 @@ def _again(study: Study, results: Path, command: str) -> Section:
     """How to reproduce."""
     about = store.described(results)
     lines = [
-        f"{len(study.plan.points)} points, {study.replicates} replicates; {seeding(study)}.",
+        f"{len(study.points.values)} points, {study.replicates} replicates; {seeding(study)}.",
     ]
     source, file = study.name, ""
     if source in shipped() and _same(study, load(source)):
@@ -146,7 +146,7 @@ def _same(one: Study, other: Study) -> bool:
 
 def _lead(study: Study, runs: int, failed: int) -> str:
     title = f"{study.title.rstrip('.')}. " if study.title else ""
-    text = f"{title}{runs:,} runs at {len(study.plan.points)} points"
+    text = f"{title}{runs:,} runs at {len(study.points.values)} points"
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 

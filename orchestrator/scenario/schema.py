@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import Component, Variable
+from sblcosim.models.declaration import Component, Variable, number_of
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 
@@ -92,7 +92,7 @@ def in_si(variable: Variable, value: Any) -> Any:
 
 def _scalar_in_si(variable: Variable, value: Any) -> Any:
     if variable.choices is not None:
-        return next(number for number, name in variable.choices.items() if name == value)
+        return number_of(variable.choices, value)
     if variable.unit is not None and variable.unit.startswith("rad"):
         return math.radians(value)
     return value

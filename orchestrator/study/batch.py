@@ -260,7 +260,7 @@ def _table(
 ) -> pd.DataFrame:
     study = campaign.study
     order = {
-        replicate: study.plan.run_order(replicate, study.seed)
+        replicate: study.points.run_order(replicate, study.seed)
         for replicate in {r.replicate for r in runs}
     }
     columns: dict[str, Any] = {

@@ -177,8 +177,8 @@ def prepare(
     if master is not None:
         check_choice("master", master, execution.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    with patience(step_timeout), _warnings_once(len(study.plan.points)):
-        made = [resolved(study, n) for n in range(1, len(study.plan.points) + 1)]
+    with patience(step_timeout), _warnings_once(len(study.points.values)):
+        made = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
     _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
     plans = [plan for _, _, plan in made]
     seeded, handovers = seeded_inputs(study, made[0][1], labels)
@@ -191,7 +191,7 @@ def prepare(
             digest_of(system, plan, free, study.settling_ns, study.asked),
         )
         for number, (values, (_, system, plan)) in enumerate(
-            zip(study.plan.points, made, strict=True), 1
+            zip(study.points.values, made, strict=True), 1
         )
     ]
     _check_effects(study, points)
@@ -220,7 +220,7 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
                 f"s), got {study.settling_time_s}"
             )
     except SblcosimError as error:
-        values = zip(study.factors, study.plan.points[number - 1], strict=True)
+        values = zip(study.factors, study.points.values[number - 1], strict=True)
         at = ", ".join(f"{name} = {value:g}" for name, value in values)
         lines = [f"{study.name}: point {number} ({at}): {s}" for s in str(error).splitlines()]
         raise type(error)("\n".join(lines)) from None
@@ -259,15 +259,15 @@ def _check_effects(study: Definition, points: Iterable[Point]) -> None:
     """Refuse factors that change nothing: their points would be the same runs."""
     first: dict[str, int] = {}
     for point in points:
-        if study.plan.centre[point.number - 1]:
+        if study.points.centre[point.number - 1]:
             continue
         other = first.setdefault(point.digest, point.number)
         if other != point.number:
-            before = study.plan.points[other - 1]
+            before = study.points.values[other - 1]
             differ = [
                 name
                 for name, one, two in zip(
-                    study.factors, before, study.plan.points[point.number - 1], strict=True
+                    study.factors, before, study.points.values[point.number - 1], strict=True
                 )
                 if one != two
             ]

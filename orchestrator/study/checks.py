@@ -18,7 +18,7 @@ from ..scenario.scenario import SETTERS, Scenario, no_effect
 from ..scenario.schema import Table, toml
 from . import design as designs
 from .definition import LONGEST_NAME, RESERVED, Definition, DesignTable, FactorTable
-from .design import TIMES, Number
+from .design import INTERACTION_SIGN, Number
 
 
 def problems(study: Definition) -> Iterator[str]:
@@ -34,7 +34,7 @@ def problems(study: Definition) -> Iterator[str]:
         place = f"[factors.{shortened(name)}]"
         if label in called:
             yield f"{place} label: must differ from that of {called[label]}, got {quoted(label)}"
-        if study.factors[name].label and (TIMES.strip() in label or label in RESERVED):
+        if study.factors[name].label and (INTERACTION_SIGN.strip() in label or label in RESERVED):
             yield f"{place} label: must be a word or a few, got {quoted(label)}"
         called[label] = name
     fixed = set(_flat(study.fixed))
@@ -139,7 +139,7 @@ def _why_idle(study: Definition, key: str) -> str | None:
         for factor in study.factors.values()
     ]
     why, seen = None, set()
-    for number, values in enumerate(study.plan.points, 1):
+    for number, values in enumerate(study.points.values, 1):
         levels = tuple(compress(values, names))
         if levels in seen:
             continue

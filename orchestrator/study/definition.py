@@ -145,8 +145,8 @@ class Definition(Table):
         return tuple(found.values())
 
     @cached_property
-    def plan(self) -> Design:
-        """The points."""
+    def points(self) -> Design:
+        """The design points."""
         factors = [designs.Factor(name, f.levels) for name, f in self.factors.items()]
         table = self.design
         if table.kind == "single":
@@ -200,7 +200,7 @@ class Definition(Table):
 
     def overrides(self, point: int) -> dict[str, Number]:
         """Keys of the scenario and their values at a point (from 1)."""
-        values = self.plan.points[point - 1]
+        values = self.points.values[point - 1]
         return {
             key: value
             for factor, value in zip(self.factors.values(), values, strict=True)
@@ -211,7 +211,7 @@ class Definition(Table):
         """Seed of a run (both from 1)."""
         if self.seeding == "common":
             return self.seed + replicate - 1
-        return self.seed + (replicate - 1) * len(self.plan.points) + point - 1
+        return self.seed + (replicate - 1) * len(self.points.values) + point - 1
 
     @property
     def settling_ns(self) -> int:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, quoted
 
 Number = int | float
-TIMES = " × "
+INTERACTION_SIGN = " × "
 """Between the factors of an interaction."""
 LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 MOST_POINTS = 2**16
@@ -73,7 +73,7 @@ class Design:
 
     Attributes
     ----------
-    points
+    values
         Physical values, by point and factor, in standard order.
     centre
         Which points are centre points.
@@ -83,7 +83,7 @@ class Design:
     """
 
     factors: tuple[Factor, ...]
-    points: tuple[tuple[Number, ...], ...]
+    values: tuple[tuple[Number, ...], ...]
     centre: tuple[bool, ...]
     generators: tuple[tuple[frozenset[int], int], ...] = ()
 
@@ -91,7 +91,7 @@ class Design:
     def coded(self) -> NDArray[np.float64]:
         """Coded values; shape (points, factors)."""
         return np.array(
-            [[f.coded(v) for f, v in zip(self.factors, p, strict=True)] for p in self.points]
+            [[f.coded(v) for f, v in zip(self.factors, p, strict=True)] for p in self.values]
         )
 
     @property
@@ -131,7 +131,8 @@ class Design:
         return groups
 
     def _term(self, term: frozenset[int], sign: int) -> str:
-        return ("−" if sign < 0 else "") + TIMES.join(self.factors[i].name for i in sorted(term))
+        names = [self.factors[i].name for i in sorted(term)]
+        return ("−" if sign < 0 else "") + INTERACTION_SIGN.join(names)
 
     def require(self, order: int) -> None:
         """Refuse a design in which terms up to an order are aliased with each other.
@@ -151,10 +152,10 @@ class Design:
 
     def table(self) -> pd.DataFrame:
         """In standard order: ``point`` (from 1), the factors' physical values, ``centre``."""
-        columns = zip(*self.points, strict=True)
+        columns = zip(*self.values, strict=True)
         return pd.DataFrame(
             {
-                "point": np.arange(1, len(self.points) + 1),
+                "point": np.arange(1, len(self.values) + 1),
                 **{f.name: list(c) for f, c in zip(self.factors, columns, strict=True)},
                 "centre": self.centre,
             }
@@ -166,7 +167,7 @@ class Design:
         Runs are randomised within a replicate (from 1), so that more replicates change nothing
         about those before.
         """
-        n = len(self.points)
+        n = len(self.values)
         # Raw bits: their sequence is the same in every version of NumPy.
         bits = np.random.Philox(key=seed, counter=[0, 0, 0, replicate]).random_raw(n)
         places = np.empty(n, np.int64)

@@ -115,7 +115,7 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
     if wrong:
         raise ConfigurationError("\n".join(f"{where}: {problem}" for problem in wrong))
     try:
-        points = len(study.plan.points)
+        points = len(study.points.values)
     except ConfigurationError as error:
         raise ConfigurationError(_prefixed(where, error)) from None
     idle = [*idle_factors(study)]

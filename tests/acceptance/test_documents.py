@@ -52,11 +52,11 @@ def test_the_study_of_the_readme_can_be_run(tmp_path: Path) -> None:
     text = readme.partition("<!-- study -->\n```toml\n")[2].partition("```")[0]
     (tmp_path / "my-study.toml").write_text(text)
     study = load(tmp_path / "my-study.toml")
-    assert len(study.plan.points) == 8
+    assert len(study.points.values) == 8
     for design in (
         {"kind": "fraction", "generators": ["C=AB"]},
         {"kind": "fraction", "resolution": 3},
         {"kind": "full", "centre_points": 5},
     ):
         tables = study.model_dump(exclude_unset=True) | {"design": design}
-        assert len(load(tables).plan.points) in (4, 13)
+        assert len(load(tables).points.values) in (4, 13)

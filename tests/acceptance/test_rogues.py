@@ -317,7 +317,7 @@ def test_a_killed_parent_leaves_neither_process_nor_files(rogue: Rogue, tmp_path
     program = (
         "import sys; from pathlib import Path\n"
         "from sblcosim.simulation import execution, isolation\n"
-        "from sblcosim.simulation.plan import resolve\n"
+        "from sblcosim.simulation.resolve import resolve\n"
         "from sblcosim.simulation.system import ComponentSpec, System\n"
         "execution.execute(resolve(System({'s': ComponentSpec(Path(sys.argv[1]), 1)}, (), 9)))\n"
     )

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from sblcosim.analysis.factorial import Factorial, analyse
 from sblcosim.analysis.noise import lenth
-from sblcosim.study.design import TIMES
+from sblcosim.study.design import INTERACTION_SIGN
 
 PLASMA = (
     (550, 669, 633, 642, 1037, 749, 1075, 729),
@@ -55,7 +55,7 @@ def standard_order(names: str) -> pd.DataFrame:
 
 
 def term(letters: str) -> str:
-    return TIMES.join(letters)
+    return INTERACTION_SIGN.join(letters)
 
 
 def printed(value: float, digits: int) -> float:

@@ -142,7 +142,7 @@ def check(folder: Path) -> None:
 
 def runs_of(study: Study) -> int:
     """The number of its runs."""
-    return len(study.plan.points) * study.replicates
+    return len(study.points.values) * study.replicates
 
 
 def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:

@@ -30,7 +30,7 @@ from ...results.definitions import recorded
 from ...results.result import Result
 from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
-from ...study.design import TIMES
+from ...study.design import INTERACTION_SIGN
 from ...study.executors import begin, deferring_sigint
 from ...study.replay import replay
 from ...style import ThemeName, new_figure, use
@@ -272,7 +272,7 @@ def _interactions(n: int, findings: Findings) -> Block:
     ]
     gps = findings.study.labels["gps"]
     names = several.index[several["significant"].astype(bool)]
-    with_gps = [name for name in names if gps in str(name).split(TIMES)]
+    with_gps = [name for name in names if gps in str(name).split(INTERACTION_SIGN)]
     return Text(
         f"Ours: the largest are {'; '.join(top)}. {gps} has {len(with_gps)} interactions that "
         f"are significant. The paper prints no sizes."

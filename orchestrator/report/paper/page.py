@@ -313,7 +313,7 @@ def _errors(n: int, numbers: Numbers) -> list[Block]:
                  point),
         Text(reading),
         compared(
-            f"Table {table} and the mean over all {len(numbers.studies[n].plan.points)} points",
+            f"Table {table} and the mean over all {len(numbers.studies[n].points.values)} points",
             whole),
         Text(f"The table is no average over all levels: ours is {mean / theirs['total']:.2g} times "
              f"as large, and {fine:.2g} m even over the half of the points with the small GPS "
@@ -324,7 +324,7 @@ def _errors(n: int, numbers: Numbers) -> list[Block]:
 
 def _method(numbers: Numbers) -> list[Block]:
     study = facts()["study"]
-    points = len(numbers.studies[1].plan.points)
+    points = len(numbers.studies[1].points.values)
     return [
         Text(f"Design: seven factors at two levels, all {points} combinations, "
              f"{numbers.studies[1].replicates} replicates. The paper writes "

@@ -326,4 +326,4 @@ def test_a_folder_knows_its_whole_study(tmp_path: Path) -> None:
     asked.run(tmp_path / "out")
     found = study.study_of(tmp_path / "out")
     assert (found.design, found.seeding, found.title) == (asked.design, "common", "Arms")
-    assert found.plan.points == asked.plan.points
+    assert found.points.values == asked.points.values

@@ -41,7 +41,7 @@ def small(**changes: Any) -> definition.Study:
 def test_the_shipped_studies_are_the_papers_table_3(name: str) -> None:
     loaded = study.load(name)
     assert loaded.base.name == loaded.scenario == name
-    assert loaded.replicates * len(loaded.plan.points) == 6400
+    assert loaded.replicates * len(loaded.points.values) == 6400
     levels = {factor: f.levels for factor, f in loaded.factors.items()}
     assert levels == {
         "baseline": (0.4, 3.0), "gps": (0.1, 3.5), "imu": (1.0, 10.0), "depth_sensor": (0.01, 0.1),
@@ -86,7 +86,7 @@ def test_a_sweep_holds_the_other_factors_where_the_scenario_has_them() -> None:
     loaded = small(
         factors={"arm": {**ARM, "levels": [0.4, 1, 2]}, "gps": GPS}, design={"kind": "sweep"}
     )
-    assert loaded.plan.points == ((3.0, 0.1), (0.4, 0.1), (1, 0.1), (2, 0.1), (3.0, 3.5))
+    assert loaded.points.values == ((3.0, 0.1), (0.4, 0.1), (1, 0.1), (2, 0.1), (3.0, 3.5))
 
 
 def test_times_of_a_study_are_whole_nanoseconds_where_only_rounding_says_no() -> None:
@@ -94,7 +94,7 @@ def test_times_of_a_study_are_whole_nanoseconds_where_only_rounding_says_no() ->
         factors={"tick": {**TICK, "levels": [0.1, 0.2]}}, design={"centre_points": 1},
         settling_time_s=0.21 / 5,
     )
-    assert middle.plan.points[-1] == ((0.1 + 0.2) / 2,) != (0.15,)
+    assert middle.points.values[-1] == ((0.1 + 0.2) / 2,) != (0.15,)
     _, system, _ = campaign.resolved(middle, 3)
     assert system.components["acoustics"].parameters["sampling_time"] == 0.15
     assert (middle.settling_time_s, middle.settling_ns) == (0.042, 42_000_000)
@@ -553,7 +553,7 @@ def test_the_folder_says_what_was_run(tmp_path: Path) -> None:
     assert "numpy" in content["software"]
     again = study.study_of(tmp_path / "out")
     assert again.title == "Small one"
-    assert again.plan == small().plan
+    assert again.points == small().points
     assert campaign.prepare(again).definition() == content["definition"]
 
 
@@ -572,7 +572,7 @@ def test_a_single_study_is_the_scenario_again_and_again(tmp_path: Path) -> None:
         {"scenario": "paper-scenario-1", "fixed": {"time": {"duration_s": 5.0}},
          "design": {"kind": "single"}, "replicates": 3, "seed": 5}
     )
-    assert alone.plan.points == ((),)
+    assert alone.points.values == ((),)
     table = alone.run(tmp_path / "single")
     assert table["seed"].tolist() == [5, 6, 7]
     assert table["ekf.absolute_total_rms_m"].nunique() == 3
