@@ -18,6 +18,7 @@ from sblcosim.fmus.build import c_files, compiler, factory
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
+from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes, lanes_driver
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.plan import Plan
@@ -247,7 +248,7 @@ def test_a_single_run_may_use_it_too() -> None:
 
 def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
     """Sizes and places of all members, as the compiler sees them."""
-    source = (Path(lanes.__file__).with_name("c") / "lanes_master.c").read_text()
+    source = (c_libraries.FOLDER / "lanes_master.c").read_text()
     structures = {
         "lanes": lanes_driver.Engine, "plan": lanes_driver.LanesPlan, "link": lanes_driver.Link,
         "receiver": lanes_driver.Receiver, "truth": lanes_driver.Truth, "span": lanes_driver.Span,

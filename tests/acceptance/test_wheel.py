@@ -26,7 +26,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     # Not in place: a build leaves folders behind.
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*NOT_SOURCE))
+    ignored = shutil.ignore_patterns(*NOT_SOURCE)
+    shutil.copytree(
+        ROOT, source, ignore=lambda at, names: ignored(at, names) if Path(at) == ROOT else []
+    )
     subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
          "--wheel-dir", str(folder), str(source)],

@@ -18,16 +18,16 @@ def test_a_full_design_is_in_standard_order() -> None:
         [-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1],
         [-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1],
     ]  # fmt: skip
-    assert design.points[1] == (3.0, 1, 5.0)
-    assert design.points[4] == (0.4, 1, -5.0)
-    assert isinstance(design.points[1][1], int)
+    assert design.values[1] == (3.0, 1, 5.0)
+    assert design.values[4] == (0.4, 1, -5.0)
+    assert isinstance(design.values[1][1], int)
     assert design.resolution is None
     assert design.aliases(3) == []
 
 
 def test_centre_points_lie_in_the_middle() -> None:
     design = full([Factor("a", (0.5, 3.5)), Factor("n", (1, 5))], centre_points=2)
-    assert design.points[4:] == ((2.0, 3), (2.0, 3))
+    assert design.values[4:] == ((2.0, 3), (2.0, 3))
     assert design.centre == (False,) * 4 + (True,) * 2
     np.testing.assert_array_equal(design.coded[4:], 0.0)
     assert list(design.table().columns) == ["point", "a", "n", "centre"]
@@ -51,16 +51,16 @@ def test_a_generator_makes_its_factor_the_product_of_others() -> None:
 )  # fmt: skip
 def test_a_resolution_gives_the_smallest_fraction(k: int, resolution: int, points: int) -> None:
     design = fractional(factors(k), resolution=resolution)
-    assert len(design.points) == points
+    assert len(design.values) == points
     assert design.resolution is not None
     assert design.resolution >= resolution
-    assert len(set(design.points)) == points
+    assert len(set(design.values)) == points
 
 
 def test_the_fraction_has_the_fewest_short_words() -> None:
     """2^(9-4) of resolution IV: the minimum-aberration design has six words of four letters."""
     design = fractional(factors(9), resolution=4)
-    assert len(design.points) == 32
+    assert len(design.values) == 32
     assert [len(word) for word, _ in design.relation].count(4) == 6
 
 
@@ -107,9 +107,9 @@ def test_terms_that_cannot_be_estimated_are_named() -> None:
 
 def test_a_sweep_goes_through_all_levels_of_one_factor_at_a_time() -> None:
     single = sweep([Factor("arm", (0.2, 0.4, 1.0, 3.0))], [9.0])
-    assert single.points == ((0.2,), (0.4,), (1.0,), (3.0,))
+    assert single.values == ((0.2,), (0.4,), (1.0,), (3.0,))
     several = sweep([Factor("a", (1, 2, 3)), Factor("b", (10, 20))], [2, 20])
-    assert several.points == ((2, 20), (1, 20), (3, 20), (2, 10))
+    assert several.values == ((2, 20), (1, 20), (3, 20), (2, 10))
 
 
 def test_the_run_order_is_a_permutation_within_each_replicate() -> None:
