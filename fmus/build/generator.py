@@ -78,7 +78,9 @@ def _element(array: Array, i: int) -> str:
     return f"{array}[{i}]" if isinstance(array, str) else array[i]
 
 
-def statements(function: ca.Function, arguments: Sequence[Array], result: Array) -> list[str]:
+def statements(
+    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = ""
+) -> list[str]:
     """The C statements of a function.
 
     Parameters
@@ -87,6 +89,8 @@ def statements(function: ca.Function, arguments: Sequence[Array], result: Array)
         What holds each argument.
     result
         What takes the result. Elements of an argument that stay in their place are not written.
+    where
+        A mask in C: the result is written in these lanes only. Empty: in all.
 
     Raises
     ------
@@ -120,7 +124,10 @@ def statements(function: ca.Function, arguments: Sequence[Array], result: Array)
     # Everything is read before anything is written: argument and result may be the same array.
     return [
         *values.lines(set(stores.values())),
-        *(f"{target} = {value};" for target, value in stores.items()),
+        *(
+            f"{target} = r_blend({where}, {value}, {target});" if where else f"{target} = {value};"
+            for target, value in stores.items()
+        ),
     ]
 
 
@@ -408,11 +415,14 @@ def model_source(model: Model) -> str:
     ]
 
     def each(
-        pick: Callable[[Functions], ca.Function], arguments: Sequence[Array], result: Array
+        pick: Callable[[Functions], ca.Function],
+        arguments: Sequence[Array],
+        result: Array,
+        where: str = "",
     ) -> dict[int, list[str]]:
         """One function of each variant, printed."""
         return {
-            value: statements(pick(functions), arguments, result)
+            value: statements(pick(functions), arguments, result, where)
             for value, functions in model.variants.items()
         }
 
@@ -438,12 +448,12 @@ def model_source(model: Model) -> str:
     )
     for number, loop in enumerate(loops):
         guards = each(partial(_guard, loop), [x, "u", "p", ["t"]], "c")
-        bodies = each(partial(_body, loop), [x, "u", "p", "w", ["t"]], x)
+        bodies = each(partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going")
         emit(f"guard_{number}(int variant, {xup}, real t, real *c)", guards, ["x", "u", "p", "t"])
         emit(
-            f"body_{number}(int variant, real *x, const real *u, const real *p, const real *w, "
-            "real t)",
-            bodies, ["x", "u", "p", "w", "t"],
+            f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
+            "const real *w, real t)",
+            bodies, ["going", "x", "u", "p", "w", "t"],
         )
     numbers = range(len(loops))
     parts.append(
@@ -460,15 +470,15 @@ def model_source(model: Model) -> str:
     )
     parts.append(
         _procedure(
-            "model_body(int loop, int variant, real *x, const real *u, const real *p, "
+            "model_body(int loop, int variant, mask going, real *x, const real *u, const real *p, "
             "const real *w, real t)",
             [
                 "switch (loop) {",
-                *(f"case {n}: body_{n}(variant, x, u, p, w, t); break;" for n in numbers),
+                *(f"case {n}: body_{n}(variant, going, x, u, p, w, t); break;" for n in numbers),
                 "default: break;",
                 "}",
             ],
-            ["variant", "x", "u", "p", "w", "t"],
+            ["variant", "going", "x", "u", "p", "w", "t"],
         )
     )
     if model.feedthrough:
