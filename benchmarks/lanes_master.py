@@ -39,10 +39,12 @@ BATCH = 50
 PRIOR = [Connection("target.position", "ekf.prior_position")]
 
 
-def plan_of(scenario: int, sampling_time: float) -> Plan:
-    """A scenario of the paper, its EKF only."""
+def plan_of(scenario: int, sampling_time: float, *, raw: bool = False) -> Plan:
+    """A scenario of the paper, its EKF only, or with the raw fix beside it."""
     loaded = sblcosim.load(f"paper-scenario-{scenario}", {"time.sampling_time_s": sampling_time})
     system = connect(loaded, "ekf")
+    if raw:
+        return resolve(system)
     return resolve(
         replace(
             system,
@@ -73,11 +75,20 @@ def variations(
 
 
 def one_core(repeats: int) -> dict[str, float]:
-    """Least ns per step and run for each number of lanes, one thread."""
+    """Least ns per step and run for each number of lanes, one thread.
+
+    Then with the most lanes and only the seeds different, without and with the raw fix beside the
+    filter. (Studies leave it out.)
+    """
     plan = plan_of(1, 0.1)
     given = variations(FACTORS, 8)
     steps = len(FACTORS) * 8 * (len(plan.instants) - 1)
     figures: dict[str, list[float]] = {}
+    beside = {
+        "the scenario's own values": plan,
+        "the same with the raw fix": plan_of(1, 0.1, raw=True),
+    }
+    seeds = {"acoustics.seed": np.arange(len(FACTORS) * 8)}
     for _ in range(repeats):
         for number in (1, 2, 4, 8):
             started = time.perf_counter()
@@ -87,6 +98,11 @@ def one_core(repeats: int) -> dict[str, float]:
                 continue  # this processor does not do so many
             seconds = time.perf_counter() - started
             figures.setdefault(f"lanes, {number}", []).append(seconds / steps * 1e9)
+        for name, other in beside.items():
+            started = time.perf_counter()
+            lanes.execute(other, seeds, handovers=PRIOR, threads=1)
+            seconds = time.perf_counter() - started
+            figures.setdefault(name, []).append(seconds / steps * 1e9)
     return {name: min(values) for name, values in figures.items()}
 
 

@@ -140,10 +140,10 @@ def _loops(model: Model) -> Iterator[str]:
             ["x", "u", "p", "t"],
         )
         yield _variants(
-            f"body_{number}(int variant, real *x, const real *u, const real *p, const real *w, "
-            "real t)",
-            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x),
-            ["x", "u", "p", "w", "t"],
+            f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
+            "const real *w, real t)",
+            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going"),
+            ["going", "x", "u", "p", "w", "t"],
         )
     numbers = range(len(loops))
     yield _procedure(
@@ -157,15 +157,15 @@ def _loops(model: Model) -> Iterator[str]:
         ["variant", "x", "u", "p", "t"],
     )
     yield _procedure(
-        "model_body(int loop, int variant, real *x, const real *u, const real *p, "
+        "model_body(int loop, int variant, mask going, real *x, const real *u, const real *p, "
         "const real *w, real t)",
         [
             "switch (loop) {",
-            *(f"case {n}: body_{n}(variant, x, u, p, w, t); break;" for n in numbers),
+            *(f"case {n}: body_{n}(variant, going, x, u, p, w, t); break;" for n in numbers),
             "default: break;",
             "}",
         ],
-        ["variant", "x", "u", "p", "w", "t"],
+        ["variant", "going", "x", "u", "p", "w", "t"],
     )
 
 
@@ -196,10 +196,11 @@ def _printed(
     pick: Callable[[Functions], ca.Function],
     arguments: Sequence[Array],
     result: Array,
+    where: str = "",
 ) -> dict[int, list[str]]:
-    """The statements of one function of each variant."""
+    """The statements of one function of each variant; see `statements`."""
     return {
-        value: statements(pick(functions), arguments, result)
+        value: statements(pick(functions), arguments, result, where)
         for value, functions in model.variants.items()
     }
 

@@ -71,7 +71,9 @@ def _element(array: Array, i: int) -> str:
     return f"{array}[{i}]" if isinstance(array, str) else array[i]
 
 
-def statements(function: ca.Function, arguments: Sequence[Array], result: Array) -> list[str]:
+def statements(
+    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = ""
+) -> list[str]:
     """The C statements of a function.
 
     Parameters
@@ -80,6 +82,8 @@ def statements(function: ca.Function, arguments: Sequence[Array], result: Array)
         What holds each argument.
     result
         What takes the result. An element that the result only repeats is not written.
+    where
+        A mask in C: the result is written in these lanes only. Empty: in all.
 
     Raises
     ------
@@ -113,7 +117,10 @@ def statements(function: ca.Function, arguments: Sequence[Array], result: Array)
     # Everything is read before anything is written: argument and result may be the same array.
     return [
         *values.lines(set(stores.values())),
-        *(f"{target} = {value};" for target, value in stores.items()),
+        *(
+            f"{target} = r_blend({where}, {value}, {target});" if where else f"{target} = {value};"
+            for target, value in stores.items()
+        ),
     ]
 
 

@@ -51,16 +51,8 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
         if (!r_any(going))
             return 1;
         engine_noise(b, OCCASION_LOOPS + loop, b->rounds[loop], w);
-#if LANES == 1
-        model_body(loop, variant, x, engine_u(b), engine_p(b), w, t);
-#else
-        real next[N_X];
-        for (int i = 0; i < N_X; i++)
-            next[i] = x[i];
-        model_body(loop, variant, next, engine_u(b), engine_p(b), w, t);
-        for (int i = 0; i < N_X; i++)
-            x[i] = r_blend(m_true(going), next[i], x[i]);
-#endif
+        /* Lanes with nothing to do stay as they are. */
+        model_body(loop, variant, m_true(going), x, engine_u(b), engine_p(b), w, t);
         b->rounds[loop] += r_integer(r_truth(m_true(going)));
     }
 #if LANES == 1

@@ -47,8 +47,13 @@ def symmetric(matrix: Any) -> Any:
     return ca.triu2symm(ca.triu(matrix))
 
 
-def inverse(matrix: Any) -> Any:
-    """Inverse of a symmetric, positive semidefinite 3 x 3 matrix.
+def reciprocal(x: Any) -> Any:
+    """``1/x`` as a value of its own: of a product with `1/x` itself CasADi makes a division."""
+    return 2 * (0.5 / x)
+
+
+def adjugate(matrix: Any) -> tuple[Any, Any]:
+    """Adjugate and determinant of a symmetric, positive semidefinite 3 x 3 matrix.
 
     Each element of the diagonal grows by 1e-12 of itself, 1e-20 of the trace and 1e-30, so that a
     degenerate geometry gives a large variance, and no data at all no division by zero.
@@ -61,7 +66,13 @@ def inverse(matrix: Any) -> Any:
             cofactors[i, j] = a[r, c] * a[s, d] - a[r, d] * a[s, c]
     cofactors = symmetric(cofactors)
     determinant = ca.dot(a[:, 0], cofactors[:, 0])
-    return cofactors * (1 / ca.fmax(determinant, 1e-26 * a[0, 0] * a[1, 1] * a[2, 2]))
+    return cofactors, ca.fmax(determinant, 1e-26 * a[0, 0] * a[1, 1] * a[2, 2])
+
+
+def inverse(matrix: Any) -> Any:
+    """Inverse of a symmetric, positive semidefinite 3 x 3 matrix; see `adjugate`."""
+    cofactors, determinant = adjugate(matrix)
+    return cofactors * (1 / determinant)
 
 
 def closed_form(s: Samples) -> Any:
@@ -93,7 +104,7 @@ def closed_form(s: Samples) -> Any:
 
 def weights(s: Samples, variances: Any) -> Any:
     """Weight of each measurement in 1/m^2, 0 for one that is not there, (5, 1)."""
-    return s.heard / variances
+    return s.heard * reciprocal(variances)
 
 
 def degrees(s: Samples) -> Any:

@@ -67,6 +67,6 @@ API void call_guard(int loop, int variant, const double *x, const double *u, con
 API void call_body(int loop, int variant, double *x, const double *u, const double *p,
                    const double *w, double t)
 {
-    model_body(loop, variant, x, u, p, w, t);
+    model_body(loop, variant, m_true(1.0), x, u, p, w, t);
 }
 #endif

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 from coupled import CROSS, NS, at_rest, cross, dive, hear, simultaneous, straight
-from sblcosim.models.receiver.fix import PASSES, Samples, improve
+from numpy.typing import NDArray
+from sblcosim.models.receiver.fix import FIRST_DAMPING, PASSES, Samples, closed_form, improve
+from sblcosim.models.receiver.minimum import point, step, tangent
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
@@ -14,6 +20,82 @@ POSITIONS = [
     (12.0, -7.0, 5.0), (0.3, 0.1, 2.0), (-60.0, 80.0, 30.0), (3.0, 0.0, 0.6), (0.5, 0.5, 0.5),
 ]
 ERRORS = np.array([0.11, -0.05, 0.08, 0.13])
+SMALL_STD = {"range_std": 0.1, "depth_std": 0.01}
+WEIGHT = np.array([1e2, 1e2, 1e2, 1e2, 1e4])
+"""1/m^2, for `SMALL_STD`."""
+
+
+def symbols() -> tuple[Samples, Any]:
+    """Five fresh measurements as symbols, and all of them as one column: z, then the beacons."""
+    z, beacons = ca.SX.sym("z", 5), ca.SX.sym("beacons", 4, 3)
+    nothing, heard = ca.SX.zeros(5), ca.SX.ones(5)
+    s = Samples(z=z, epoch=nothing, beacons=beacons, mark=nothing, heard=heard, new=heard,
+                any_new=1, newest=0, enough=1)
+    return s, ca.vertcat(z, ca.vec(beacons))
+
+
+@cache
+def plain() -> tuple[ca.Function, ca.Function]:
+    """The closed form, and one pass of the plain descent, which the filters start with."""
+    s, data = symbols()
+    x, damping = ca.SX.sym("x", 3), ca.SX.sym("damping")
+    found = improve(x, damping, s, ca.SX(WEIGHT))
+    return (
+        ca.Function("start", [data], [closed_form(s)]),
+        ca.Function("improve", [x, damping, data], [found.position, found.damping, found.done]),
+    )
+
+
+def plain_fix(data: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """Where the plain descent ends, and whether it took less than all its passes."""
+    start, improve_once = plain()
+    x, damping = start(data), FIRST_DAMPING
+    for _ in range(PASSES):
+        x, damping, done = improve_once(x, damping, data)
+        if done:
+            return np.array(x).ravel(), True
+    return np.array(x).ravel(), False
+
+
+class Cost:
+    """Weighted squares of the residuals in long double, apart from the equations of the models."""
+
+    def __init__(self, z: NDArray[np.float64], beacons: NDArray[np.float64]) -> None:
+        self.z, self.beacons = z.astype(np.longdouble), beacons.astype(np.longdouble)
+
+    def at(self, x: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
+        """Cost, half its negative slope, half its second derivative, H' W H."""
+        offset = x.astype(np.longdouble) - self.beacons
+        h = np.sqrt((offset**2).sum(axis=1))
+        H = np.vstack([offset / h[:, None], [0, 0, 1]])
+        e = self.z - np.append(h, x[2])
+        information = (H.T * WEIGHT) @ H
+        second = information.copy()
+        for i in range(4):
+            projection = np.eye(3) - np.outer(H[i], H[i])
+            second -= WEIGHT[i] * e[i] * projection / h[i]
+        return (WEIGHT * e**2).sum(), H.T @ (WEIGHT * e), second, information
+
+    def minimum(self, x: NDArray[Any]) -> NDArray[np.float64]:
+        """Newton's from a position near a minimum; NaN if it leads away or to none."""
+        start = x
+        for _ in range(50):
+            _, slope, second, _ = self.at(x)
+            move = np.linalg.solve(second.astype(float), slope.astype(float))
+            x = x + move.astype(np.longdouble)
+        good = np.linalg.norm(move) < 1e-14 * max(1.0, float(np.linalg.norm(x)))
+        good &= np.linalg.eigvalsh(second.astype(float))[0] > 0
+        good &= np.linalg.norm(x - start) < 1e-3
+        return x.astype(float) if good else np.full(3, np.nan)
+
+
+def noisy(seed: int, arm: float, std: float) -> tuple[NDArray[np.float64], Mapping[str, Any]]:
+    """A position between 2 and 40 m away, and beacons and errors for `simultaneous`."""
+    rng = np.random.default_rng([seed, round(10 * arm), round(100 * std)])
+    direction = rng.normal(size=3) + np.array([0.0, 0.0, 1.0])
+    position = direction / np.linalg.norm(direction) * rng.uniform(2.0, 40.0)
+    tilt = np.linalg.qr(np.eye(3) + 0.1 * rng.normal(size=(3, 3)))[0]
+    return position, {"beacons": cross(arm) @ tilt.T, "errors": std * rng.normal(size=4)}
 
 
 @pytest.mark.parametrize("position", POSITIONS)
@@ -56,6 +138,102 @@ def test_it_is_the_weighted_least_squares_solution(
     P = np.linalg.inv(best.jac.T @ best.jac)
     np.testing.assert_allclose(y["covariance"][::2, ::2], P, rtol=1e-4, atol=1e-9)
     np.testing.assert_allclose(y["position_std"], np.sqrt(np.diag(P)), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("arm", "std"), [(0.4, 0.01), (3.0, 0.1), (3.0, 0.3), (30.0, 1.0)])
+def test_it_is_the_minimum_to_rounding_where_the_plain_descent_leads(
+    arm: float, std: float
+) -> None:
+    compared = 0
+    for seed in range(60):
+        position, given = noisy(seed, arm, std)
+        box = simultaneous("multilateration", position, SMALL_STD, **given)
+        z = np.append(box.u["range"], box.u["depth"])
+        cost = Cost(z, given["beacons"])
+        there, done = plain_fix(np.concatenate([z, given["beacons"].T.ravel()]))
+        value, _, _, information = (np.asarray(a, float) for a in cost.at(box.y["position"]))
+        least = cost.minimum(there)
+        # Where the plain descent has not arrived, it is at least not better.
+        assert value <= float(cost.at(there)[0]) * (1 + 1e-9) + 1e-9
+        if done and np.isfinite(least).all():
+            compared += 1
+            np.testing.assert_allclose(box.y["position"], least, rtol=0, atol=1e-9)
+        assert box.y["nis"] == pytest.approx(float(value), rel=1e-9, abs=1e-9)
+        P, std_ = np.linalg.inv(information), box.y["position_std"]
+        np.testing.assert_allclose(
+            box.y["covariance"][::2, ::2] / np.outer(std_, std_), P / np.outer(std_, std_),
+            rtol=0, atol=1e-5,
+        )
+    assert compared >= 45
+
+
+def test_it_arrives_in_the_curved_valley_of_short_arms() -> None:
+    """Ranges say little about the direction then: steps along the gradients leave the sphere."""
+    arrived = plain_arrived = passes = 0
+    for seed in range(60):
+        position, given = noisy(seed, 0.4, 0.1)
+        box = simultaneous("multilateration", position, SMALL_STD, **given)
+        z = np.append(box.u["range"], box.u["depth"])
+        cost = Cost(z, given["beacons"])
+        there, done = plain_fix(np.concatenate([z, given["beacons"].T.ravel()]))
+        plain_arrived += done
+        passes += box.counts["improve"]
+        if box.counts["improve"] < PASSES:
+            arrived += 1
+            np.testing.assert_allclose(
+                box.y["position"], cost.minimum(box.y["position"]), rtol=0, atol=1e-9
+            )
+            assert cost.at(box.y["position"])[0] <= cost.at(there)[0] * (1 + 1e-9) + 1e-9
+    assert arrived > 50
+    assert arrived > plain_arrived + 5
+    assert passes < 60 * 4.3
+
+
+def test_the_tangent_holds_the_derivatives_of_the_cost() -> None:
+    s, data = symbols()
+    x = ca.SX.sym("x", 3)
+    cost = point(x, s, ca.SX(WEIGHT)).cost
+    hessian, gradient = ca.hessian(cost, x)
+    t = tangent(point(x, s, ca.SX(WEIGHT)), s, ca.SX(WEIGHT))
+    both = ca.Function("both", [x, data], [
+        t.information + t.curvature, hessian / 2, t.slope, -gradient / 2,
+    ])
+    z = np.append(np.linalg.norm(np.array([12.0, -7.0, 5.0]) - CROSS, axis=1) + ERRORS, 5.0)
+    values = both(np.array([11.0, -6.5, 4.0]), np.concatenate([z, CROSS.T.ravel()]))
+    second, second_again, slope, slope_again = (np.array(v) for v in values)
+    np.testing.assert_allclose(second, second_again, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(slope, slope_again, rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize(("fresh", "order"), [(0, 2), (1, 3)])
+def test_an_accelerated_step_gains_an_order(fresh: int, order: int) -> None:
+    s, data = symbols()
+    x = ca.SX.sym("x", 3)
+    t = tangent(point(x, s, ca.SX(WEIGHT)), s, ca.SX(WEIGHT))
+    found = step(t, t.information, t.slope, 0, near=0, fresh=fresh)
+    after = ca.Function("after", [x, data], [x + found.move])
+    truth = np.array([12.0, -7.0, 5.0])
+    z = np.append(np.linalg.norm(truth - CROSS, axis=1), truth[2])
+    remaining = [
+        np.linalg.norm(np.array(after(truth + far, np.append(z, CROSS.T))).ravel() - truth)
+        for far in (np.array([0.5, 0.25, -0.1]), np.array([0.25, 0.125, -0.05]))
+    ]
+    assert remaining[0] / remaining[1] == pytest.approx(2**order, rel=0.15)
+
+
+def test_there_is_nothing_before_the_first_fix_and_nothing_changes_without_something_new() -> None:
+    box = simultaneous("multilateration", np.array([12.0, -7.0, 5.0]), errors=ERRORS)
+    before, passes = box.y, box.counts["improve"]
+    after = box.step(box.t_ns, NS // 10)
+    assert box.counts["improve"] == passes
+    assert before.keys() == after.keys()
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value)
+    silent = dive("multilateration", at_rest(12.0, -7.0, 5.0), steps=3).receiver.y
+    assert silent["update_count"] == 0
+    for name, value in silent.items():
+        if name != "epoch":
+            np.testing.assert_array_equal(value, 0.0)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.5])

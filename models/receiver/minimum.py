@@ -1,0 +1,176 @@
+"""The minimum of a fix's cost to rounding: far from it accelerated Gauss-Newton, near it Newton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from ..ports import BEACONS
+from .fix import adjugate, reciprocal, symmetric
+from .measurements import DEPTH, Samples, distance
+
+_NEAR = 0.1
+"""A step below this part of the shortest distance to a beacon may be followed by one of Newton."""
+_DEFINITE = 0.1
+"""Least ratio of the second derivative's leading minors to those of the information."""
+_BEND = 0.75
+"""Largest acceleration, as a part of the step; beyond it the series says nothing."""
+_LAST_OF_NEWTON = 1e-6
+"""Newton's step below this many m is the last: what remains is about its square per m."""
+_LAST = 1e-10
+"""Any other step below this many m is the last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A position and how well it fits.
+
+    Attributes
+    ----------
+    position
+        In m, NED, (3, 1).
+    lengths
+        Distances to the beacons in m, (4, 1).
+    cost
+        Weighted sum of squared residuals.
+    """
+
+    position: Any
+    lengths: Any
+    cost: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Tangent:
+    """The measurement equations about a point.
+
+    Attributes
+    ----------
+    gradients, bends
+        Of the ranges: the gradient g of each, (4, 3), and w / h, (4, 1). The second derivative of
+        a range h is ``(I - g g') / h``.
+    information, slope
+        ``H' W H``, (3, 3), and ``H' W (z - h)``, (3, 1).
+    curvature
+        What Newton's matrix has more than the information, (3, 3).
+    """
+
+    gradients: Any
+    bends: Any
+    information: Any
+    slope: Any
+    curvature: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Where to go next.
+
+    Attributes
+    ----------
+    move
+        In m, (3, 1).
+    last
+        Whether nothing is left after it that would matter.
+    """
+
+    move: Any
+    last: Any
+
+
+def point(position: Any, s: Samples, weight: Any) -> Point:
+    """Cost of a position."""
+    lengths = ca.vertcat(*(distance(position, s.beacons[i, :])[0] for i in range(BEACONS)))
+    residuals = s.z - ca.vertcat(lengths, position[2])
+    return Point(position, lengths, ca.dot(weight, residuals**2))
+
+
+def choose(condition: Any, one: Point, other: Point) -> Point:
+    """One point where the condition holds, else the other."""
+    return Point(
+        ca.if_else(condition, one.position, other.position),
+        ca.if_else(condition, one.lengths, other.lengths),
+        ca.if_else(condition, one.cost, other.cost),
+    )
+
+
+def tangent(at: Point, s: Samples, weight: Any) -> Tangent:
+    """Linearise at a point, with the second derivatives beside."""
+    information, curvature, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3), ca.SX.zeros(3)
+    rows, bends, diagonal = [], [], ca.SX(0)
+    for i in range(BEACONS):
+        per_metre = reciprocal(at.lengths[i])
+        gradient = (at.position - s.beacons[i, :].T) * per_metre
+        weighted = weight[i] * gradient
+        residual = s.z[i] - at.lengths[i]
+        bend = weight[i] * per_metre
+        share = bend * residual
+        information += weighted @ gradient.T
+        slope += weighted * residual
+        curvature += (share * gradient) @ gradient.T
+        diagonal += share
+        rows.append(gradient.T)
+        bends.append(bend)
+    information[2, 2] += weight[DEPTH]
+    slope[2] += weight[DEPTH] * (s.z[DEPTH] - at.position[2])
+    return Tangent(
+        gradients=ca.vertcat(*rows),
+        bends=ca.vertcat(*bends),
+        information=symmetric(information),
+        slope=slope,
+        curvature=symmetric(curvature - diagonal * ca.SX.eye(3)),
+    )
+
+
+def is_near(move: Any, at: Point) -> Any:
+    """Whether the step that led to a point was small against all distances."""
+    return ca.sumsqr(move) < _NEAR**2 * ca.mmin(at.lengths) ** 2
+
+
+def step(t: Tangent, information: Any, slope: Any, damping: Any, near: Any, fresh: Any) -> Step:
+    """The next step, Newton's where it is safe, else a damped one of Gauss and Newton.
+
+    The latter is accelerated: along a step v a range grows by ``v' (I - g g') v / 2 h`` more than
+    its gradient says, and the same matrix gives the step that makes up for that.
+
+    Parameters
+    ----------
+    information, slope
+        Of the point to go from; those of `t` where that is the point.
+    near
+        Whether Newton's step may be taken, if its matrix is safely positive definite.
+    fresh
+        Whether `t` is of the point to go from; else there is no second derivative to use.
+    """
+    exact = information + t.curvature
+    newton = near * fresh * _definite(exact, information)
+    matrix = ca.if_else(newton, exact, information)
+    cofactors, determinant = adjugate(matrix + damping * ca.diag(ca.diag(information)))
+    scale = reciprocal(determinant)
+    move = scale * (cofactors @ slope)
+    along = t.gradients @ move
+    growth = t.bends * (ca.sumsqr(move) - along**2)
+    acceleration = -0.5 * scale * (cofactors @ (t.gradients.T @ growth))
+    accelerated = (
+        fresh * (newton == 0) * (ca.sumsqr(2 * acceleration) <= _BEND**2 * ca.sumsqr(move))
+    )
+    move += ca.if_else(accelerated, acceleration, 0)
+    return Step(move, ca.sumsqr(move) < ca.if_else(newton, _LAST_OF_NEWTON**2, _LAST**2))
+
+
+def _definite(matrix: Any, information: Any) -> Any:
+    """Whether a symmetric matrix is positive definite, by a margin."""
+    pairs = zip(_minors(matrix), _minors(information), strict=True)
+    first, second, third = (m > _DEFINITE * o for m, o in pairs)
+    return first * second * third
+
+
+def _minors(a: Any) -> tuple[Any, Any, Any]:
+    second = a[0, 0] * a[1, 1] - a[0, 1] ** 2
+    return a[0, 0], second, (
+        a[2, 2] * second
+        + a[0, 2] * (2 * a[0, 1] * a[1, 2] - a[1, 1] * a[0, 2])
+        - a[0, 0] * a[1, 2] ** 2
+    )
