@@ -8,9 +8,9 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Loop, Symbols, Values
-from . import estimate, fix, measurements
+from . import estimate, least_squares, measurements
 from .estimate import POSITION, STATES, expand, expand_covariance, pack, unpack
-from .fix import symmetric
+from .least_squares import symmetric
 from .measurements import Samples, samples
 from .variables import INITIALISATION, PROCESS_NOISE
 
@@ -53,8 +53,8 @@ def begin(x: Symbols, s: Samples) -> tuple[Any, Any, Values]:
     return update, start, {
         "ready": x.ready + start,
         "update_count": x.update_count + update + start,
-        "passes": fix.PASSES * start,
-        "damping": fix.FIRST_DAMPING,
+        "passes": least_squares.PASSES * start,
+        "damping": least_squares.FIRST_DAMPING,
     }
 
 
@@ -74,15 +74,15 @@ def initialise() -> Loop:
         s = samples(p, x, u)
         motion = p.prior_velocity_std * (s.newest - s.epoch)
         position = ca.if_else(
-            x.passes == fix.PASSES, fix.closed_form(s), x.mean[list(POSITION)]
+            x.passes == least_squares.PASSES, least_squares.closed_form(s), x.mean[list(POSITION)]
         )
-        weight = fix.weights(s, measurements.noise(p) + motion**2)
-        result = fix.improve(position, x.damping, s, weight)
-        disagreement = ca.fmax(result.cost / ca.fmax(fix.degrees(s), 1), 1)
+        weight = least_squares.weights(s, measurements.noise(p) + motion**2)
+        result = least_squares.improve(position, x.damping, s, weight)
+        disagreement = ca.fmax(result.cost / ca.fmax(least_squares.degrees(s), 1), 1)
         return {
             "mean": expand(result.position),
             "covariance": pack(expand_covariance(
-                disagreement * fix.inverse(result.information), p.prior_velocity_std**2
+                disagreement * least_squares.inverse(result.information), p.prior_velocity_std**2
             )),
             "damping": result.damping,
             "passes": ca.if_else(result.done, 0, x.passes - 1),

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from ..ports import BEACONS
-from .fix import adjugate, reciprocal, symmetric
+from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance
 
 _NEAR = 0.1

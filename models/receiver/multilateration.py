@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
-from . import estimate, fix, measurements, minimum
+from . import estimate, least_squares, measurements, minimum
 from .estimate import expand, expand_covariance, pack, unpack
 from .measurements import noise, samples
 
@@ -32,13 +32,13 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     s = samples(p, x, u)
     update = s.any_new * s.enough
-    weight = fix.weights(s, noise(p))
-    first = minimum.point(fix.closed_form(s), s, weight)
+    weight = least_squares.weights(s, noise(p))
+    first = minimum.point(least_squares.closed_form(s), s, weight)
     last = minimum.point(x.position, s, weight)
     best = minimum.choose((x.update_count > 0) * (last.cost < first.cost), last, first)
     tangent = minimum.tangent(best, s, weight)
     step = minimum.step(
-        tangent, tangent.information, tangent.slope, fix.FIRST_DAMPING, near=0, fresh=1
+        tangent, tangent.information, tangent.slope, least_squares.FIRST_DAMPING, near=0, fresh=1
     )
     return {
         "seen": s.mark,
@@ -49,15 +49,15 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         "slope": tangent.slope,
         "step": step.move,
         "nis": ca.if_else(update, best.cost, x.nis),
-        "nis_degrees": ca.if_else(update, fix.degrees(s), x.nis_degrees),
-        "passes": fix.PASSES * update,
-        "damping": fix.FIRST_DAMPING,
+        "nis_degrees": ca.if_else(update, least_squares.degrees(s), x.nis_degrees),
+        "passes": least_squares.PASSES * update,
+        "damping": least_squares.FIRST_DAMPING,
     }
 
 
 def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = samples(p, x, u)
-    weight = fix.weights(s, noise(p))
+    weight = least_squares.weights(s, noise(p))
     tried = minimum.point(x.position + x.step, s, weight)
     better = tried.cost <= x.nis
     tangent = minimum.tangent(tried, s, weight)
@@ -82,7 +82,7 @@ def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    covariance = fix.inverse(unpack(x.information, 3))
+    covariance = least_squares.inverse(unpack(x.information, 3))
     return estimate.outputs(
         x, expand(x.position), expand_covariance(ca.if_else(x.update_count > 0, covariance, 0))
     )

@@ -8,7 +8,7 @@ import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
 from ..ports import BEACONS
-from . import fix, kalman
+from . import kalman, least_squares
 from .estimate import POSITION, STATES, pack, unpack
 from .measurements import DEPTH, MEASUREMENTS, distance, noise, samples
 
@@ -79,8 +79,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "score": (restart == 0) * ca.fmax(
             x.score + ca.if_else(is_depth, 0, ca.if_else(outside, 1, -_FORGIVEN)), 0
         ),
-        "passes": fix.PASSES * restart,
-        "damping": fix.FIRST_DAMPING,
+        "passes": least_squares.PASSES * restart,
+        "damping": least_squares.FIRST_DAMPING,
     }
 
 

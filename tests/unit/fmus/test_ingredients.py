@@ -64,7 +64,7 @@ FILTERS = {"ekf", "sequential"}
     [
         ("models/receiver/ekf.py", {"ekf"}),
         ("models/receiver/kalman.py", FILTERS),
-        ("models/receiver/fix.py", set(RECEIVERS)),
+        ("models/receiver/least_squares.py", set(RECEIVERS)),
         ("models/receiver/README.md", set(RECEIVERS)),
         ("models/geometry.py", {"platform"}),
         ("models/equations.py", ALL),

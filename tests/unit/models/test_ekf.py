@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from coupled import CROSS, Dive, at_rest, dive, simultaneous, straight
 from sblcosim.models.loading import load
-from sblcosim.models.receiver.fix import PASSES
+from sblcosim.models.receiver.least_squares import PASSES
 from scipy.optimize import least_squares
 from stepper import Stepper
 

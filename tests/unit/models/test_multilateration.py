@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from coupled import CROSS, NS, at_rest, cross, dive, hear, simultaneous, straight
 from numpy.typing import NDArray
-from sblcosim.models.receiver.fix import FIRST_DAMPING, PASSES, Samples, closed_form, improve
+from sblcosim.models.receiver.least_squares import (
+    FIRST_DAMPING,
+    PASSES,
+    Samples,
+    closed_form,
+    improve,
+)
 from sblcosim.models.receiver.minimum import point, step, tangent
 from scipy.optimize import least_squares
 from scipy.stats import chi2
