@@ -17,13 +17,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from sblcosim.scenario.wiring import connect
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core for the competitors, too
 
 import numpy as np
 import sblcosim
 from sblcosim.results.sums import responses
+from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve
