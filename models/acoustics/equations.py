@@ -11,7 +11,7 @@ import casadi as ca
 from ..declaration import number_of
 from ..equations import Draw, Equations, Symbols, Values
 from ..ports import BEACONS
-from .variables import OUTLIERS
+from .variables import COMPONENT, OUTLIERS
 
 _UNIFORMS = 2.0**53
 """How many values a uniform draw has."""
@@ -118,7 +118,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    return {name: value for name, value in vars(x).items() if name != "start"}
+    return {v.name: getattr(x, v.name) for v in COMPONENT.of("output")}
 
 
 EQUATIONS = Equations(initial=_initial, tick=_tick, output=_output, draws=_DRAWS)

@@ -15,14 +15,14 @@ A function of one's own is a response, too::
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import inspect
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import cloudpickle
@@ -272,68 +272,106 @@ RESPONSES = _registered((*_shipped(), *ON_REQUEST.values()))
 # --- Those of somebody's own ---------------------------------------------------------------------
 
 
-def of_function(function: Callable[[Run], Any], origin: str = "") -> Response:
+def of_function(function: Callable[[Run], Any]) -> Response:
     """The response that a function is.
+
+    It is known by its source and by all that it refers to: other functions, values, and modules by
+    their names.
 
     Raises
     ------
     ConfigurationError
         It is none, its name is a response's or no name, or nobody knows its source.
     """
-    name = getattr(function, "__name__", "")
-    if not callable(function) or not name.isidentifier():
-        raise ConfigurationError(
-            f"responses: must be names or functions with a name, got {instance(function)}"
-        )
-    if name in RESPONSES:
-        raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
+    name = _checked_name(getattr(function, "__name__", ""), function)
+    digest = hashlib.sha256()
     try:
-        source = inspect.getsource(function)
+        for part in _parts(function, set()):
+            digest.update(part + b"\0")
     except (OSError, TypeError):
         raise ConfigurationError(
             f"responses: {name} must be a function from a file or a notebook, so that a run is "
             "known by its source, got none"
         ) from None
-    sha256 = hashlib.sha256(source.encode()).hexdigest()
-    origin = origin or f"{function.__module__}:{name}"
-    return Response(name, readable(name), function, False, origin=origin, sha256=sha256)
+    origin = f"{function.__module__}:{name}"
+    return Response(
+        name, readable(name), function, False, origin=origin, sha256=digest.hexdigest()
+    )
 
 
 def of_file(text: str, folder: Path) -> Response:
     """The response ``file.py:function``; the file may be relative to a folder.
 
+    It is known by the file, not by what that imports.
+
     Raises
     ------
     ConfigurationError
-        There is no such file or function, or the file cannot be imported.
+        There is no such file or function, or the file cannot be run.
     """
     file, _, name = text.rpartition(":")
     path = folder / file
     where = f"responses: {quoted(text)}"
-    if not path.is_file():
-        raise ConfigurationError(f"{where} must be FILE.py:FUNCTION, got no file {quoted(file)}")
+    if not path.is_file() or path.suffix != ".py":
+        close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
+        raise ConfigurationError(
+            f"{where} must be FILE.py:FUNCTION, got no Python file {quoted(file)}{close}"
+        )
     source = path.read_bytes()
     # Not among sys.modules: what is in it is then sent to other processes by value.
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ConfigurationError(f"{where} must be FILE.py:FUNCTION, got a file of another kind")
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(path.stem)
+    module.__file__ = str(path)
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:
+        exec(compile(source, path, "exec"), vars(module))
+    except (Exception, SystemExit) as error:
         raise ConfigurationError(
             f"{where} must be importable, got {type(error).__name__}: {one_line(error)}"
         ) from error
-    functions = [n for n, thing in vars(module).items() if inspect.isfunction(thing)]
+    functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
     if name not in functions:
         raise ConfigurationError(
             f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
             f"{nearest(name, functions)}"
         )
-    made = of_function(getattr(module, name), text)
-    # The whole file: the function may use what else is in it.
-    made.sha256 = hashlib.sha256(source).hexdigest()
-    return made
+    function = functions[name]
+    _checked_name(function.__name__, function)
+    sha256 = hashlib.sha256(source).hexdigest()
+    return Response(name, readable(name), function, False, origin=text, sha256=sha256)
+
+
+def _checked_name(name: str, function: object) -> str:
+    if not callable(function) or not name.isidentifier():
+        raise ConfigurationError(
+            f"responses: must be names or functions with a name, got {quoted(name)}"
+        )
+    if name in RESPONSES:
+        raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
+    return name
+
+
+def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
+    """All that says what a function does: sources, values and names of modules."""
+    if id(thing) in seen:
+        return
+    if inspect.ismodule(thing):
+        yield thing.__name__.encode()
+    elif inspect.isfunction(thing) and thing.__module__.partition(".")[0] not in _KNOWN_BY_NAME:
+        seen.add(id(thing))
+        yield textwrap.dedent(inspect.getsource(thing)).encode()
+        used = inspect.getclosurevars(thing)
+        for name, value in sorted({**used.globals, **used.nonlocals}.items()):
+            yield name.encode()
+            yield from _parts(value, seen)
+        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
+            yield from _parts(value, seen)
+    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
+        yield f"{thing.__module__}.{thing.__qualname__}".encode()
+    else:
+        yield cloudpickle.dumps(thing)
+
+
+_KNOWN_BY_NAME = ("numpy", "scipy", "pandas", "sblcosim")
+"""Packages whose functions are what they are called."""
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:
@@ -360,17 +398,16 @@ def value_of(response: Response, run: Run) -> float:
             value = response.definition(run)
         except ConfigurationError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ConfigurationError(
                 f"{run.receiver}.{response.name}: must not raise an exception, got "
                 f"{type(error).__name__}: {one_line(error)}"
             ) from error
-    try:
+    if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
-    except (TypeError, ValueError):
-        raise ConfigurationError(
-            f"{run.receiver}.{response.name}: must be a number, got {shortened(instance(value))}"
-        ) from None
+    raise ConfigurationError(
+        f"{run.receiver}.{response.name}: must be a number, got {shortened(instance(value))}"
+    )
 
 
 def readable(name: str) -> str:

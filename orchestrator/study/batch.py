@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, one_line
 from ..results.definitions import PERCENTAGES, TRUTH
-from ..results.responses import PERCENTILES, Response, value_of
+from ..results.responses import PERCENTILES, value_of
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
@@ -180,13 +180,14 @@ def _one_by_one(
             raise
         except FmuError as error:
             return sums, extra, one_line(error)
-        problems = [_line(message) for message in outcome.failures.values()]
+        settling_ns = campaign.study.settling_ns
         left = {c.name for c in outcome.plan.components}
         for i, receiver in enumerate(campaign.receivers):
             if receiver in left:
-                seen = Observed(outcome.record, receiver, campaign.study.settling_ns)
-                sums[i], extra[i] = _reduced(seen, campaign.study.asked, problems)
-        return sums, extra, "; ".join(problems) or None
+                seen = Observed(outcome.record, receiver, settling_ns)
+                sums[i] = sums_of(outcome.record, receiver, settling_ns)
+                extra[i] = [value_of(response, seen) for response in campaign.study.asked]
+        return sums, extra, "; ".join(map(_line, outcome.failures.values())) or None
 
     made = []
     # Python components hold the interpreter's lock, and need not be made for threads.
@@ -214,20 +215,6 @@ def _to_record(campaign: Campaign, group: Group) -> list[str]:
         if name not in known:
             raise ConfigurationError(f"{name}: must be an output, to judge the runs by, got none")
     return [name for name in (*TRUTH, *ports) if name in known]
-
-
-def _reduced(
-    run: Observed, asked: Sequence[Response], problems: list[str]
-) -> tuple[Floats, list[float]]:
-    """Sums and responses of a receiver in a run; what goes wrong is added to the problems."""
-    values = []
-    for response in asked:
-        try:
-            values.append(value_of(response, run))
-        except ConfigurationError as error:
-            values.append(float("nan"))
-            problems.append(one_line(error))
-    return sums_of(run.record, run.receiver, run.settling_ns), values
 
 
 def _line(message: str) -> str:

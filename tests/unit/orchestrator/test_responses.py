@@ -197,8 +197,14 @@ def share_above(run):
 def fails(run):
     raise RuntimeError("nothing\\nto say")
 
+def ends(run):
+    raise SystemExit(3)
+
 def words(run):
     return "many"
+
+def digits(run):
+    return "0.5"
 """
 
 
@@ -222,16 +228,57 @@ def test_a_function_of_a_file_is_known_by_the_file(tmp_path: Path) -> None:
         other.run(tmp_path / "first")
 
 
-def test_a_function_that_fails_is_told_in_the_table(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("fails", "must not raise an exception, got RuntimeError: nothing to say"),
+        ("ends", "must not raise an exception, got SystemExit: 3"),
+        ("words", "must be a number, got 'many'"),
+        ("digits", "must be a number, got '0.5'"),
+    ],
+)
+@pytest.mark.parametrize("executor", ["threads", "processes"])
+def test_a_function_that_fails_ends_the_study(
+    tmp_path: Path, name: str, message: str, executor: str
+) -> None:
     (tmp_path / "mine.py").write_text(FILE.format(limit=1))
-    texts = [f"{tmp_path / 'mine.py'}:{name}" for name in ("fails", "words")]
-    table = study.load(STUDY | {"responses": texts, "replicates": 1}).run(tmp_path / "out")
-    assert table["ekf.fails"].isna().all()
-    assert table["error"].tolist() == 2 * [
-        "ekf.fails: must not raise an exception, got RuntimeError: nothing to say; "
-        "ekf.words: must be a number, got 'many'"
-    ]
-    assert table["ekf.absolute_total_rms_m"].notna().all()
+    made = study.load(STUDY, responses=[f"{tmp_path / 'mine.py'}:{name}"])
+    with pytest.raises(ConfigurationError, match=rf"^ekf\.{name}: {message}$"):
+        made.run(tmp_path / "out", executor=executor)
+
+
+LIMIT = 1.0
+
+
+def above_limit(run: Run) -> float:
+    return helper(run, LIMIT)
+
+
+def helper(run: Run, limit: float) -> float:
+    return float((run.used.square > limit**2).mean())
+
+
+def test_a_function_is_known_by_what_it_refers_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    def of(limit: float) -> Any:
+        def above(run: Run) -> float:
+            return helper(run, limit)
+
+        return above
+
+    known = responses.of_function(above_limit).sha256
+    assert responses.of_function(above_limit).sha256 == known
+    assert responses.of_function(of(1.0)).sha256 == responses.of_function(of(1.0)).sha256
+    assert responses.of_function(of(1.0)).sha256 != responses.of_function(of(2.0)).sha256
+    monkeypatch.setitem(globals(), "LIMIT", 2.0)
+    assert responses.of_function(above_limit).sha256 != known
+
+
+def test_a_file_that_was_just_changed_is_read_again(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    for value in (1.0, 2.0):
+        file.write_text(f"def constant(run):\n    return {value}\n")
+        assert responses.of_file("mine.py:constant", tmp_path).definition(None) == value
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.py"]
 
 
 @pytest.mark.parametrize(
@@ -240,7 +287,8 @@ def test_a_function_that_fails_is_told_in_the_table(tmp_path: Path) -> None:
         ("absolute_total_p96_m", "responses or FILE.py:FUNCTION, got .*did you mean"),
         ("lost", "must not have lost, which is always there"),
         (3, "must be names of responses or FILE.py:FUNCTION, got 3"),
-        ("none.py:mine", "'none.py:mine' must be FILE.py:FUNCTION, got no file 'none.py'"),
+        ("mien.py:mine", "must be FILE.py:FUNCTION, got no Python file .*'; did you mean 'mine"),
+        ("leaves.py:f", "'leaves.py:f' must be importable, got SystemExit: 4"),
         ("mine.py:share_abov", "must name a function of 'mine.py', .*did you mean 'share_above'"),
         ("broken.py:f", r"'broken.py:f' must be importable, got ZeroDivisionError: division by"),
     ],
@@ -250,6 +298,7 @@ def test_what_is_no_response_is_refused_in_one_line(
 ) -> None:
     (tmp_path / "mine.py").write_text(FILE.format(limit=1))
     (tmp_path / "broken.py").write_text("1 / 0\n")
+    (tmp_path / "leaves.py").write_text("raise SystemExit(4)\n")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigurationError, match=message) as caught:
         study.load(STUDY | {"responses": [entry]})
