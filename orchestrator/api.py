@@ -1,4 +1,4 @@
-"""From a scenario to its result, in one call."""
+"""Run a scenario and return its result, in one call."""
 
 from __future__ import annotations
 
@@ -42,40 +42,39 @@ def run(
 ) -> Result:
     """Simulate a scenario.
 
-    A receiver that fails beside others does not end the run: the result has its message in
-    `Result.failures`, and what the others give without it.
+    If one of several receivers fails, the run is repeated without it. The result has its message in
+    `Result.failures` and the estimates of the others.
 
     Parameters
     ----------
     scenario
-        Name of a scenario that comes with the project, TOML file, nested tables, or what `load`
-        returned.
+        Name of a shipped scenario, path of a TOML file, nested tables, or a scenario from `load`.
     receiver
-        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, or what makes a Python
-        component (see `sblcosim.simulation.system.PythonComponent`); several in a sequence, or with
-        labels in a mapping, run side by side on the same noise. None: the scenario's own. The raw
-        fix runs along as ``raw``.
+        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, or a callable that makes a
+        Python component (see `sblcosim.simulation.system.PythonComponent`). Several, in a sequence
+        or (with labels) in a mapping, run side by side on the same noise. None: the scenario's own
+        receiver. The raw fix always runs too, as ``raw``.
     overrides
         Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
     fmi
-        FMI version (2 or 3) of our components; None: the scenario's.
+        FMI version (2 or 3) of our own components; None: the scenario's.
     components
-        Replacements of ``target``, ``platform``, ``acoustics``: FMU files, or what makes a Python
-        component.
+        Replacements for ``target``, ``platform`` and ``acoustics``: FMU files, or callables that
+        make a Python component.
     master, step_timeout
-        What runs the simulation, and when it gives up an FMU that hangs; see
+        Which master runs the simulation, and the time limit for a call of an FMU [s]; see
         `sblcosim.simulation.execution.execute`.
     progress
-        Called now and then with the share of the run that is done, 0 to 1.
+        Called at intervals with the completed share of the run, 0 to 1.
     before
         Called with the manifest just before the simulation.
 
     Raises
     ------
     ConfigurationError
-        Something in the scenario or the arguments is wrong.
+        The scenario or an argument is invalid.
     FmuError
-        An FMU cannot be built, is broken, or has failed, and no receiver that was asked for is
+        An FMU cannot be built, is broken, or has failed, and none of the requested receivers is
         left.
 
     Examples
@@ -114,7 +113,7 @@ def _labels(system: System) -> list[str]:
 
 
 def _essential(system: System) -> list[str]:
-    """The receivers of which one must be left: those beside the raw fix, if there are any."""
+    """The receivers of which at least one must survive; the raw fix counts only if it is alone."""
     return [name for name in _labels(system) if name != RAW] or [RAW]
 
 
@@ -124,11 +123,11 @@ def _executor(
     step_timeout: float | None,
     progress: Callable[[float], None] | None,
 ) -> Callable[[Plan], Record]:
-    """What runs a plan, or what is left of it without the receivers that have failed."""
+    """A function that runs the plan, or the rest of it after receivers have failed."""
     apart = bool(strangers(plan))
 
     def executed(left: Plan) -> Record:
-        # Without the failed ones there may be nobody left to wait for.
+        # Without the failed receivers there may be no third-party FMU left to time.
         timed = len(left.components) == len(plan.components) or strangers(left)
         return execute(
             left,
@@ -142,7 +141,7 @@ def _executor(
 
 
 def _check_truth(plan: Plan) -> None:
-    """Refuse components without what the estimates are compared with."""
+    """Refuse components that lack the true values with which estimates are compared."""
     known = [c.name for c in plan.columns]
     for name in TRUTH:
         if name not in known:
@@ -155,7 +154,7 @@ def _check_truth(plan: Plan) -> None:
 def _origins(
     chosen: Mapping[str, Source], system: System, plan: Plan
 ) -> dict[str, dict[str, Any]]:
-    """What each receiver was; independent of the paths of files."""
+    """The origin of each receiver; independent of file paths."""
     planned = {c.name: c for c in plan.components}
     origins: dict[str, dict[str, Any]] = {}
     for label, source in chosen.items():
@@ -171,7 +170,7 @@ def _origins(
 
 
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
-    """What a reader of the results should know about the run."""
+    """Remarks for the reader of the results."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
     lost = wanted - simulated
     if lost <= nanoseconds(scenario.time.sampling_time_s):

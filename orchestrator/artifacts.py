@@ -1,4 +1,4 @@
-"""Folders of results: written as a whole or not at all, with a manifest of where they come from."""
+"""Result folders: written completely or not at all, with a manifest that records their origin."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ Other = Literal["replace", "refuse", "number"]
 
 @dataclass
 class Draft:
-    """A folder of results that is being written.
+    """A result folder while it is being written.
 
     Attributes
     ----------
     folder
-        To write into.
+        Temporary folder; write into this one.
     path
-        Where it is to be; at the end, where it is.
+        Intended path of the result; after the end, its actual path.
     """
 
     folder: Path
@@ -47,7 +47,7 @@ class Draft:
 
 @contextmanager
 def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
-    """As `draft`, for results that any earlier one gives way to."""
+    """As `draft`, for a result that replaces any earlier one."""
     with draft(path, manifest) as made:
         yield made.folder
 
@@ -56,35 +56,35 @@ def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
 def draft(
     path: str | Path, manifest: Mapping[str, Any], other: Other = "replace"
 ) -> Iterator[Draft]:
-    """A new folder that appears under its name when everything in it is complete.
+    """A new folder that gets its final name only when its contents are complete.
 
-    Write into the folder that is given. At the end the manifest is added, with the versions of the
-    software and the list of files, and the folder gets its name. On an error or Ctrl-C it vanishes;
-    what a killed process left is removed by the next one.
-    An empty folder that is there already is kept, and gets the files when they are complete.
+    Write into ``Draft.folder``. At the end the manifest is added, with the software versions and
+    the list of files, and the folder is renamed. On an error or Ctrl-C it is removed; the remains
+    of a killed process are removed by the next one.
+    An existing empty folder is kept, and receives the files when they are complete.
 
     Parameters
     ----------
     path
-        Where the folder is to be. The same result (one with the same manifest, whatever software
-        made it) is replaced, unless somebody has added files to it.
+        Path of the folder. An equal result (same manifest, any software version) is replaced,
+        unless files have been added to it.
     manifest
-        What the manifest says; plain data.
+        Content of the manifest, as plain data.
     other
-        What is done about another result under that name: it is replaced, it is refused, or the
-        new one gets the next number.
+        What to do if a different result has this name: replace it, refuse to write, or give the
+        new folder the next free number.
 
     Raises
     ------
     ConfigurationError
-        There is something else under that name, or its parent cannot be written to.
+        The path holds something else, or its parent is not writable.
     """
     path = Path(path)
     check(path, manifest, other)
     path = path.resolve()
     try:
         empty = _is_empty(path)
-        # Somebody's own folder, perhaps with rights of its own, stays.
+        # Keep a folder that the user made: it may have its own permissions.
         above = path if empty else path.parent
         files.make_folder(above)
         with files.unfinished(above) as part:
@@ -94,7 +94,7 @@ def draft(
             _finish(part, manifest)
             if not empty:
                 made.path = _name(path, part, manifest, other)
-            elif _fill(path, part):  # it lies in the folder that may have to go
+            elif _fill(path, part):  # `part` is in the folder that may be replaced
                 with files.unfinished(path.parent) as beside:
                     part.rename(beside)
                     made.path = _name(path, beside, manifest, other)
@@ -103,23 +103,23 @@ def draft(
 
 
 def _finish(part: Path, manifest: Mapping[str, Any]) -> None:
-    """Add the manifest, and bring all to the disk."""
+    """Add the manifest, and flush all files to disk."""
     names = sorted(file.name for file in part.iterdir())
     content = {**manifest, "software": software(), "files": names}
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     (part / MANIFEST).write_text(text, "utf-8")
-    with ThreadPoolExecutor() as pool:  # the disk takes many at a time as fast as one
+    with ThreadPoolExecutor() as pool:  # a disk syncs many files as fast as one
         list(pool.map(files.sync_file, part.iterdir()))
 
 
 def _fill(path: Path, part: Path) -> bool:
-    """Move everything into an empty folder; True if it is no longer empty, and nothing was done."""
+    """Move everything into an empty folder; True (and no change) if it is no longer empty."""
     names = sorted((file.name for file in part.iterdir()), key=lambda name: name != MANIFEST)
     if not _is_empty(path):
         return True
     moved = []
     try:
-        for name in names:  # the manifest first: it says what belongs to it, should we be killed
+        for name in names:  # manifest first: if we are killed, it lists the files to remove
             (part / name).rename(path / name)
             moved.append(name)
     except BaseException:
@@ -131,7 +131,7 @@ def _fill(path: Path, part: Path) -> bool:
 
 
 def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> Path:
-    """Give a complete folder its name, or a number if another result has the name by now."""
+    """Give a complete folder its name, or a numbered name if it is taken by now."""
     while True:
         check(path, manifest, other)
         place = place_for(path, manifest, other)
@@ -150,14 +150,14 @@ def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> 
                         raise
         except OSError as error:
             if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT) and part.is_dir():
-                continue  # another process was quicker
+                continue  # another process was faster
             raise
         files.sync_folder(place.parent)
         return place
 
 
 def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
-    """Where a result goes: there, or to the next number that is free or has the same result."""
+    """The given path, or the next numbered one that is free or holds an equal result."""
     check_choice("other", other, get_args(Other))
     if other != "number":
         return path
@@ -169,7 +169,7 @@ def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
 
 
 def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
-    """Whether what is there is nothing, or the same result."""
+    """Whether a path may be replaced: it is empty or holds an equal result."""
     try:
         _refuse_foreign(path)
     except ConfigurationError:
@@ -186,7 +186,7 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
 
 
 def _empty(path: Path) -> None:
-    """Take back what a process had moved into an empty folder when it was killed."""
+    """Remove the files that a killed process had moved into an empty folder."""
     before = _manifest_of(path)
     if before is None or all((path / name).exists() for name in before["files"]):
         return
@@ -197,7 +197,7 @@ def _empty(path: Path) -> None:
 def check(
     path: str | Path, manifest: Mapping[str, Any] | None = None, other: Other = "replace"
 ) -> None:
-    """Whether `draft` could write there, as far as this can be said beforehand.
+    """Check in advance, as far as possible, that `draft` can write there.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def check(
 
 
 def _is_empty(path: Path) -> bool:
-    """Whether this is a folder with nothing in it, but for what processes are writing."""
+    """Whether this is a folder that is empty, apart from files being written."""
     return os.path.isdir(path) and all(files.is_hidden(file.name) for file in path.iterdir())
 
 
@@ -244,7 +244,7 @@ def _refusal(path: Path, error: OSError) -> ConfigurationError:
 
 
 def _refuse_foreign(path: Path) -> None:
-    """Only what an earlier run wrote, all of it listed in its manifest, may be replaced."""
+    """Refuse a folder with files that are not in the manifest of an earlier run."""
     if not os.path.lexists(path):
         return
     if not os.path.isdir(path):
@@ -262,7 +262,7 @@ def _refuse_foreign(path: Path) -> None:
 
 
 def _manifest_of(path: Path) -> dict[str, Any] | None:
-    """What the manifest in a folder says; None if there is none that we could have written."""
+    """The manifest in a folder; None if there is none, or none of ours."""
     try:
         content: Any = json.loads((path / MANIFEST).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -276,7 +276,7 @@ def _manifest_of(path: Path) -> dict[str, Any] | None:
 
 
 def software() -> dict[str, str]:
-    """Versions of everything that has a say in the numbers."""
+    """Versions of all software that affects the results."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
@@ -294,7 +294,7 @@ def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
 
 
 def plain(value: Any) -> Any:
-    """The same as numbers, words, lists and dicts that JSON knows; what is missing becomes None."""
+    """The value as JSON types: numbers, strings, lists, dicts; missing values become None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):

@@ -1,4 +1,4 @@
-"""The exceptions of the package, for use by and in the orchestrator."""
+"""The exceptions of the package, as the orchestrator uses and exports them."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ __all__ = [
 
 
 class ConfigurationError(SblcosimError):
-    """Something that the user wrote, in a file or in Python, cannot be carried out."""
+    """Invalid input from the user, in a file or in Python."""
 
 
 def check_choice(where: str, value: object, choices: Collection[str] | Collection[int]) -> None:
-    """Refuse an argument that is none of a few words or whole numbers.
+    """Refuse an argument that is not one of the given words or whole numbers.
 
     Raises
     ------
     ConfigurationError
-        So it is; the nearest choice is named.
+        The value is not among the choices; the message suggests the nearest one.
     """
     plain = isinstance(value, str | int) and not isinstance(value, bool)
     if not plain or value not in choices:
@@ -58,8 +58,8 @@ def check_choice(where: str, value: object, choices: Collection[str] | Collectio
 
 
 class ConfigurationWarning(Concise, UserWarning):
-    """Something that the user wrote can be carried out, but is perhaps not what was meant."""
+    """Valid input that is perhaps not what the user meant."""
 
 
 class NoEffectWarning(ConfigurationWarning):
-    """A key was given by hand that has no effect."""
+    """A key was given explicitly but has no effect."""

@@ -1,4 +1,4 @@
-"""Names that a package offers, imported when they are first used: its import stays quick."""
+"""Lazy imports: a package's names are imported on first use, so importing it stays fast."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 
 def names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Any]:
-    """``__getattr__`` and ``__dir__`` of a package.
+    """``__getattr__`` and ``__dir__`` for a package.
 
     Parameters
     ----------
     package
-        Its name.
+        Name of the package.
     homes
-        The module of each name, relative to the package; of a module's own name, nothing.
+        Module of each name, relative to the package; empty for a submodule itself.
     """
 
     def get(name: str) -> Any:

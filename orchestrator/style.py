@@ -1,4 +1,4 @@
-"""How figures look: colours that colour-blind people tell apart, on light or dark paper."""
+"""Style of the figures: colours that colour-blind readers can tell apart, light or dark."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class Theme:
     ink
         Text, axes and the truth.
     soft
-        Raw fixes and other things in the background.
+        Raw fixes and other background elements.
     receivers
-        Okabe and Ito's palette (https://jfly.uni-koeln.de/color/), those that stand out on this
-        paper, in the order of the receivers.
+        Colours of Okabe and Ito's palette (https://jfly.uni-koeln.de/color/) with enough contrast
+        on this paper, in the order of the receivers.
     """
 
     paper: str
@@ -59,13 +59,13 @@ THEMES: dict[ThemeName, Theme] = {
 LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
 """Line styles of the receivers, so that no figure depends on colour alone."""
 MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
-"""Markers on the receivers' lines, another one each time the colours begin again."""
+"""Markers on the receivers' lines; the next one is used each time the colours repeat."""
 PLAIN = {"parse_math": False, "usetex": False}
-"""Properties of a text that is shown as it is."""
+"""Properties of a text that is shown literally."""
 
 
 def named(theme: ThemeName) -> Theme:
-    """A theme by its name.
+    """Look up a theme by name.
 
     Raises
     ------
@@ -78,14 +78,14 @@ def named(theme: ThemeName) -> Theme:
 
 @contextmanager
 def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator[Theme]:
-    """Draw in a theme; Matplotlib's own settings are put back afterwards.
+    """Draw in a theme; Matplotlib's settings are restored afterwards.
 
-    Text is shown as it is: names are the user's, and a dollar in them does not begin a formula.
+    Text is shown literally: names come from the user, and a dollar sign must not start a formula.
 
     Parameters
     ----------
     axes
-        Those that are there already, whose labels and titles were made with other settings.
+        Existing axes, whose labels and titles were created under other settings.
 
     Raises
     ------
@@ -127,29 +127,29 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A figure [inch] that belongs to nobody's interactive session."""
+    """A figure of a given size [inch] that is not registered with pyplot."""
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
 
 
 def save(axes: Axes, folder: Path, name: str) -> None:
-    """Write a figure, given by its axes, as SVG and PNG; equal figures give equal bytes."""
+    """Write the figure of these axes as SVG and PNG; equal figures give equal bytes."""
     figure = axes.figure
     assert isinstance(figure, Figure)
     figure.dpi = 150
-    # the canvases' own methods: Figure.savefig draws everything twice
+    # Use the canvas directly: Figure.savefig draws everything twice.
     agg: Any = FigureCanvasAgg(figure)
     agg.print_png(folder / f"{name}.png", metadata={"Software": None})
-    figure.set_layout_engine("none")  # it is laid out now
+    figure.set_layout_engine("none")  # the layout is final now
     (folder / f"{name}.svg").write_text(svg(axes, name), "utf-8")
 
 
 def svg(axes: Axes, name: str) -> str:
-    """A figure, given by its axes, as the text of an SVG file."""
+    """The figure of these axes as the text of an SVG file."""
     figure = axes.figure
     assert isinstance(figure, Figure)
-    figure.dpi = 150  # of clouds of points, which are pictures
+    figure.dpi = 150  # resolution of rasterised point clouds
     stream = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
         canvas: Any = FigureCanvasSVG(figure)
@@ -161,9 +161,9 @@ _ID = re.compile(r'(?<=[#"])[A-Za-z]+[0-9a-f]{10}(?=[")])')
 
 
 def _with_own_ids(text: str, name: str) -> str:
-    """The same with ids by their order in the figure of that name.
+    """Replace Matplotlib's ids by ids that depend only on the figure's name and their order.
 
-    Those of Matplotlib hash the bounds of axes, whose last bits differ from process to process.
+    Matplotlib hashes the bounds of axes, whose last bits differ from process to process.
     """
     found = re.findall(r'\bid="([A-Za-z]+[0-9a-f]{10})"', text)
     places = {old: str(n) for n, old in enumerate(dict.fromkeys(found))}

@@ -1,1 +1,1 @@
-"""Scenario files, and the systems that are made of them."""
+"""Scenario files, and the systems built from them."""

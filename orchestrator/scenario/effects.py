@@ -1,7 +1,7 @@
-"""Which keys of a scenario have no effect, and why.
+"""Find keys of a scenario that have no effect, and say why.
 
-A parameter of ours has one if the conditions of its declaration hold (`Variable.needs`); a key that
-only sets others has one if one of them is left to it.
+A parameter of our own components has an effect if the conditions in its declaration hold
+(`Variable.needs`). A key that only sets other keys has one if at least one of them is not given.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from sblcosim.models.declaration import Component, Condition
 from .schema import CORE_COMPONENTS, PRESETS, in_si, preset, toml
 
 Key = tuple[str, ...]
-"""A key's table and its name, or its name alone."""
+"""A key's table and name, or its name alone."""
 Ours = Mapping[str, Collection[str]]
-"""Names of our components that take the keys of a table."""
-_SHOWN = 3  # names in a reason
+"""Names of our components that use the keys of each table."""
+_SHOWN = 3  # names listed in a reason
 
 
 class Tables(Protocol):
-    """A scenario, as far as it matters here: its tables."""
+    """The part of a scenario that is needed here."""
 
     platform: Any
     receiver: Any
 
 
 def components_of(scenario: Tables) -> Ours:
-    """Our components that a scenario itself chooses, by table."""
+    """Our components that the scenario itself selects, by table."""
     receiver = scenario.receiver
     return {
         **{n: (n,) if getattr(scenario, n).fmu is None else () for n in CORE_COMPONENTS},
@@ -38,13 +38,13 @@ def components_of(scenario: Tables) -> Ours:
 
 
 def idle(scenario: Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
-    """Those of some keys that have no effect in a scenario, and why."""
+    """The keys, among some, that have no effect in a scenario, each with the reason."""
     reasons = {key: _why(scenario, ours, key) for key in keys}
     return {key: why for key, why in reasons.items() if why is not None}
 
 
 def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
-    """As `idle`, and those that only set keys that are given."""
+    """As `idle`, plus keys that only set other keys, all of which are given."""
     reasons = {
         key: _all_given(scenario, governed, key)
         for key, governed in _governors(scenario).items()
@@ -55,7 +55,7 @@ def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, st
 
 
 def given(scenario: Tables) -> Iterator[Key]:
-    """Keys of parameters and presets that were given by hand."""
+    """Keys of parameters and presets that were given explicitly."""
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
         for key in type(table).model_fields:
@@ -64,7 +64,7 @@ def given(scenario: Tables) -> Iterator[Key]:
 
 
 def conditions(key: Key) -> Iterator[Key]:
-    """Keys on which it depends whether a key has an effect."""
+    """Keys that decide whether a key has an effect."""
     table, name = key[0], key[-1]
     for component in _takers(table, RECEIVERS if table == "receiver" else (table,), name):
         for condition in _conditions(component, name):
@@ -72,7 +72,7 @@ def conditions(key: Key) -> Iterator[Key]:
 
 
 def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
-    """Why a key of a component of ours has no effect; of several components, in none of them."""
+    """Why a key has no effect in any of our components that use it; None if it has one."""
     name, table = key[-1], getattr(scenario, key[0])
     if name in PRESETS:
         unused = getattr(table, name) is None or ours["platform"]
@@ -89,7 +89,7 @@ def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
 
 
 def _takers(table: str, names: Iterable[str], key: str) -> Iterator[Component]:
-    """Components that have a key."""
+    """The components that have this key."""
     for name in names if table in (*CORE_COMPONENTS, "receiver") else ():
         if any(v.key == key and v.causality == "parameter" for v in COMPONENTS[name]):
             yield COMPONENTS[name]
@@ -106,13 +106,13 @@ def _conditions(component: Component, key: str) -> Iterator[Condition]:
 def _value(component: Component, condition: Condition, table: Any) -> Any:
     variable = component[condition.parameter]
     value = getattr(table, variable.key)
-    if value is None:  # another receiver of the run has it
+    if value is None:  # only another receiver of the run has this key
         return variable.starts if variable.shape else variable.starts[0]
     return in_si(variable, value)
 
 
 def _text(component: Component, group: Iterable[Condition], table: Any) -> str:
-    """What is not as it would have to be."""
+    """The unmet conditions, in words."""
     names: dict[str, list[str]] = {}
     for condition in group:
         variable = component[condition.parameter]
@@ -134,11 +134,11 @@ def _listed(keys: list[str]) -> str:
     return f"{', '.join(keys[: _SHOWN - 1])} and {len(keys) - _SHOWN + 1} others are"
 
 
-# --- Keys that only set others -------------------------------------------------------------------
+# --- Keys that only set other keys ---------------------------------------------------------------
 
 
 def _governors(scenario: Tables) -> dict[Key, list[Key]]:
-    """Keys that only set other keys, which rule if they are given."""
+    """Keys that only set other keys, and those keys; a key that is given takes precedence."""
     ticks = [(name, "sampling_time_s") for name in CORE_COMPONENTS]
     update = ("receiver", "update_interval_s")
     governors: dict[Key, list[Key]] = {

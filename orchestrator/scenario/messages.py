@@ -1,4 +1,4 @@
-"""What pydantic finds wrong in a scenario, in our wording."""
+"""Pydantic's errors in a scenario, in our own wording."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .schema import (
 # --- Messages ------------------------------------------------------------------------------------
 
 Fields = Mapping[str, FieldInfo]
-"""The keys of a scenario, as pydantic describes them."""
+"""The keys of a scenario, as described by pydantic."""
 
 
 def lines(
     error: ErrorDetails, where: str, changed: set[tuple[str, ...]], fields: Fields
 ) -> Iterator[str]:
-    """A problem that pydantic has found in the fields of a scenario, in our wording."""
+    """An error that pydantic found in a scenario, in our own wording."""
     location = error["loc"]
     if not location:
         for line in str(error["ctx"]["error"]).splitlines():
@@ -46,7 +46,7 @@ def lines(
 
 
 def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
-    """What contradicts something else, with the override that it is about, if it is about one."""
+    """A contradiction between keys, attributed to the override that caused it, if there is one."""
     match = re.match(r"\[(\w+)\](?: (\w+))?: ", line)
     if match is not None:
         table, keys = match[1], (match[2],) if match[2] else ("fmu", "type")
@@ -57,7 +57,7 @@ def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
 
 
 def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
-    """What must hold, and the valid names if it is a choice."""
+    """The requirement in words, and the valid names of a choice."""
     context = error.get("ctx", {})
     kind = error["type"]
     if kind == "literal_error":
@@ -91,7 +91,7 @@ def is_table(fields: Fields, name: object) -> bool:
 
 
 def _element(fields: Fields, location: Sequence[str | int]) -> str:
-    """Index of the element of an array, as in FMI: 1-based."""
+    """Subscript of an array element, 1-based as in FMI."""
     if len(location) < 3 or not isinstance(location[2], int):
         return ""
     table = fields[str(location[0])].annotation
@@ -102,7 +102,7 @@ def _element(fields: Fields, location: Sequence[str | int]) -> str:
 
 
 def _unknown(fields: Fields, location: Sequence[str | int]) -> str:
-    """An unknown key or table, with the nearest valid one."""
+    """Message for an unknown key or table, with the nearest valid name."""
     tables = {
         name: list(field.annotation.model_fields)
         for name, field in fields.items()
@@ -120,7 +120,7 @@ def _unknown(fields: Fields, location: Sequence[str | int]) -> str:
     if homes:
         close = f"; did you mean {name!r} in [{homes[0]}]?"
     elif not close:
-        # A longer or a shorter name of the same thing: "arm" for "arm_length_m".
+        # Suggest a key that contains the name: "arm" for "arm_length_m".
         parts = [key for key in tables[table] if name.lower() in key.lower()]
         close = f"; did you mean {parts[0]!r}?" if parts else ""
     return f"[{table}] has no key {quoted(name)}{close}"

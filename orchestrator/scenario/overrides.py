@@ -1,4 +1,4 @@
-"""Changes of a scenario: keys as paths, and their values."""
+"""Overrides of a scenario: paths of keys, and their values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Overrides = Mapping[str, Any] | Iterable[str]
 def clear_for_presets(
     raw: Mapping[str, Any], batch: Iterable[tuple[tuple[str, ...], Any]]
 ) -> None:
-    """What is said later wins: remove the keys that the presets of a batch replace."""
+    """Remove the keys that presets among the overrides replace: the later value wins."""
     said = dict(batch)
     table = raw.get("platform")
     for name, keys in PRESETS.items():
@@ -29,7 +29,7 @@ def clear_for_presets(
 
 
 def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of nested tables without the keys that hold nothing."""
+    """A copy of nested tables without the keys whose value is None."""
     return {
         key: without_none(value) if isinstance(value, Mapping) else value
         for key, value in tables.items()
@@ -38,7 +38,7 @@ def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Keys as paths, and their values."""
+    """The overrides as paths of keys and their values."""
     if isinstance(overrides, str):
         overrides = (overrides,)
     if not isinstance(overrides, Iterable):

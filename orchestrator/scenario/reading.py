@@ -1,4 +1,4 @@
-"""Text files that a user has written, and what of TOML is taken."""
+"""Read the user's text files, and limit what TOML may contain."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from typing import Any
 from ..errors import ConfigurationError, nearest, quoted, shortened
 
 DEEPEST = 16
-"""Tables and arrays inside each other, and parts of a key; a scenario needs four."""
+"""Largest nesting of tables and arrays, and parts of a key; a scenario needs four."""
 LARGEST = 1 << 20
-"""Bytes of a file; a scenario has some thousand."""
-_INTEGERS = 2**63  # of TOML: 64 bits
-_LONGEST_PATH = 240  # characters of one that a message shows
+"""Largest file [bytes]; a scenario has a few thousand."""
+_INTEGERS = 2**63  # TOML integers have 64 bits
+_LONGEST_PATH = 240  # characters of a path in a message
 
 
 def shown(path: Path) -> str:
-    """A path for a message."""
+    """A path, shortened for a message."""
     return shortened(str(path), _LONGEST_PATH)
 
 
 def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
-    """Text of a file that somebody names, in place of one of the names that come with the project.
+    """Text of the user's file; ``names`` are the shipped names to suggest if it does not exist.
 
     Raises
     ------
     ConfigurationError
-        It cannot be read.
+        The file cannot be read.
     """
     where = shown(path)
     close = nearest(path.name.removesuffix(".toml"), names)
@@ -38,7 +38,7 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
         raise ConfigurationError(f"{where}: is a folder, not a {what} file")
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST + 1)  # a device has no end
+            content = file.read(LARGEST + 1)  # a device file may never end
         if len(content) > LARGEST:
             raise ConfigurationError(f"{where}: must have at most {LARGEST:,} bytes, got more")
         return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
@@ -62,12 +62,12 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
 
 
 def parse(where: str, text: str) -> dict[str, Any]:
-    """The tables of a text in TOML.
+    """Parse a TOML text into tables.
 
     Raises
     ------
     ConfigurationError
-        It is no TOML, nested too deeply, or has integers of more than 64 bits.
+        The text is not TOML, is nested too deeply, or has integers of more than 64 bits.
     """
     try:
         tables = tomllib.loads(text)
@@ -75,7 +75,7 @@ def parse(where: str, text: str) -> dict[str, Any]:
         raise ConfigurationError(_problem(where, error)) from None
     except RecursionError:
         raise ConfigurationError(f"{where}: {_TOO_DEEP}, got far more") from None
-    except ValueError:  # Python reads no integers of more than 4,300 digits
+    except ValueError:  # Python refuses integers of more than 4,300 digits
         raise ConfigurationError(f"{where}: {_TOO_LONG}, got one of thousands of digits") from None
     check_values(where, tables)
     return tables
@@ -86,17 +86,17 @@ _TOO_LONG = "must have integers of 64 bits"
 
 
 def check_values(where: str, content: Any, above: int = 0) -> None:
-    """Refuse what is nested too deeply, and integers of more than 64 bits.
+    """Refuse tables that are nested too deeply, and integers of more than 64 bits.
 
     Parameters
     ----------
     above
-        Levels that the content is in.
+        Number of levels above the content.
 
     Raises
     ------
     ConfigurationError
-        There is such a thing.
+        The content has such a table or integer.
     """
     waiting: list[tuple[tuple[Any, ...], Any]] = [((), content)]
     while waiting:

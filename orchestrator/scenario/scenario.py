@@ -1,7 +1,6 @@
-"""Scenario files: everything about a run in one TOML text, with units in its keys.
+"""Scenario files: a complete run in one TOML text, with units in its keys.
 
-What a file leaves out is filled in when it is loaded, so a `Scenario` states every number of its
-run.
+Loading fills in whatever a file leaves out, so a `Scenario` holds every number of its run.
 """
 
 from __future__ import annotations
@@ -47,26 +46,26 @@ from .schema import (
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
-"""What to use as a component: a receiver's name, an FMU file, or what makes a Python component."""
+"""A receiver's name, an FMU file, or a callable that makes a Python component."""
 Receivers = Source | Sequence[Source] | Mapping[str, Source]
-"""One or more receivers, with labels if it is a mapping."""
+"""One or more receivers; a mapping gives them labels."""
 
 
 class Scenario(Table):
-    """A run, completely.
+    """The complete description of a run.
 
-    Made by `load`; all values that a file leaves out are filled in.
+    Made by `load`, which fills in all values that a file leaves out.
 
     Attributes
     ----------
     name, title
-        For people and for the folder of results.
+        For display, and for the name of the result folder.
     seed
-        Of all random numbers; a component may have its own.
+        Seed of all random numbers; a component may have its own.
     fmi
         FMI version (2 or 3) of the components.
     time, target, platform, acoustics, receiver
-        The tables. Keys are those of a scenario file: ``scenario.platform.arm_length_m``.
+        The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
     name: Name = "scenario"
@@ -81,7 +80,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        """Fill in what was not given, then check what several keys say together."""
+        """Fill in values that were not given, then check keys against each other."""
         common = {"sampling_time_s": self.time.sampling_time_s, "seed": self.seed}
         presets: dict[str, Any] = {}
         for name in PRESETS:
@@ -122,7 +121,7 @@ class Scenario(Table):
         receiver.fill({"interval_s": receiver.update_interval_s})
 
     def _problems(self) -> Iterator[str]:
-        """What contradicts something else; one line each."""
+        """Contradictions between keys; one line each."""
         receiver = self.receiver
         for name, table in (("time", self.time), *self._tables()):
             for key in ("sampling_time_s", "update_interval_s", "interval_s"):
@@ -171,27 +170,27 @@ class Scenario(Table):
             yield name, getattr(self, name)
 
     def given(self) -> dict[str, Any]:
-        """What was given by hand, as nested tables; the rest follows from it."""
+        """The keys that were given explicitly, as nested tables; the rest follows from them."""
         return self.model_dump(exclude_unset=True)
 
     def override(self, overrides: Overrides) -> Scenario:
-        """Another scenario with some keys changed; what depends on them follows."""
+        """A copy with some keys changed, and with the values that depend on them updated."""
         return load(self, overrides)
 
     def where(self, table: str, key: str) -> str:
-        """Where a key stands, for messages: in the scenario, or among the overrides."""
+        """Location of a key for messages: in the scenario or among the overrides."""
         if (table, key) in self.__dict__.get("_changed", ()):
             return f"override {table}.{key}"
         return f"{self.name}: [{table}] {key}"
 
     def dump_toml(self, folder: Path | None = None) -> str:
-        """The scenario as TOML, with all keys that have an effect; `load` gives the same back.
+        """The scenario as TOML, with all keys that have an effect; `load` restores it.
 
         Parameters
         ----------
         folder
-            Where the text is to be a file. Paths of FMUs become relative to it, so that nothing in
-            the text depends on where both lie; None: they stay as they are.
+            Folder of the future file. Paths of FMUs become relative to it, so that the text does
+            not depend on absolute paths; None: paths are not changed.
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         idle = self.idle()
@@ -205,36 +204,36 @@ class Scenario(Table):
                 variable = table.variables.get(key)
                 filled = variable is not None and key not in table.model_fields_set
                 if filled and table.fmu is not None and variable.name not in SHARED_PARAMETERS:
-                    continue  # what a file says must be a parameter of that FMU
+                    continue  # a key in the file would have to be a parameter of that FMU
                 if filled and (name, key) in idle:
-                    continue  # somebody would have to be warned of it
+                    continue  # loading the file would warn of it
                 if key == "fmu" and folder is not None:
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
 
     def idle(self) -> dict[effects.Key, str]:
-        """Keys of our components that have no effect in this scenario, and why."""
+        """Keys of our components that have no effect in this scenario, each with the reason."""
         keys = [(name, key) for name, table in self._tables() for key in table.variables]
         return effects.idle(self, effects.components_of(self), keys)
 
     @property
     def true_prior(self) -> bool:
-        """Whether the receivers are told the true start."""
+        """Whether the receivers' prior is the true start."""
         return bool(self.receiver.prior == TRUE)
 
 
 @cache
 def _starts(component: str) -> Mapping[str, Any]:
-    """A component's parameters where nothing is said of them."""
+    """Default values of a component's parameters."""
     made = COMPONENTS[component]
     return MappingProxyType({v.key: default(made, v) for v in made.of("parameter")})
 
 
 def _relative(file: Path, folder: Path) -> str:
-    """The path of a file as seen from a folder."""
+    """The path of a file relative to a folder."""
     try:
-        # The file itself may be a link: its own name is kept.
+        # Resolve the folder only: if the file is a link, keep its own name.
         relative = os.path.relpath(file.parent.resolve() / file.name, folder.resolve())
     except ValueError:  # on another drive
         return str(file)
@@ -246,33 +245,33 @@ def _relative(file: Path, folder: Path) -> str:
 
 @cache
 def shipped() -> tuple[str, ...]:
-    """Names of the scenarios that come with the project."""
+    """Names of the shipped scenarios."""
     return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
 
 
 def shipped_text(name: str) -> str:
-    """Text of a scenario that comes with the project."""
+    """Text of a shipped scenario."""
     return (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
-    """Read a scenario, fill in what it leaves out, and check it.
+    """Read a scenario, fill in missing values, and check it.
 
     Parameters
     ----------
     source
-        Name of a scenario that comes with the project (``"paper-scenario-1"``), path of a TOML
-        file, nested tables, or a scenario.
+        Name of a shipped scenario (``"paper-scenario-1"``), path of a TOML file, nested tables, or
+        a scenario.
     overrides
         Keys to change: ``{"platform.arm_length_m": 0.4}``, nested tables, or
         ``["platform.arm_length_m=0.4"]`` with values in TOML (a bare word is a string). A preset
-        (``platform.beaufort``, ``platform.imu_grade``) replaces the keys that it sets, but for
-        those among the overrides.
+        (``platform.beaufort``, ``platform.imu_grade``) replaces the keys that it sets, except those
+        that are overridden too.
 
     Raises
     ------
     ConfigurationError
-        There is no such scenario, or something in it is wrong: one line per problem.
+        The scenario does not exist or is invalid: one line per problem.
     """
     where, raw, folder = _read(source)
     raw = without_none(raw)
@@ -307,7 +306,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         fields = Scenario.model_fields
         wrong = [line for e in error.errors() for line in lines(e, where, changed, fields)]
         raise ConfigurationError("\n".join(wrong)) from None
-    scenario.__dict__["_changed"] = frozenset(changed)  # no field: it is no part of what is run
+    scenario.__dict__["_changed"] = frozenset(changed)  # not a field: it does not affect the run
     vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
     if vain:
         raise ConfigurationError(
@@ -320,16 +319,16 @@ SETTERS = {
     ("seed",), ("time", "sampling_time_s"), ("time", "ekf_ratio"),
     *(("platform", name) for name in PRESETS),
 }
-"""Keys that do nothing but set others: one that sets none was not meant so."""
+"""Keys that only set other keys. If one sets none, the user is mistaken."""
 
 
 def no_effect(key: effects.Key) -> str:
-    """The beginning of a message about a key that is overridden in vain."""
+    """Start of the message about an override without effect."""
     return f"override {'.'.join(key)}: must have an effect, got none"
 
 
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mapping[str, Any], Path]:
-    """Where it comes from, the tables, and the folder of relative paths."""
+    """Name of the source for messages, its tables, and the folder for relative paths."""
     if isinstance(source, Scenario):
         return source.name, source.given(), Path.cwd()
     if isinstance(source, Mapping):

@@ -1,7 +1,7 @@
 """The tables of a scenario file, generated from the declarations of the components.
 
-A key is the name of a parameter with its unit as suffix; angles are in degrees, choices are given
-by name, arrays row by row. Bounds and descriptions are those of the declaration.
+A key is the name of a parameter with its unit as suffix. Angles are in degrees, choices are given
+by name, arrays row by row. Bounds and descriptions come from the declaration.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 
 CORE_COMPONENTS = ("target", "platform", "acoustics")
-"""Names of the components that every system has, and of their tables."""
+"""The components that every system has; their tables have the same names."""
 PATH: Final = "path"
-"""Value of ``duration_s``: until the end of the target's path."""
+"""Value of ``duration_s``: run until the end of the target's path."""
 TRUE: Final = "true"
-"""Value of ``prior``: the true start, at rest."""
+"""Value of ``prior``: start at the true position, at rest."""
 SHARED_PARAMETERS = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
-"""Parameters that a foreign component gets without being asked, if it has them."""
+"""Parameters that a third-party component always gets, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
 
@@ -53,7 +53,7 @@ def _name(value: str) -> str:
 
 
 LONGEST_NAME = 200
-"""Bytes in the name of a scenario or study: it becomes the name of a folder, with a suffix."""
+"""Longest name of a scenario or study [bytes]: with a suffix, it must fit into a folder name."""
 Name = Annotated[str, AfterValidator(_name)]
 
 
@@ -70,20 +70,20 @@ class Table(BaseModel):
         def __getattr__(self, key: str) -> Any: ...
 
     def fill(self, values: Mapping[str, Any]) -> None:
-        """Set what was not given. Only for a table that is being validated."""
+        """Set keys that were not given. Only while the table is being validated."""
         # The table is frozen, and keys filled in here must not count as given.
         self.__dict__.update({k: v for k, v in values.items() if k not in self.model_fields_set})
 
 
 def in_file_units(variable: Variable, value: float) -> float:
-    """A number as it stands in a scenario file: radians become degrees."""
+    """Convert an SI value to the unit of the scenario file: radians become degrees."""
     if variable.unit is None or not variable.unit.startswith("rad"):
         return value
     return float(f"{math.degrees(value):.12g}")
 
 
 def in_si(variable: Variable, value: Any) -> Any:
-    """A value of a scenario file as the FMU takes it; arrays row by row and complete."""
+    """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
     if variable.shape:
         elements = tuple(_scalar_in_si(variable, v) for v in value)
         return elements + variable.starts[len(elements) :]
@@ -99,7 +99,7 @@ def _scalar_in_si(variable: Variable, value: Any) -> Any:
 
 
 def default(component: Component, variable: Variable) -> Any:
-    """Start value of a parameter as it stands in a scenario file."""
+    """Start value of a parameter, in the form and unit of a scenario file."""
     if variable.choices is not None:
         return variable.choices[int(variable.starts[0])]
     if variable.type != "Float64":
@@ -111,14 +111,14 @@ def default(component: Component, variable: Variable) -> Any:
 
 
 def _is_list(variables: Iterable[Variable], variable: Variable) -> bool:
-    """Whether an array has a fixed capacity and a count beside it."""
+    """Whether an array has a fixed capacity and a separate count."""
     return any(v.name == f"{variable.name}_count" for v in variables)
 
 
 def _flat(shape: tuple[int, ...], partial_rows: bool, value: Any) -> Any:
     """Flatten rows and check the number of elements."""
     if not isinstance(value, list | tuple):
-        return value  # refused later: not an array
+        return value  # not an array: pydantic refuses it later
     parts = [row if isinstance(row, list | tuple) else [row] for row in value]
     flat = tuple(x for row in parts for x in row)
     width = math.prod(shape[1:])
@@ -135,7 +135,7 @@ def _flat(shape: tuple[int, ...], partial_rows: bool, value: Any) -> Any:
 
 
 def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
-    """Type of a key, with the bounds of the declaration."""
+    """Type of a key, with the bounds from the declaration."""
     low, high = (
         None if bound is None else in_file_units(variable, bound)
         for bound in (variable.min, variable.max)
@@ -158,7 +158,7 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
 
 
 def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
-    """Make the class of a table: its own keys first, then one per parameter."""
+    """Make the class of a table: extra keys first, then one per parameter."""
     parameters = {v.key: v for v in variables if v.causality == "parameter"}
     keys: dict[str, Any] = dict(extra)
     for key, variable in parameters.items():
@@ -184,7 +184,7 @@ COMMON: Mapping[str, Any] = {
 }
 
 if TYPE_CHECKING:
-    # A type checker cannot know the keys: they are made from the declarations.
+    # A type checker cannot know the keys: they are generated from the declarations.
     class Target(Table):
         """Table ``[target]``."""
 
@@ -236,7 +236,7 @@ PRESETS: Mapping[str, frozenset[str]] = {
     name: frozenset(key for value in values for key in preset(name, value))
     for name, values in (("beaufort", LEVELS), ("imu_grade", GRADES))
 }
-"""Keys of ``[platform]`` that set others, and all that they may set."""
+"""Keys of ``[platform]`` that set other keys, and all keys they may set."""
 
 
 def _duration(value: Any) -> Any:
@@ -258,7 +258,7 @@ SEED = COMPONENTS["acoustics"]["seed"]
 
 
 class Time(Table):
-    """When things happen."""
+    """Table ``[time]``."""
 
     sampling_time_s: Annotated[
         float, Field(ge=_TICK.min, le=_TICK.max), AfterValidator(settled)
@@ -280,7 +280,7 @@ def divides(part: float, whole: float) -> bool:
 
 
 def rows(variable: Variable | None, value: Any) -> Any:
-    """Nest the elements of a two-dimensional array."""
+    """Nest the elements of a two-dimensional array by rows."""
     if variable is None or len(variable.shape) != 2:
         return value
     width = variable.shape[1]
@@ -288,7 +288,7 @@ def rows(variable: Variable | None, value: Any) -> Any:
 
 
 def toml(value: Any) -> str:
-    """A value in TOML."""
+    """Write a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""A commented scenario file to begin with, generated from the declarations."""
+"""A commented scenario file to start from, generated from the declarations."""
 
 from __future__ import annotations
 
@@ -48,18 +48,18 @@ _EXAMPLES: Mapping[str, Any] = {
     "beaufort": 2,
     "waypoint_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
 }
-"""Values for keys that hold nothing unless they are given."""
+"""Example values for keys without a default."""
 
 
 def starter(name: str, source: str | Path | None = None) -> str:
-    """Text of a new scenario file: all keys with their meaning, the unused ones commented out.
+    """Text of a new scenario file: all keys with descriptions, the unused ones commented out.
 
     Parameters
     ----------
     name
         Name of the new scenario.
     source
-        A scenario whose given keys are in use; None for a plain one.
+        Scenario whose given keys are used; None: a simple one.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def starter(name: str, source: str | Path | None = None) -> str:
 
 
 def _range(variable: Variable | None) -> str:
-    """Choices or bounds."""
+    """Choices or bounds, in words."""
     if variable is None:
         return ""
     if variable.choices is not None:
@@ -116,5 +116,5 @@ def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
         return tuple(x for row in value for x in row) if variable is not None else value
     if variable is not None:
         return variable.starts[0]
-    # An optional choice: its first name.
+    # For an optional choice, take its first name.
     return annotation.__args__[0].__args__[0]

@@ -1,4 +1,4 @@
-"""From a scenario to a system: which FMUs, their parameters, and the standard connections."""
+"""Turn a scenario into a system: FMUs, their parameters, and the standard connections."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 
 RAW = "raw"
-"""Name of the raw fix that runs beside the receivers for comparison."""
+"""Label of the raw fix that runs beside the receivers for comparison."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A component of the system to be, the names of its variables, and which are foreign inputs."""
+    """A future component: its variables, and its inputs if it is a third-party component."""
 
     spec: ComponentSpec
     names: frozenset[str]
@@ -55,30 +55,31 @@ def connect(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
 ) -> System:
-    """Choose and connect the components of a scenario; missing FMUs are built.
+    """Choose and connect the components of a scenario; build missing FMUs.
 
     Parameters
     ----------
     receivers
-        Names, FMU files or makers of Python components, side by side on the same noise; a mapping
-        gives them labels. None: the scenario's own. The raw fix is always there, as ``raw``,
-        unless ``multilateration`` is asked for.
+        Names, FMU files or makers of Python components, which run side by side on the same noise; a
+        mapping gives them labels. None: the scenario's own receiver. The raw fix always runs too,
+        as ``raw``, unless ``multilateration`` is requested.
     fmi
-        FMI version (2 or 3) of all our components, in place of the scenario's.
+        FMI version (2 or 3) of all our components, instead of the scenario's.
     components
-        FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
+        FMU files or makers of Python components that replace ``target``, ``platform`` or
+        ``acoustics``.
 
     Raises
     ------
     ConfigurationError
-        A receiver, a file or a key is unknown, or the path has no end.
+        A receiver, a file or a key is unknown, or the target's path has no end.
     FmuError
-        An FMU could not be built or read.
+        An FMU cannot be built or read.
 
     Warns
     -----
     ConfigurationWarning
-        Nothing feeds an input of a foreign component; a key that was given has no effect.
+        An input of a third-party component is not connected; a given key has no effect.
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -117,10 +118,10 @@ def applied(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
 ) -> Scenario:
-    """The scenario with the arguments of `connect` written into it, as far as a file can say it.
+    """The scenario with the arguments of `connect` merged into it, as far as a file can hold them.
 
-    Of several receivers it gets the first one, and keys that this one does not have are left out. A
-    Python component stays as the scenario has it.
+    It gets the first of several receivers, without keys that this receiver does not have. A Python
+    component leaves the scenario's own choice in place.
     """
     tables = scenario.given()
     if fmi is not None:
@@ -172,7 +173,7 @@ def _ours(name: str, table: Any, fmi: int) -> _Part:
 
     component = COMPONENTS[name]
     spec = ComponentSpec(
-        build(name, cast(Literal[2, 3], fmi)),  # anything else is refused there
+        build(name, cast(Literal[2, 3], fmi)),  # `build` refuses anything else
         nanoseconds(table.interval_s),
         _values(component.of("parameter"), table),
     )
@@ -191,9 +192,9 @@ def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part
 def _foreign(
     table_name: str, table: Any, source: Source, own: bool, where: Callable[[str, str], str]
 ) -> _Part:
-    """Somebody else's component: of the table, it gets what it has.
+    """A third-party component: it gets those keys of the table that are its parameters.
 
-    If the scenario itself names the FMU (``own``), whatever the scenario gives must be there.
+    If the scenario itself names the FMU (``own``), every given key must be a parameter.
     """
     fmu = Path(source) if isinstance(source, str | Path) else source
     ports = _ports(table_name, fmu)
@@ -230,7 +231,7 @@ def _ports(where: str, source: Path | Callable[[], PythonComponent]) -> Mapping[
 
 
 def _check_contract(label: str, source: Source) -> None:
-    """Refuse what cannot be a receiver."""
+    """Refuse a source that does not fulfil the contract of a receiver."""
     from sblcosim.fmus.conformance.receiver_contract import check_receiver, check_variables
 
     hint = ""
@@ -263,7 +264,7 @@ def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None
 def ours(
     scenario: Scenario, chosen: Mapping[str, Source], replaced: Collection[str] = ()
 ) -> effects.Ours:
-    """Our components by table, if no other component takes the keys of that table, too."""
+    """Our components by table; none where a third-party component uses the table's keys too."""
     found = {
         name: () if name in replaced else names
         for name, names in effects.components_of(scenario).items()
@@ -274,7 +275,7 @@ def ours(
 
 
 def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[str]:
-    """Messages about keys without effect, together what has the same place and the same reason."""
+    """Messages about keys without effect, grouped by location and reason."""
     places: dict[tuple[str, str], list[str]] = {}
     for (table, key), why in idle.items():
         place = scenario.where(table, key)
@@ -286,7 +287,7 @@ def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[s
 
 
 def _values(variables: Iterable[Variable], table: Any) -> dict[str, Value]:
-    """What a table says about some parameters: FMI names and SI values."""
+    """Values of some parameters in a table: FMI names and SI values."""
     values = {v.name: (v, getattr(table, v.key)) for v in variables}
     return {name: in_si(v, value) for name, (v, value) in values.items() if value is not None}
 
@@ -308,7 +309,7 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
         table = scenario.receiver
         own = Path(table.fmu) if table.fmu else table.type
         sources = [_source(source) for source in receivers] or [_source(own)]
-        # Ours keep their names, wherever they stand.
+        # Our receivers keep their names, in any position.
         taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
         for source in sources:
             if source not in chosen.values():
@@ -325,7 +326,7 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
 
 
 def _source(source: Source) -> Source:
-    """Tell names of receivers from files."""
+    """Distinguish names of receivers from files, and check both."""
     if not isinstance(source, str | Path):
         if not callable(source):
             raise ConfigurationError(
@@ -349,7 +350,7 @@ def _source(source: Source) -> Source:
 
 
 def _label(source: Source, taken: Iterable[str]) -> str:
-    """Name of one of ours, or one that is not taken."""
+    """Label of a receiver: the name of one of ours, else a name that is not taken."""
     if isinstance(source, str):
         return source
     name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")
@@ -362,10 +363,10 @@ def _label(source: Source, taken: Iterable[str]) -> str:
 
 
 def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
-    """Refuse keys that no receiver of the run has: they would do nothing."""
+    """Refuse keys that no receiver of the run has: they would have no effect."""
     table = scenario.receiver
     if table.fmu is not None:
-        return  # the FMU itself is asked
+        return  # `_foreign` checks against the FMU itself
     names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
     known = {v.key for name in names for v in RECEIVERS[name].of("parameter")}
     for label, source in chosen.items():
@@ -396,7 +397,7 @@ def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
 
 
 def _at_start(spec: ComponentSpec, name: str) -> tuple[float, ...]:
-    """An output of a component at the start, its elements row by row."""
+    """The elements of an output at the start, row by row."""
     if isinstance(spec.fmu, Path):
         known = tuple(sorted(spec.parameters.items()))
         return _fmu_at_start(spec.fmu, read(spec.fmu).sha256, spec.interval_ns, known, name)
@@ -407,7 +408,7 @@ def _at_start(spec: ComponentSpec, name: str) -> tuple[float, ...]:
 def _fmu_at_start(
     fmu: Path, sha256: str, interval_ns: int, parameters: tuple[tuple[str, Value], ...], name: str
 ) -> tuple[float, ...]:
-    """`_at_start` of an FMU, remembered: the points of a study share it."""
+    """`_at_start` of an FMU, cached because the points of a study share it."""
     outputs = initial_outputs(ComponentSpec(fmu, interval_ns, dict(parameters)), (name,))
     return tuple(map(float, outputs[name].flat))
 
@@ -427,7 +428,7 @@ def _stop_ns(scenario: Scenario, target: _Part) -> int:
 
 
 def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterator[Connection]:
-    """The standard wiring by name; a receiver is connected where it has the input."""
+    """The standard connections by name; a receiver gets those for which it has an input."""
     for variable in MOTION:
         yield Connection(f"target.{variable.name}", f"acoustics.target_{variable.name}")
     for variable in BEACON_POSITIONS:

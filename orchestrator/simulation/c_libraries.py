@@ -1,4 +1,4 @@
-"""The loops in C: as they came with the package, or compiled when they are first needed."""
+"""The masters' C loops: shipped with the package, or compiled on first use."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ FOLDER = Path(__file__).with_name("c")
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """What a driver is made from.
+    """A driver's sources and how to build it.
 
     Attributes
     ----------
     name
-        Of its source in ``c/``, without the suffix.
+        Name of its source file in ``c/``, without the suffix.
     lanes
-        Whether it is built once per number of lanes, with the engine's headers.
+        Whether to build it once per number of lanes, with the engine's headers.
     header
-        Text of its generated header, of the same name.
+        Text of its generated header, which has the same name.
     """
 
     name: str
@@ -34,18 +34,18 @@ class Driver:
 
 
 def library(driver: Driver, compiler: Compiler | None = None) -> Path:
-    """Return a driver's shared library: for this process, or by a compiler for any platform.
+    """Path of a driver's shared library: for this process, or for a given compiler's platform.
 
     Raises
     ------
     BuildError
-        It has to be compiled, and there is no compiler or it fails.
+        The library must be compiled, but there is no compiler or it fails.
     """
     return factory.library(driver.name, _sources(driver), driver.lanes, compiler)
 
 
 def key(driver: Driver, platform: str) -> str:
-    """A name for everything that a driver is made from, but the compiler."""
+    """A key for everything that goes into a driver, except the compiler."""
     return factory.library_key(driver.name, _sources(driver), driver.lanes, platform)
 
 
@@ -72,7 +72,7 @@ def load(driver: Driver) -> ctypes.CDLL:
 
 
 def available(driver: Driver) -> bool:
-    """Whether a driver is there or can be compiled."""
+    """Whether a driver is present or can be compiled."""
     try:
         return bool(library(driver))
     except BuildError:

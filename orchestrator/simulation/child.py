@@ -1,7 +1,7 @@
-"""The process in which FMUs of strangers run; its parent, `isolation`, gives it tasks.
+"""The process in which third-party FMUs run; `isolation` in the parent gives it tasks.
 
-What it is doing is in the shared memory, where it outlives the process. Tasks come over the
-standard input and answers go over the standard output; the FMUs get neither of them.
+The shared memory holds the current state, which outlives the process. Tasks arrive on standard
+input and answers leave on standard output; the FMUs have access to neither.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ _R = TypeVar("_R")
 
 @dataclass(frozen=True)
 class Start:
-    """The first message.
+    """The first message to the child.
 
     Attributes
     ----------
     folder
-        For all files that are needed for a while.
+        For temporary files.
     memory
         Handle of the shared memory.
     """
@@ -56,16 +56,16 @@ class Start:
 
 @dataclass(frozen=True)
 class Task:
-    """What is common to all tasks.
+    """Fields common to all tasks.
 
     Attributes
     ----------
     here
-        The parent's working directory, if it has one.
+        The parent's working directory; None if it was deleted.
     components
-        Names, to be told by their numbers.
+        Names; the shared memory refers to them by index.
     strangers
-        Those that are watched.
+        Names of the components to watch.
     """
 
     here: str | None
@@ -75,7 +75,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Execute(Task):
-    """Run a plan, with a master."""
+    """Run a plan with the given master."""
 
     plan: Plan
     record: tuple[str, ...] | None
@@ -84,7 +84,7 @@ class Execute(Task):
 
 @dataclass(frozen=True)
 class InitialOutputs(Task):
-    """Find outputs at the start."""
+    """Read outputs at the start."""
 
     spec: ComponentSpec
     names: tuple[str, ...]
@@ -93,12 +93,12 @@ class InitialOutputs(Task):
 
 @dataclass(frozen=True)
 class End(Task):
-    """Free and unload everything."""
+    """Free all instances and unload their libraries."""
 
 
 @dataclass(frozen=True)
 class Begun:
-    """The loop starts: its calls, and where in the memory each array of the record is."""
+    """Message: the loop starts. Lists its calls and the record's arrays in the shared memory."""
 
     labels: tuple[tuple[str, str], ...]
     places: tuple[Place, ...]
@@ -106,29 +106,29 @@ class Begun:
 
 @dataclass(frozen=True)
 class Place:
-    """An array in the shared memory, and the views of it that are the values of variables."""
+    """An array in the shared memory, and the variables stored in it."""
 
     start: int
     size: int
     dtype: str
     values: tuple[tuple[str, tuple[int, ...], tuple[int, ...], int], ...]
-    """Name, shape, strides and offset."""
+    """Name, shape, strides and offset of each variable."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The end of a task.
+    """Message: the task has ended.
 
     Attributes
     ----------
     value
-        Outputs, or nothing: a record is in the memory.
+        Outputs; None for a record, which is in the shared memory.
     error
-        What was raised instead.
+        The exception, if the task failed.
     late
         Failures after the last instant, by component.
     habits
-        Component, function, and bits of c/native.c.
+        Changes to the process state: component, function, bits of ``enum habit`` in c/native.c.
     """
 
     value: Any = None
@@ -138,7 +138,7 @@ class Answer:
 
 
 class _Telling(Watch):
-    """Tells the parent."""
+    """Reports the child's progress to the parent."""
 
     direct = True
 
@@ -161,11 +161,11 @@ class _Telling(Watch):
         self.take(Task(None, (), ()))
 
     def take(self, task: Task) -> None:
-        """A task begins."""
+        """Reset the state for a new task."""
         self._numbers = {name: i for i, name in enumerate(task.components)}
         self._strangers = frozenset(task.strangers)
         self._labels: list[tuple[str, str]] = []
-        # Those of the task before are kept until now: on Windows memory goes with its last user.
+        # The previous task's arrays live until here: Windows frees memory with its last user.
         self._arrays: list[tuple[int, mmap.mmap, NDArray[Any]]] = []
         self._end = SIZE
         self.failures: dict[str, str] = {}
@@ -260,10 +260,10 @@ def main() -> None:
     """Work until the parent ends or asks for the end."""
     tasks, answers = _streams()
     with contextlib.suppress(ImportError, ValueError, OSError):
-        import resource  # a crash is what we are for: its core is of no use
+        import resource  # crashes are expected here; a core dump is of no use
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # our parent gets it, too
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     first = receive(tasks)
     if first is None:
         return
@@ -277,12 +277,12 @@ def main() -> None:
     while True:
         ended, answer = _done(todo.get(), telling)
         send(answers, answer)
-        if ended:  # what the FMUs do at the end of a process is not asked
+        if ended:  # skip exit handlers, which may belong to the FMUs
             os._exit(0)
 
 
 def _streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Tasks and answers; what the FMUs write goes where errors go, and there is nothing to read."""
+    """Streams of tasks and answers; the FMUs get an empty stdin, and their stdout is stderr."""
     tasks, answers = (os.fdopen(os.dup(fd), mode) for fd, mode in ((0, "rb"), (1, "wb")))
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -293,17 +293,17 @@ def _streams() -> tuple[IO[bytes], IO[bytes]]:
 
 
 def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> None:
-    """Take tasks; end with the parent, however it ends."""
+    """Queue tasks; end together with the parent, however it ends."""
     while (task := receive(tasks)) is not None:
         todo.put(task)
     shutil.rmtree(folder, ignore_errors=True)
     if sys.platform != "win32":
-        os.killpg(0, signal.SIGKILL)  # the FMUs may have started processes, too
+        os.killpg(0, signal.SIGKILL)  # the FMUs may have started processes
     os._exit(1)
 
 
 def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
-    """Do a task; whether it was the last one, and the answer."""
+    """Do a task; return whether it was the last one, and the answer."""
     ended, value = False, None
     error: Exception | None = None
     try:
@@ -317,7 +317,7 @@ def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
         error = problem
     except MemoryError:
         error = MemoryError()
-    except Exception:  # a mistake of ours
+    except Exception:  # a bug of ours
         error = RuntimeError(traceback.format_exc())
     return ended, Answer(
         value,
@@ -350,7 +350,7 @@ def _value(task: Task) -> Any:
 
 
 def _free_all(strangers: Sequence[str]) -> None:
-    """Free all instances of strangers, and unload their libraries."""
+    """Free all instances of third-party FMUs and unload their libraries."""
     libraries: dict[str, list[lending.Instance]] = {}
     for instance in lending.idle():
         if instance.name in strangers:

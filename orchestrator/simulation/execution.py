@@ -1,4 +1,4 @@
-"""The masters, of which one runs a plan. All give the same record, to the last bit."""
+"""Choose a master and run a plan with it. All masters give the same record, to the last bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .resolve import resolve
 from .system import ComponentSpec, System
 
 MASTERS = ("python", "native", "lanes")
-"""Their names."""
+"""Names of the masters."""
 
 
 def execute(
@@ -33,31 +33,30 @@ def execute(
 ) -> Record:
     """Run a plan from its start to its stop.
 
-    A plan with an FMU that is not ours runs in a process of its own, see
-    `sblcosim.simulation.isolation`.
+    A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
 
     Parameters
     ----------
     progress, record
         As in `sblcosim.simulation.masters.python.execute`.
     master
-        ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for components
-        of ours, meant for many runs (`sblcosim.simulation.masters.lanes`). None: native if all
-        components are FMUs and there is a C compiler, else python.
+        ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for our own
+        components only and meant for many runs (`sblcosim.simulation.masters.lanes`). None: native
+        if all components are FMUs and the loop can be compiled, else python.
     step_timeout
-        A call of an FMU that has not returned after so many seconds is given up; None: after a
-        minute. That needs a process of its own: where there is none, our components return, and
-        one in Python is waited for.
+        Time limit for a call of an FMU [s]; None: one minute. It needs a separate process. Without
+        one there is no limit: our own components always return, and a Python component is waited
+        for.
     children
-        Processes to use that live longer than this run.
+        Long-lived child processes to use.
     apart
-        Whether to use a process of its own in any case, but for lanes.
+        Whether to use a separate process in any case (except with lanes).
 
     Raises
     ------
     ConfigurationError, FmuError
-        As the master's own function; and if there is no such master. An FMU has crashed, has ended
-        its process or does not return. The exception has the component's name.
+        As the master's own function; the master is unknown; an FMU has crashed, has ended its
+        process or does not return. The exception carries the component's name.
     """
     if master is not None:
         check_choice("master", master, MASTERS)
@@ -89,7 +88,7 @@ def initial_outputs(
     start_ns: int = 0,
     children: Children | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """As `masters.python.initial_outputs`; an FMU that is not ours in a process of its own."""
+    """As `masters.python.initial_outputs`, with a third-party FMU in a separate process."""
     if process.strangers(python.alone(spec, start_ns)):
         return isolation.initial_outputs(spec, names, start_ns, children)
     return python.initial_outputs(spec, names, start_ns)
@@ -97,14 +96,14 @@ def initial_outputs(
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of a system of which some components may fail.
+    """Result of a system in which some components may fail.
 
     Attributes
     ----------
     plan
-        Without those that have failed before the end.
+        Without the components that failed before the end.
     failures
-        Messages by component. One that has failed after the last instant is in the record, too.
+        Messages by component. A component that failed after the last instant is in the record too.
     """
 
     plan: Plan
@@ -115,21 +114,21 @@ class Outcome:
 def survive(
     system: System, receivers: Collection[str], execute: Callable[[Plan], Record]
 ) -> Outcome:
-    """Run a system; if receivers fail, once more without them.
+    """Run a system; if receivers fail, run it again without them.
 
-    Nothing depends on a receiver, so the others give what they would have given beside it.
+    Nothing depends on a receiver, so the results of the others do not change.
 
     Parameters
     ----------
     receivers
         Components that may fail, as long as one is left.
     execute
-        Runs a plan.
+        Function that runs a plan.
 
     Raises
     ------
     SblcosimError
-        Something else has failed, or all receivers have.
+        Another component has failed, or all receivers have.
     """
     failures: dict[str, SblcosimError] = {}
     while True:
@@ -159,7 +158,7 @@ def _failing(
     error: SblcosimError,
     execute: Callable[[Plan], Record],
 ) -> Iterator[tuple[str, SblcosimError]]:
-    """Whose failure it was; if that is not certain, each suspect is tried without the others."""
+    """The components that failed. If uncertain, run each suspect without the other suspects."""
     suspects = [name for name in error.suspects if name in receivers]
     if len(error.suspects) > 1 and suspects:
         found = False
@@ -171,7 +170,7 @@ def _failing(
                 execute(resolve(_without(system, rest), again=True))
             except SblcosimError as own:
                 if not tried:
-                    raise  # it was none of them
+                    raise  # fails without any suspect
                 found = True
                 yield tried[0], own
         if found:
@@ -187,7 +186,7 @@ def _failing(
 
 
 def _without(system: System, names: Collection[str]) -> System:
-    """The system without some components that nothing depends on."""
+    """The system without some components; nothing must depend on them."""
     return replace(
         system,
         components={k: v for k, v in system.components.items() if k not in names},

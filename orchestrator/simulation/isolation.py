@@ -1,9 +1,9 @@
-"""FMUs of strangers, in processes of their own.
+"""Third-party FMUs, in separate processes.
 
-A plan in which anything is not ours is run by a child process (`sblcosim.simulation.child`), with
-the same masters and at the same speed: the loop goes on there in one call, and what it notes lies
-in memory that both share. So whatever an FMU does, the process that called us lives on, and knows
-which component has done it, in which call and when.
+A plan with a third-party FMU is run by a child process (`sblcosim.simulation.child`), with the
+same masters and at the same speed: the whole loop runs there in one call, and it writes its
+progress to shared memory. So whatever an FMU does, the calling process survives, and knows which
+component did it, in which call and when.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from .system import ComponentSpec
 
 
 class Children:
-    """Processes that are kept from one run to the next; each has one run at a time.
+    """Processes that are reused from run to run; each does one run at a time.
 
     Parameters
     ----------
     idle_s
-        One that is not needed for so many seconds is ended; None: they stay until the end.
+        A process is ended after this idle time [s]; None: processes stay until the end.
     patience_s
-        How long a call may take at the end; None: as `PATIENCE` says.
+        Time limit for a call at the end [s]; None: `PATIENCE`.
     """
 
     def __init__(self, idle_s: float | None = None, patience_s: float | None = None) -> None:
@@ -49,7 +49,7 @@ class Children:
 
     @contextlib.contextmanager
     def lend(self) -> Iterator[Process]:
-        """A child that nobody else uses."""
+        """Lend a child for exclusive use."""
         with self._lock:
             child = self._idle.pop() if self._idle else None
             if child is not None and child.rests is not None:
@@ -88,25 +88,25 @@ class Children:
             self._all.discard(child)
         try:
             messages = list(child.finish(self._patience_s or STEP_TIMEOUT).values())
-        except Exception as error:  # nobody waits for this thread
+        except Exception as error:  # nobody joins this timer thread, so print
             messages = [one_line(error)]
         for message in messages:
             print(f"warning: {message}; its results are complete", file=sys.stderr, flush=True)
 
     def kill(self) -> None:
-        """End all of them now; runs that are under way fail."""
+        """End all children now; current runs fail."""
         with self._lock:
             children, self._all, self._idle = self._all, set(), []
         for child in children:
             child.kill()
 
     def close(self) -> None:
-        """End all of them, when no run is under way.
+        """End all children. No run must be in progress.
 
         Warns
         -----
         ConfigurationWarning
-            An FMU has failed at that.
+            An FMU has failed while being freed.
         """
         with self._lock:
             children, self._all, self._idle = self._all, set(), []
@@ -139,20 +139,20 @@ def execute(
     progress, record, master, step_timeout
         As in `sblcosim.simulation.execution.execute`.
     children
-        Where to take it from; None: it is made for this run. Only then are failures when it ends
-        part of the record.
+        Pool of children; None: start one for this run. Only then does the record include failures
+        at its end.
 
     Raises
     ------
     FmuError
         A component has failed; its name is in the exception.
     ConfigurationError
-        A Python component cannot go to another process, or has raised an exception.
+        A Python component cannot be sent to another process, or has raised an exception.
 
     Warns
     -----
     ConfigurationWarning
-        An FMU has changed what all share: how the processor calculates, or the locale.
+        An FMU has changed shared process state: the floating-point settings or the locale.
     """
     if master == "native":
         native.check(plan)
@@ -202,5 +202,5 @@ def initial_outputs(
 def _here() -> str | None:
     try:
         return os.getcwd()
-    except OSError:  # it was deleted
+    except OSError:  # the directory was deleted
         return None

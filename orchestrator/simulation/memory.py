@@ -1,4 +1,4 @@
-"""Memory that two processes share, and that is gone when both are, however they end."""
+"""Memory shared by two processes; it is freed when both have ended, however they end."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ import uuid
 from typing import Any
 
 GRAIN = mmap.ALLOCATIONGRANULARITY
-"""Parts of the memory start at multiples of that."""
+"""Parts of the memory start at multiples of this [bytes]."""
 
 
 class Memory:
-    """Memory in parts, of which each process maps what it needs.
+    """Memory in parts; each process maps the parts it needs.
 
-    POSIX: a file without a name. Windows: each part is a mapping of its own, known by its name.
+    POSIX: an anonymous file. Windows: a named mapping for each part.
     """
 
     def __init__(self, handle: int | str | None = None) -> None:
         self.handle: int | str = _new() if handle is None else handle
 
     def inherited(self) -> dict[str, Any]:
-        """Arguments of `subprocess.Popen` with which a child gets it."""
+        """Arguments of `subprocess.Popen` that pass the memory to a child."""
         return {"pass_fds": (self.handle,)} if isinstance(self.handle, int) else {}
 
     def grow(self, size: int) -> None:
-        """Have at least so much; what is new is zero. Less frees the rest, which nobody may use."""
+        """Resize to this many bytes. New bytes are zero; bytes cut off must not be in use."""
         if isinstance(self.handle, int):
             os.ftruncate(self.handle, size)
 
     def part(self, start: int, size: int) -> mmap.mmap:
-        """A part of it, here."""
+        """Map a part of the memory into this process."""
         if sys.platform == "win32":
             return mmap.mmap(-1, size, tagname=f"{self.handle}-{start}")
         assert isinstance(self.handle, int)
         return mmap.mmap(self.handle, size, offset=start)
 
     def __del__(self) -> None:
-        """Give it up; mapped parts stay."""
+        """Close the handle; mapped parts stay valid."""
         if isinstance(getattr(self, "handle", None), int):
             os.close(int(self.handle))
 
@@ -54,5 +54,5 @@ def _new() -> int | str:
 
 
 def up(size: int) -> int:
-    """The next multiple of `GRAIN`."""
+    """Round up to a multiple of `GRAIN`."""
     return -(-size // GRAIN) * GRAIN

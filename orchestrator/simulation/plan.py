@@ -1,10 +1,10 @@
-"""Plan: a system with everything looked up and checked, ready to be run by any master.
+"""Plan: a system that is resolved and checked, ready for any master.
 
-`resolve` finds what is wrong with a system before anything starts. What it returns is data, and
+`resolve` finds the errors in a system before anything starts. A plan is plain data;
 ``print(plan)`` shows it.
 
-Outputs of one type, of all components, stand one after another in one *vector* of that type. A
-component's outputs are a slice of it, filled by one FMI call; its inputs are gathered from it by
+For each type there is one *vector* with the outputs of all components, one after another. A
+component's outputs are a slice of it, read by one FMI call; its inputs are gathered from it by
 index and set by one FMI call.
 """
 
@@ -26,12 +26,12 @@ from sblcosim.models.declaration import Number
 from .system import Connection, PythonComponent
 
 TICK_PARAMETERS = frozenset(c.interval for c in COMPONENTS.values() if c.interval is not None)
-"""Names of the parameters that hold the time between a component's ticks, in s."""
+"""Names of the parameters that hold a component's tick interval [s]."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A parameter and its values, element by element."""
+    """A parameter and the values of its elements."""
 
     port: Port
     values: tuple[Number, ...]
@@ -39,7 +39,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Read:
-    """All outputs of one type of a component; they become ``vector[start:stop]``."""
+    """All outputs of one type of a component, stored in ``vector[start:stop]``."""
 
     type: str
     ports: tuple[Port, ...]
@@ -54,7 +54,7 @@ class Read:
 
 @dataclass(frozen=True)
 class Write:
-    """All connected inputs of one type of a component; their values are ``vector[sources]``."""
+    """All connected inputs of one type of a component, taken from ``vector[sources]``."""
 
     type: str
     ports: tuple[Port, ...]
@@ -69,20 +69,20 @@ class Write:
 
 @dataclass(frozen=True)
 class PlannedComponent:
-    """A component with everything looked up.
+    """A resolved component.
 
     Attributes
     ----------
     source
-        The FMU, or what makes a Python component.
+        The FMU, or the callable that makes a Python component.
     ports
-        All its variables.
+        All variables, by name.
     tick_ns
-        Time between its ticks, if it has the parameter for that.
+        Tick interval [ns]; None if the component has no parameter for it.
     settings
         Parameters to set.
     reads, writes
-        One per type.
+        Outputs and connected inputs; one entry per type.
     """
 
     name: str
@@ -101,7 +101,7 @@ class PlannedComponent:
 
     @property
     def origin(self) -> str:
-        """Where the component comes from, for people."""
+        """Where the component comes from, for display."""
         if isinstance(self.source, Fmu):
             return self.source.path.name
         return getattr(self.source, "__qualname__", repr(self.source))
@@ -109,7 +109,7 @@ class PlannedComponent:
 
 @dataclass(frozen=True)
 class Column:
-    """A recorded variable: ``vector[start:stop]`` in its shape."""
+    """A recorded variable: ``vector[start:stop]``, reshaped to ``shape``."""
 
     name: str
     type: str
@@ -124,18 +124,19 @@ class Column:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a master does, in data.
+    """A master's work, as plain data.
 
     Attributes
     ----------
     components
-        In the order of their steps, which does not matter: all inputs of an instant are set first.
+        In the order in which they step. The order has no effect: all inputs of an instant are set
+        before any step.
     columns
         All recorded variables.
     sizes
         Length of the vector of each type.
     start_ns, stop_ns
-        First and last communication instant.
+        First and last communication instant [ns].
     """
 
     components: tuple[PlannedComponent, ...]
@@ -146,7 +147,7 @@ class Plan:
 
     @property
     def instants(self) -> NDArray[np.int64]:
-        """All communication instants in ns: the multiples of all intervals, start included."""
+        """All communication instants [ns]: the multiples of all intervals, start included."""
         grids = [
             np.arange(self.start_ns, self.stop_ns + 1, interval, dtype=np.int64)
             for interval in {c.interval_ns for c in self.components}
@@ -155,15 +156,15 @@ class Plan:
 
     @property
     def intervals_ns(self) -> dict[str, int]:
-        """Communication intervals by component."""
+        """Communication intervals [ns], by component."""
         return {c.name: c.interval_ns for c in self.components}
 
     @property
     def count(self) -> int:
-        """Number of communication instants, without listing them."""
+        """Number of communication instants, computed without listing them."""
         duration = self.stop_ns - self.start_ns
         given = {c.interval_ns for c in self.components}
-        # Multiples of a multiple are none of their own.
+        # An interval that is a multiple of another adds no instants.
         intervals = [n for n in given if not any(n % m == 0 for m in given - {n})]
         return 1 + sum(
             (1 if size % 2 else -1) * (duration // math.lcm(*some))
@@ -173,7 +174,7 @@ class Plan:
 
     @property
     def row_size(self) -> int:
-        """Bytes of an instant in the record of all outputs."""
+        """Bytes per instant in the record of all outputs."""
         sizes = ((kind, n) for kind, n in self.sizes.items())
         return 8 + sum(n * np.dtype(DTYPES[kind]).itemsize for kind, n in sizes)
 

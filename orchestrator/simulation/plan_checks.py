@@ -1,4 +1,4 @@
-"""What a plan must hold before it is executed."""
+"""Checks of a plan before it is executed."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..errors import ConfigurationError
 from .plan import Plan, PlannedComponent
 
 MEMORY_SHARE = 0.25
-"""Largest share of the machine's memory for a record; a table made of it takes as much again, and
-writing the table, too."""
+"""Largest share of the machine's memory for a record. The table made from it takes as much again,
+and so does writing the table."""
 
 _RECEPTION = frozenset(v.name for v in RECEPTION)
 
@@ -25,7 +25,7 @@ def check_size(plan: Plan, memory: int | None = None) -> None:
     Parameters
     ----------
     memory
-        Of the machine, in bytes; None: asked from it.
+        Memory of the machine [bytes]; None: ask the system.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def _memory() -> int:
     """Memory of this machine in bytes."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):  # there is no such call, as on Windows
+    except (AttributeError, ValueError, OSError):  # sysconf is missing, as on Windows
         return 8 * 1024**3
 
 
@@ -66,9 +66,9 @@ def check_instances(sources: Mapping[str, object]) -> None:
 
 
 def check_ticks(plan: Plan) -> None:
-    """No tick of a component with inputs strictly inside its communication interval.
+    """Refuse ticks strictly inside the communication interval of a component with inputs.
 
-    Its inputs would be those of the interval's beginning, older than the tick.
+    Its inputs would date from the beginning of the interval, and be older than the tick.
     """
     for c in plan.components:
         takes_inputs = any(port.causality == "input" for port in c.ports.values())
@@ -91,7 +91,7 @@ def _connected(plan: Plan) -> Iterator[tuple[PlannedComponent, PlannedComponent,
 
 
 def check_freshness(plan: Plan) -> None:
-    """Whatever feeds a component has its outputs up to date at each of that component's ticks."""
+    """Sources of a component must have current outputs at each of its ticks."""
     for source, target, port in _connected(plan):
         if target.tick_ns is not None and target.tick_ns % source.interval_ns:
             raise ConfigurationError(
@@ -102,7 +102,7 @@ def check_freshness(plan: Plan) -> None:
 
 
 def check_updates_follow_pings(plan: Plan) -> None:
-    """The update interval of a receiver is a whole multiple of the acoustics' sampling time."""
+    """A receiver's update interval must be a whole multiple of the acoustics' sampling time."""
     for source, target, port in _connected(plan):
         if port.name not in _RECEPTION or None in (source.tick_ns, target.tick_ns):
             continue

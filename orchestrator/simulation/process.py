@@ -1,4 +1,4 @@
-"""A child process that runs plans, as its parent sees it: tasks, answers, patience, death."""
+"""A child process that runs plans, seen from the parent: tasks, answers, time limits, crashes."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from .record import Record
 from .state import CALLING, LOOP, SIZE, State, receive, send
 
 STEP_TIMEOUT = 60.0
-"""Seconds after which a call that does not return is given up, unless told otherwise."""
+"""Default time limit for a call [s]."""
 
 PATIENCE: ContextVar[float] = ContextVar("PATIENCE", default=STEP_TIMEOUT)
-"""What holds where nobody says so."""
+"""Time limit for a call [s] in the current context."""
 
 _GRACE = 5.0
-"""Seconds for a process to be gone once its pipes are."""
+"""Seconds for a process to end after it has closed its pipes."""
 
 _OUTPUT = 20_000
-"""So many bytes of what FMUs write are shown, per process."""
+"""Limit on the FMU output shown per process [bytes]."""
 
 _PHRASES = {LOADING: "loading its library", UNLOADING: "unloading its library"}
 _HABITS = {1: "the floating-point state of the processor", 2: "the locale"}
@@ -60,7 +60,7 @@ _PROGRAM = (
 
 @contextlib.contextmanager
 def patience(seconds: float | None) -> Iterator[None]:
-    """Set `PATIENCE` for a while, if it is given."""
+    """Set `PATIENCE` within a block; None keeps the current value."""
     check_patience(seconds)
     before = PATIENCE.get()
     PATIENCE.set(before if seconds is None else seconds)
@@ -71,7 +71,7 @@ def patience(seconds: float | None) -> Iterator[None]:
 
 
 def check_patience(seconds: float | None) -> None:
-    """Refuse what is no time to wait.
+    """Refuse an invalid time limit.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def check_patience(seconds: float | None) -> None:
 
 
 def strangers(plan: Plan) -> tuple[str, ...]:
-    """Names of the components whose FMUs are not ours."""
+    """Names of the components with third-party FMUs."""
     return tuple(
         c.name
         for c in plan.components
@@ -93,22 +93,22 @@ def strangers(plan: Plan) -> tuple[str, ...]:
 
 @dataclass
 class _Watched:
-    """A task under way: what is needed to say who has failed."""
+    """The current task: the data needed to name a component that fails."""
 
     components: Mapping[str, PlannedComponent]
     suspects: tuple[str, ...]
     instants: Sequence[int] = ()
     begun: Begun | None = None
     parts: Sequence[mmap.mmap] = ()
-    """Of the record; mapped while the child has them, as on Windows they go with the last user."""
+    """Mapped parts of the record. Windows frees them with their last user, so keep them here."""
 
 
 class _EndedError(Exception):
-    """The process has ended, or was given up."""
+    """The process has ended or was killed."""
 
 
 class Process:
-    """A process, and the memory that it shares with us."""
+    """A child process and the memory it shares with the parent."""
 
     def __init__(self) -> None:
         self._folder = tempfile.mkdtemp(dir=scratch())
@@ -143,7 +143,7 @@ class Process:
 
     def _started(self) -> subprocess.Popen[bytes]:
         group: dict[str, Any] = (
-            {"creationflags": 0x200}  # a process group of its own: Ctrl-C is for us
+            {"creationflags": 0x200}  # new process group: Ctrl-C goes to the parent only
             if sys.platform == "win32"
             else {"start_new_session": True}
         )
@@ -187,7 +187,7 @@ class Process:
         except FmuError as error:
             if watched.begun is None or self._state.where == LOOP or error.component is None:
                 raise
-            made = _record(plan, watched)  # it was complete
+            made = _record(plan, watched)  # the loop had finished, so it is complete
             return replace(made, failures={error.component: str(error)})
         self.busy = False
         self._tell(message, watched)
@@ -200,7 +200,7 @@ class Process:
         return made
 
     def outputs(self, task: InitialOutputs, plan: Plan) -> dict[str, NDArray[Any]]:
-        """Find outputs at the start."""
+        """Read outputs at the start."""
         watched = self._watched(plan)
         self.busy = True
         self._send(_packed(task))
@@ -213,7 +213,7 @@ class Process:
         return found
 
     def finish(self, patience: float) -> dict[str, str]:
-        """End it, with all instances freed; failures at that by component."""
+        """Free all instances and end the process; return failures by component."""
         if not self.alive:
             return {}
         names = tuple(self._known)
@@ -241,7 +241,7 @@ class Process:
 
     def _send(self, message: Any) -> None:
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it has ended, as will be seen
+        with contextlib.suppress(OSError):  # the process has ended; `_next` will notice
             send(self._process.stdin, message)
 
     # ---- waiting ----
@@ -249,7 +249,7 @@ class Process:
     def _next(
         self, watched: _Watched, patience: float, report: Callable[[], None] | None
     ) -> Any:
-        """What it says next."""
+        """Wait for the next message."""
         period = min(PROGRESS_INTERVAL, patience)
         before: object = None
         still = 0.0
@@ -271,14 +271,14 @@ class Process:
                 if report is not None:
                     report()
                 continue
-            still += period  # no clock: while the process is suspended the FMU has no time either
+            still += period  # no clock: suspension of the machine must not count
             limit = patience if s.where in (CALLING, LOOP) else max(patience, STEP_TIMEOUT)
             if still >= limit:
                 self.kill()
                 raise self._failure(watched, limit)
 
     def _death(self, watched: _Watched) -> FmuError:
-        """The exception for a process that has ended by itself."""
+        """The exception for a process that has ended on its own."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_GRACE)
         code = self._process.poll()
@@ -330,7 +330,7 @@ class Process:
         return error
 
     def _place(self, watched: _Watched) -> tuple[str | None, str, str]:
-        """Component and function of the call under way, and when it was."""
+        """Component and function of the current call, and its time as text."""
         s = self._state
         if s.where == LOOP:
             when = f" at {text_of(watched.instants[s.progress.row])}"
@@ -358,7 +358,7 @@ class Process:
     # ---- the end ----
 
     def kill(self) -> None:
-        """End it, with all that it has started, and remove what it leaves."""
+        """Kill the process and its children, and remove its files."""
         with self._lock:
             if not self.alive:
                 return
@@ -373,13 +373,13 @@ class Process:
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
-        for reader in self._readers:  # they close what they read
+        for reader in self._readers:  # they close their streams
             reader.join(_GRACE)
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def _record(plan: Plan, watched: _Watched) -> Record:
-    """A copy of the record that lies in the shared memory."""
+    """A copy of the record in the shared memory."""
     assert watched.begun is not None
     found = {
         name: np.ndarray(shape, place.dtype, part, offset, strides).copy()
@@ -404,7 +404,7 @@ def _packed(task: Task) -> bytes:
 
 
 def _unpackable(task: Task) -> str:
-    """The component that is to blame."""
+    """The component that cannot be pickled."""
     if isinstance(task, Execute):
         for component in task.plan.components:
             try:
@@ -415,7 +415,7 @@ def _unpackable(task: Task) -> str:
 
 
 def _take(stream: IO[bytes], answers: queue.SimpleQueue[Any]) -> None:
-    # Whatever comes that is no answer is the end: an FMU may have written into the pipe.
+    # Anything but an answer ends the stream: an FMU may have written into the pipe.
     with contextlib.suppress(Exception), stream:
         while (content := receive(stream)) is not None:
             answers.put(pickle.loads(content))
@@ -423,7 +423,7 @@ def _take(stream: IO[bytes], answers: queue.SimpleQueue[Any]) -> None:
 
 
 def _show(stream: IO[bytes]) -> None:
-    """Show what FMUs write, up to a limit."""
+    """Show the output of FMUs, up to a limit."""
     left = _OUTPUT
     with contextlib.suppress(OSError, ValueError), stream:
         while content := os.read(stream.fileno(), 65536):

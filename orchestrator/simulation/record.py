@@ -1,4 +1,4 @@
-"""Record: everything that the components put out during a run."""
+"""Record: all outputs of all components during a run."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 NEVER = np.iinfo(np.int64).min
-"""The epoch that is no time, in ns."""
-_MOST_SECONDS = 9e9  # of what can be counted in ns
+"""Marks an epoch that is not a valid time [ns]."""
+_MOST_SECONDS = 9e9  # largest time that fits into int64 nanoseconds
 
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """The estimates of a receiver, each once; what its FMU does not put out is None.
+    """The estimates of a receiver, each once; outputs that its FMU lacks are None.
 
     Attributes
     ----------
     epoch_ns
-        Time to which each estimate belongs [ns] (see `epochs_ns`); shape (m,).
+        Time to which each estimate refers [ns] (see `epochs_ns`); shape (m,).
     available_ns
-        Communication instant at which it could first be read [ns]; shape (m,).
+        First communication instant at which it could be read [ns]; shape (m,).
     update_count
         Number of valid estimates so far; shape (m,).
     position, velocity, position_std
         NED [m], [m/s], [m]; shape (m, 3).
     covariance
-        Of (x, vx, y, vy, z, vz), the paper's order, SI units; shape (m, 6, 6).
+        Covariance of (x, vx, y, vy, z, vz), the paper's order, SI units; shape (m, 6, 6).
     nis, nis_degrees
         Normalised innovation squared and the number of scalar measurements in it; shape (m,).
     """
@@ -70,11 +70,12 @@ class Record:
         Communication instants [ns], the start included; shape (n,).
     values
         By ``"component.variable"``, in SI units; shape (n, *shape of the variable). At an instant
-        that is none of a component's own, its outputs are those of its own instant before.
+        that is not a component's own, its outputs are those of its previous own instant.
     intervals_ns
-        Communication intervals by component; of one that is not here, all instants are its own.
+        Communication intervals [ns], by component; all instants are own ones of a component that
+        is not listed.
     failures
-        What went wrong after the last instant, by component.
+        Messages of failures after the last instant, by component.
     """
 
     time_ns: Integers
@@ -86,13 +87,13 @@ class Record:
         return len(self.time_ns)
 
     def own(self, component: str) -> Flags:
-        """Which instants are the component's own; shape (n,)."""
+        """Mask of the component's own instants; shape (n,)."""
         interval = self.intervals_ns.get(component, 1)
         own: Flags = (self.time_ns - self.time_ns[0]) % interval == 0
         return own
 
     def valid(self, component: str) -> Flags:
-        """Whether a receiver has a fix: as it says, else once it has counted one; shape (n,)."""
+        """Whether a receiver has a fix: its ``valid``, else a positive update count; shape (n,)."""
         if f"{component}.valid" in self.values:
             return self.values[f"{component}.valid"].astype(bool)
         return self.values[f"{component}.update_count"].astype(np.int64) > 0
@@ -109,9 +110,9 @@ class Record:
         return pd.DataFrame(columns)
 
     def estimates(self, component: str) -> Estimates:
-        """The estimates of a receiver: one wherever ``update_count`` has changed.
+        """The estimates of a receiver: one for each change of ``update_count``.
 
-        A row is left out if the receiver says that it is not ``valid``.
+        Rows that the receiver marks as not ``valid`` are left out.
 
         Raises
         ------
@@ -156,24 +157,24 @@ class Record:
 
 
 def epochs_ns(time_ns: Integers, epoch_s: Floats) -> Integers:
-    """Epochs in ns, matched to the recorded instants.
+    """Convert epochs to nanoseconds, matched to the recorded instants.
 
     Parameters
     ----------
     time_ns
         Recorded instants [ns], increasing; shape (n,).
     epoch_s
-        Shape (m,).
+        Epochs [s]; shape (m,).
 
     Returns
     -------
     epoch_ns
-        Shape (m,); `NEVER` for what is no time.
+        Epochs [ns]; shape (m,); `NEVER` where the input is not a valid time.
     """
     some = np.abs(epoch_s) < _MOST_SECONDS
     rest, whole = np.modf(np.where(some, epoch_s, 0.0))
     nearest = whole.astype(np.int64) * SECOND + np.rint(rest * 1e9).astype(np.int64)
-    # After 97 days the nearest double of a time in seconds may be another nanosecond.
+    # After 97 days, a double in seconds no longer identifies the nanosecond.
     seconds = time_ns / 1e9
     at = np.minimum(np.searchsorted(seconds, epoch_s), len(seconds) - 1)
     return np.where(some, np.where(seconds[at] == epoch_s, time_ns[at], nearest), NEVER)

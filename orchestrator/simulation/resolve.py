@@ -1,4 +1,4 @@
-"""From a system to its plan: everything is looked up, and refused here if it does not fit."""
+"""Resolve a system into a plan: look up all names, and refuse whatever does not fit."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .system import ComponentSpec, Connection, PythonComponent, System
 
 
 def resolve(system: System, *, again: bool = False) -> Plan:
-    """Look everything up and check it.
+    """Resolve and check a system.
 
     Parameters
     ----------
     again
-        Whether a system like it was resolved before, so that nobody need be warned.
+        Whether a similar system was resolved before, so that warnings are not repeated.
 
     Raises
     ------
     ConfigurationError
-        Something in the system cannot be carried out; the message names what.
+        The system is invalid; the message names the cause.
     FmuError
         An FMU file is missing, broken, or not for this machine.
 
@@ -83,7 +83,7 @@ def resolve(system: System, *, again: bool = False) -> Plan:
 def _outputs(
     ports: Mapping[str, Mapping[str, Port]],
 ) -> tuple[dict[str, tuple[Read, ...]], dict[str, Column], dict[str, int]]:
-    """What is read of each component, the columns of the record, and how many there are by type."""
+    """Reads by component, columns of the record, and the number of elements by type."""
     sizes = dict.fromkeys(DTYPES, 0)
     reads: dict[str, tuple[Read, ...]] = {}
     columns: dict[str, Column] = {}
@@ -106,7 +106,7 @@ def _inputs(
     connections: Mapping[tuple[str, str], Connection],
     columns: Mapping[str, Column],
 ) -> tuple[Write, ...]:
-    """What is written to a component, and the columns that it comes from."""
+    """Writes to a component, with the elements they come from."""
     feeds = {
         connection.target.split(".", 1)[1]: connection
         for key, connection in connections.items()
@@ -143,17 +143,17 @@ def _source(
 
 
 def variables_of(where: str, maker: Any) -> Iterable[Variable]:
-    """The variables of a Python component; an object is made to ask it.
+    """The variables of a Python component; makes an object to ask it.
 
     Parameters
     ----------
     where
-        Begins a message.
+        Start of error messages.
 
     Raises
     ------
     ConfigurationError
-        It cannot be made, or is no component.
+        The component cannot be made, or the object is not a component.
     """
     if not callable(maker):
         raise ConfigurationError(
@@ -166,7 +166,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
         raise ConfigurationError(
             f"{where}: must make the component without arguments, got {name} ({error})"
         ) from None
-    except ValueError:  # C code tells nothing about its arguments
+    except ValueError:  # a callable in C has no signature
         pass
     try:
         component = maker()
@@ -193,7 +193,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
 
 
 def _by_type(ports: Iterator[Port]) -> Iterator[tuple[str, tuple[Port, ...]]]:
-    """Ports that can be transferred, type by type."""
+    """Ports of supported types, grouped by type."""
     order = list(DTYPES)
     usable = sorted((p for p in ports if p.type in DTYPES), key=lambda p: order.index(p.type))
     for kind, group in groupby(usable, key=lambda p: p.type):
@@ -250,7 +250,7 @@ def _element(name: str, port: Port, number: int, value: Any) -> Number:
 
 
 def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
-    """What a value must be and is not."""
+    """Why a value is invalid, as the end of 'must be'; None if it is valid."""
     if port.type == "Boolean":
         if not isinstance(value, bool):
             return f"true or false, got {value!r}"
@@ -275,7 +275,7 @@ def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
 def _connections(
     system: System, ports: Mapping[str, Mapping[str, Port]], warn: bool
 ) -> dict[tuple[str, str], Connection]:
-    """Connections by the component and variable they feed."""
+    """Connections by target component and variable."""
     connections: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
         where = f"connection {connection.source} -> {connection.target}"
@@ -340,7 +340,7 @@ def _shape(port: Port) -> str:
 
 
 def _span(system: System) -> tuple[int, int]:
-    """Start, and the last common multiple of all intervals that is not beyond the stop."""
+    """Start, and the last common multiple of all intervals up to the stop [ns]."""
     for what, value in (("start", system.start_ns), ("stop", system.stop_ns)):
         if isinstance(value, bool) or not isinstance(value, int):
             raise ConfigurationError(f"system: {what} must be a whole number of ns, got {value!r}")
@@ -364,7 +364,7 @@ def _span(system: System) -> tuple[int, int]:
 
 
 def _tick(name: str, ports: Mapping[str, Port], settings: Sequence[Setting]) -> int | None:
-    """Time between ticks in ns, None without ticks."""
+    """Tick interval [ns]; None without ticks."""
     for parameter in sorted(TICK_PARAMETERS & ports.keys()):
         port = ports[parameter]
         if (port.causality, port.type, port.shape) != ("parameter", "Float64", ()):

@@ -1,4 +1,4 @@
-"""What a child process tells its parent in the memory they share, and how they talk."""
+"""A child process's state in shared memory, and its message format."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from sblcosim.fmus.host.watch import Progress
 from .memory import up
 
 SAID = 2000
-"""Bytes for what the FMU has logged."""
+"""Bytes for the FMU's latest log message."""
 
 OUTSIDE, CALLING, LOOP = range(3)
-"""Not in a call; in one outside of the loop; in the loop."""
+"""Outside any call; in a call outside the loop; in the loop."""
 
 
 class State(ctypes.Structure):
-    """At the beginning of the memory.
+    """The structure at the beginning of the shared memory.
 
-    The component is its number in the list that came with the task; ``calls`` changes with each
-    call outside of the loop.
+    ``component`` and ``saying`` index the task's list of components; ``calls`` changes with each
+    call outside the loop.
     """
 
     _fields_ = (
@@ -43,14 +43,14 @@ _LENGTH = struct.Struct("<Q")
 
 
 def send(stream: IO[bytes], message: Any) -> None:
-    """Send something that can be pickled."""
+    """Send a message: bytes, or an object to pickle."""
     content = message if isinstance(message, bytes) else pickle.dumps(message)
     stream.write(_LENGTH.pack(len(content)) + content)
     stream.flush()
 
 
 def receive(stream: IO[bytes]) -> bytes | None:
-    """The next message, pickled; None: there will be none."""
+    """The next message, still pickled; None at the end of the stream."""
     length = stream.read(_LENGTH.size)
     if len(length) < _LENGTH.size:
         return None

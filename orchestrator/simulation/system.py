@@ -1,7 +1,7 @@
-"""System: which components there are and how they are connected. Pure data.
+"""System: the components and their connections, as plain data.
 
-`sblcosim.simulation.resolve.resolve` makes a plan of a system,
-`sblcosim.simulation.masters.python.execute` runs the plan::
+`sblcosim.simulation.resolve.resolve` turns a system into a plan, and
+`sblcosim.simulation.masters.python.execute` runs it::
 
     system = System(
         components={
@@ -29,10 +29,10 @@ Value = Number | Sequence[Any]
 
 
 class PythonComponent(Protocol):
-    """A component written in Python, in place of an FMU.
+    """A component written in Python, instead of an FMU.
 
-    It follows the same rules of time: inputs hold during a step, outputs returned by `do_step`
-    belong to the end of the step. For each run a new object is made, so there is nothing to reset.
+    It follows the same rules of time: inputs hold during a step, and outputs returned by `do_step`
+    refer to the end of the step. Each run makes a new object, so there is no reset.
 
     Examples
     --------
@@ -61,14 +61,14 @@ class PythonComponent(Protocol):
     def initialise(
         self, start_ns: int, parameters: Mapping[str, NDArray[Any]]
     ) -> Mapping[str, Any]:
-        """Take all parameters (in their shapes); return all outputs at the start time."""
+        """Receive all parameters, in their shapes; return all outputs at the start time."""
 
     def do_step(
         self, time_ns: int, step_ns: int, inputs: Mapping[str, NDArray[Any]]
     ) -> Mapping[str, Any]:
         """Advance from ``time_ns`` by ``step_ns``; return all outputs at the end of the step.
 
-        ``inputs`` holds all inputs in their shapes, read-only and valid during the call only.
+        ``inputs`` holds all inputs, in their shapes; read-only, and valid only during the call.
         """
 
 
@@ -79,11 +79,11 @@ class ComponentSpec:
     Attributes
     ----------
     fmu
-        The FMU file, or what makes a Python component (its class, or a function).
+        The FMU file, or a class or function that makes a Python component.
     interval_ns
-        Communication interval in ns.
+        Communication interval [ns].
     parameters
-        Values by name of the variable, in SI units; arrays row by row. The others keep their start
+        Values by variable name, in SI units; arrays row by row. Other parameters keep their start
         values.
     """
 
@@ -94,7 +94,7 @@ class ComponentSpec:
 
 @dataclass(frozen=True)
 class Connection:
-    """An output feeds an input, whole variables, arrays included.
+    """A connection from an output to an input; an array is connected as a whole.
 
     Attributes
     ----------
@@ -113,10 +113,10 @@ class System:
     Attributes
     ----------
     components
-        By name; a name has no dot.
+        By name; names have no dots.
     stop_ns, start_ns
         The run goes from ``start_ns`` to the last common multiple of all communication intervals
-        (counted from ``start_ns``) that is not beyond ``stop_ns``.
+        (counted from ``start_ns``) that is not after ``stop_ns`` [ns].
     """
 
     components: Mapping[str, ComponentSpec]

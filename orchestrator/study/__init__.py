@@ -1,4 +1,4 @@
-"""Studies: designs, runs, and where they are kept."""
+"""Studies: designs, runs, and their storage."""
 
 from __future__ import annotations
 

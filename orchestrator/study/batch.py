@@ -1,4 +1,4 @@
-"""Runs of a campaign, simulated in this process: side by side in lanes, or one by one."""
+"""Simulate runs of a campaign in this process: side by side in lanes, or one by one."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .campaign import Campaign, Group, Point, Run
 
 Floats = NDArray[np.float64]
 PERCENTILE_NAMES = list(PERCENTILES)
-"""In the order of `lanes.Outcome.order`."""
+"""Names of the percentiles, in the order of `lanes.Outcome.order`."""
 _NEEDED = ("update_count", "epoch", "position")
 
 
@@ -42,9 +42,9 @@ def simulate(
     progress: Callable[[float], None],
     children: Children | None = None,
 ) -> pd.DataFrame:
-    """The table of some runs, see `sblcosim.study.runner.run`; on so many threads.
+    """Simulate some runs on a number of threads; the table is that of `sblcosim.study.runner.run`.
 
-    FMUs of strangers run in ``children``; None: in some that are made for it.
+    Third-party FMUs run in ``children``; None: start some for these runs.
     """
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
@@ -77,8 +77,8 @@ def simulate(
 
 
 Reduced = tuple[Floats, Floats, list[str | None]]
-"""Of some runs: the sums (runs, receivers, sums), the responses that the study asks for beside them
-(runs, receivers, responses), and errors."""
+"""Results of some runs: the sums (runs, receivers, sums), the extra responses that the study
+requests (runs, receivers, responses), and an error message or None for each run."""
 
 
 def _nothing(campaign: Campaign, runs: int) -> Reduced:
@@ -120,7 +120,7 @@ def _side_by_side(
     except FmuError as error:
         if len(runs) == 1:
             return *_nothing(campaign, 1)[:2], [one_line(error)]
-        # One run must not end the others.
+        # One failing run must not end the others: find it by running each one alone.
         alone = [_side_by_side(campaign, group, [r], 1, None, children) for r in runs]
         sums, extra = (np.concatenate([a[i] for a in alone]) for i in (0, 1))
         return sums, extra, [e for a in alone for e in a[2]]
@@ -130,7 +130,7 @@ def _side_by_side(
         order = np.stack([outcome.order[label] for label in campaign.receivers], axis=1)
         at = [PERCENTILE_NAMES.index(r.name) for r in campaign.study.asked]
         extra = order.reshape(*order.shape[:2], -1)[:, :, at]
-    # The other masters know where a run went wrong, and end it there; and a record knows all truth.
+    # The other masters name the error and stop at it, and a record contains the whole truth.
     doubtful = sums[:, :, [SUMS.index("broken"), SUMS.index("unjudged")]] > 0
     bad = doubtful.any(axis=(1, 2)) | ~np.isfinite(sums).all(axis=(1, 2))
     if bad.any():
@@ -144,7 +144,7 @@ def _side_by_side(
 
 
 def silent(share: float) -> None:
-    """Progress that nobody wants to see."""
+    """Ignore progress."""
 
 
 def _one_by_one(
@@ -156,7 +156,7 @@ def _one_by_one(
     progress: Callable[[float], None],
     children: Children,
 ) -> Reduced:
-    """As `_side_by_side`, through records."""
+    """As `_side_by_side`, but computed from records."""
     record = _to_record(campaign, group)
     stopped = threading.Event()
 
@@ -190,7 +190,7 @@ def _one_by_one(
         return sums, extra, "; ".join(map(_line, outcome.failures.values())) or None
 
     made = []
-    # Python components hold the interpreter's lock, and need not be made for threads.
+    # Python components hold the interpreter's lock, and may not be thread-safe.
     here = not strangers(group.plan)
     alone = here and (master == "python" or native.unsupported(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
@@ -208,7 +208,7 @@ def _one_by_one(
 
 
 def _to_record(campaign: Campaign, group: Group) -> list[str]:
-    """Outputs to judge the runs by."""
+    """Outputs that are needed to judge the runs."""
     known = {c.name for c in group.plan.columns}
     ports = [f"{label}.{port}" for label in campaign.receivers for port in PORTS]
     for name in (*TRUTH, *(f"{r}.{p}" for r in campaign.receivers for p in _NEEDED)):
@@ -222,7 +222,7 @@ def _line(message: str) -> str:
 
 
 def _system(campaign: Campaign, point: Point, seed: int, children: Children) -> System:
-    """The system of a run, with its seed and its true start."""
+    """The system of a run, with its seed and the receivers' prior."""
     specs = dict(point.system.components)
     for name in campaign.seeded:
         specs[name] = replace(specs[name], parameters={**specs[name].parameters, "seed": seed})

@@ -1,4 +1,4 @@
-"""A study with everything looked up: its points, which of them run side by side, and its runs."""
+"""A resolved study: its points, the groups that run side by side, and its runs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from .definition import Definition
 
 Floats = NDArray[np.float64]
 _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
-"""Parameters that must be equal in runs side by side."""
+"""Parameters that must be equal in all runs of a group."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,11 @@ class Point:
     Attributes
     ----------
     number
-        From 1.
+        Counted from 1.
     values
         Physical values of the factors.
     digest
-        Of everything but the seed.
+        Hash of everything but the seed.
     """
 
     number: int
@@ -63,7 +63,7 @@ class Point:
     digest: str
 
     def run_id(self, seed: int) -> str:
-        """What a run of this point is known by."""
+        """Identifier of a run of this point."""
         return hashlib.sha256(f"{self.digest} {seed}".encode()).hexdigest()[:16]
 
 
@@ -74,11 +74,13 @@ class Group:
     Attributes
     ----------
     places
-        Their places among all points.
+        Index of each point in the group, by its index among all points.
     plan
-        Of the first.
+        Plan of the first point.
     values
-        ``component.parameter`` and its values by point, where they are not all the same.
+        Values by point of each ``component.parameter`` that differs between points.
+    in_lanes
+        Whether the runs go side by side in lanes.
     """
 
     places: Mapping[int, int]
@@ -88,24 +90,24 @@ class Group:
 
     @property
     def steps(self) -> int:
-        """Communication steps of a run."""
+        """Number of communication steps of a run."""
         return self.plan.count - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A study with everything looked up.
+    """A resolved study.
 
     Attributes
     ----------
     receivers
-        Labels.
+        Labels of the receivers.
     seeded
         Components that get the run's seed.
     handovers
-        For ``prior = "true"``.
+        Connections from the true start to the priors, for ``prior = "true"``.
     fmus
-        SHA-256 by component.
+        SHA-256 of the FMUs, by component.
     step_timeout
         As in `sblcosim.study.runner.run`.
     """
@@ -121,16 +123,16 @@ class Campaign:
 
     @property
     def runs(self) -> int:
-        """Number of all runs."""
+        """Total number of runs."""
         return len(self.points) * self.study.replicates
 
     @property
     def steps(self) -> int:
-        """Communication steps of all runs."""
+        """Total number of communication steps."""
         return self.study.replicates * sum(g.steps * len(g.places) for g in self.groups)
 
     def definition(self) -> dict[str, Any]:
-        """What is run, as plain data; equal for campaigns whose runs are the same."""
+        """Definition of the runs, as plain data; equal for campaigns with equal runs."""
         study = self.study.model_dump(
             exclude={
                 "title": True, "replicates": True, "scenario": True, "fixed": True,
@@ -151,7 +153,7 @@ class Campaign:
 
 @dataclass(frozen=True)
 class Run:
-    """A run: its point's place among all, the rest from 1."""
+    """A run. ``place`` is the index of its point, from 0; ``replicate`` counts from 1."""
 
     place: int
     replicate: int
@@ -208,7 +210,7 @@ def prepare(
 
 
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
-    """A design point, looked up and checked."""
+    """Resolve and check a design point."""
     try:
         scenario = study.base.override(study.overrides(number))
         system = _without_raw(connect(scenario, receivers_of(study)))
@@ -229,9 +231,9 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
 
 @contextmanager
 def _warnings_once(points: int) -> Iterator[None]:
-    """Warn of each thing once, and say at how many points.
+    """Issue each warning once, with the number of points it applies to.
 
-    Keys without effect are left out: one that has none at a point may have one at another.
+    Warnings of keys without effect are dropped: such a key may have an effect at another point.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ConfigurationWarning)
@@ -244,7 +246,7 @@ def _warnings_once(points: int) -> Iterator[None]:
 
 
 def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario]) -> None:
-    """Warn of given keys that have no effect at any point."""
+    """Warn about given keys that have no effect at any point."""
     base = study.base
     keys: Iterable[effects.Key] = effects.given(base)
     idle: dict[effects.Key, str] = {}
@@ -256,7 +258,7 @@ def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario
 
 
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:
-    """Refuse factors that change nothing: their points would be the same runs."""
+    """Refuse factors that change nothing: their points would repeat the same runs."""
     first: dict[str, int] = {}
     for point in points:
         if study.points.centre[point.number - 1]:
@@ -280,7 +282,7 @@ def _check_effects(study: Definition, points: Iterable[Point]) -> None:
 def seeded_inputs(
     study: Definition, system: System, labels: Iterable[str]
 ) -> tuple[tuple[str, ...], tuple[Connection, ...]]:
-    """Components that get the run's seed; what is handed over at the start of a run."""
+    """Components that get the run's seed, and outputs handed over at the start of a run."""
     base = study.base
     seeded = tuple(
         name
@@ -306,7 +308,7 @@ def receivers_of(study: Definition) -> list[str]:
 
 
 def _without_raw(system: System) -> System:
-    """The raw fix that runs beside the receivers is not wanted."""
+    """The system without the raw fix."""
     return replace(
         system,
         components={k: v for k, v in system.components.items() if k != RAW},
@@ -321,7 +323,7 @@ def digest_of(
     settling_ns: int,
     asked: Iterable[Response] = (),
 ) -> str:
-    """Hash of all that has a say in the responses, except what is ``free``."""
+    """Hash of everything that affects the responses, except the ``free`` parameters."""
     content = {
         "components": {
             c.name: {
@@ -352,7 +354,7 @@ def _groups(
     master: str | None,
     alone: bool,
 ) -> tuple[Group, ...]:
-    """Points that differ in parameters only; a run alone has a record."""
+    """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
     alike: dict[Any, list[int]] = {}
     for place, (point, plan) in enumerate(zip(points, plans, strict=True)):
         specs = point.system.components

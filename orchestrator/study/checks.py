@@ -1,4 +1,4 @@
-"""What is wrong with a study, in lines for people."""
+"""Errors in a study, as messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .design import INTERACTION_SIGN, Number
 
 
 def problems(study: Definition) -> Iterator[str]:
-    """What is wrong with the factors; one line each."""
+    """Errors in a study; one line each."""
     known = known_keys()
     owner: dict[str, str] = {}
     if not study.factors and study.design.kind != "single":
@@ -73,7 +73,7 @@ def problems(study: Definition) -> Iterator[str]:
 
 
 def _response_problems(study: Definition) -> Iterator[str]:
-    """What is wrong with the responses; one line each."""
+    """Errors in the responses; one line each."""
     seen: dict[str, Response] = {}
     for entry in study.responses:
         if isinstance(entry, Response):
@@ -91,7 +91,7 @@ def _response_problems(study: Definition) -> Iterator[str]:
 
 
 def _design_problems(study: Definition) -> Iterator[str]:
-    """What is wrong with the design; one line each."""
+    """Errors in the design; one line each."""
     if study.design.kind != "fraction" and (study.design.generators or study.design.resolution):
         yield "[design] kind: must be 'fraction' with generators or a resolution, got " + toml(
             study.design.kind
@@ -109,7 +109,7 @@ def _design_problems(study: Definition) -> Iterator[str]:
 
 
 def _level(study: Definition, factor: FactorTable, level: Number) -> Iterator[str]:
-    """What is wrong with a level alone; it may need another factor's, which is seen later."""
+    """Errors in a single level. Levels that depend on other factors are checked later."""
     try:
         study.base.override(dict.fromkeys(factor.keys, level))
     except ConfigurationError as error:
@@ -150,7 +150,7 @@ def _why_idle(study: Definition, key: str) -> str | None:
             lead = f"{no_effect(path)}, as "
             found = [line for line in str(error).splitlines() if line.startswith(lead)]
             if not found:
-                return None  # it is told elsewhere what is wrong with that point
+                return None  # another check reports the error at this point
             why = found[0].removeprefix(lead)
             continue
         why = effects.in_vain(scenario, study.components(scenario), [path]).get(path)
@@ -161,7 +161,7 @@ def _why_idle(study: Definition, key: str) -> str | None:
 
 @cache
 def known_keys() -> tuple[str, ...]:
-    """Keys that a factor may have, ``table.key``."""
+    """Keys that a factor may vary, ``table.key``."""
     keys = []
     for name, field in Scenario.model_fields.items():
         kind = field.annotation
@@ -174,7 +174,7 @@ _NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade")
 
 
 def _near(key: str, known: Sequence[str]) -> str:
-    """The nearest key; one without its table counts by its own name."""
+    """Suggest the nearest key; without a table, compare the names alone."""
     same = [k for k in known if k.partition(".")[2] == key.rpartition(".")[2]]
     if same:
         return f"; did you mean {same[0]!r}?"
@@ -196,7 +196,7 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
 
 
 def line(error: ErrorDetails, where: str) -> str:
-    """A problem that pydantic found, in our wording."""
+    """An error that pydantic found, in our own wording."""
     location = [str(part) for part in error["loc"]]
     place, models = location[0], Definition.model_fields
     table: type[Table] = Definition

@@ -1,4 +1,4 @@
-"""What a study file says: factors, design, replicates."""
+"""Contents of a study file: factors, design, replicates."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ RESERVED = (
     "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
     "runs", "mean", "std", "fit", "value",
 )
-"""Columns of a table of runs, or of what comes of it, that are no factors."""
-LONGEST_NAME = 60  # characters in a factor's name
+"""Columns of the table of runs, or of tables derived from it, that are not factors."""
+LONGEST_NAME = 60  # characters of a factor's name
 
 
 def _array(value: Any) -> Any:
@@ -49,12 +49,11 @@ class FactorTable(Table):
     Attributes
     ----------
     keys
-        Of the scenario, ``table.key``; all get the level.
+        Keys of the scenario, ``table.key``; all are set to the level.
     levels
-        In the units of the keys; of two, the first is coded −1 and the second +1.
+        In the units of the keys. Of two levels, the first is coded −1 and the second +1.
     label, unit
-        What people read: in place of the name, and after the levels (default: from the suffix of
-        the keys).
+        Display name, and unit shown after the levels (default: from the suffix of the keys).
     """
 
     keys: _Texts
@@ -69,12 +68,13 @@ class DesignTable(Table):
     Attributes
     ----------
     kind
-        ``full`` (two levels, all combinations), ``fraction`` (of that), ``sweep`` (one factor
-        at a time, any number of levels), or ``single`` (the scenario itself, without factors).
+        ``full`` (two levels, all combinations), ``fraction`` (part of a full design), ``sweep``
+        (one factor at a time, any number of levels), or ``single`` (the scenario itself, without
+        factors).
     generators, resolution
-        Of a fraction, see `sblcosim.study.design.fractional`.
+        For a fraction, see `sblcosim.study.design.fractional`.
     centre_points
-        Points in the middle of all factors.
+        Number of points in the middle of all factors.
     order
         Interactions up to this order must not be aliased with each other.
     """
@@ -87,28 +87,28 @@ class DesignTable(Table):
 
 
 class Definition(Table):
-    """A factorial campaign, as its file says it.
+    """A factorial campaign, as defined in its file.
 
     Attributes
     ----------
     scenario
         Name, file, or tables of a scenario.
     replicates
-        Runs of each point.
+        Number of runs at each point.
     seeding
         ``independent``: each run has its own noise; ``common``: all points of a replicate share it.
     seed
-        Of the first run, and of the run order.
+        Seed of the first run and of the run order.
     settling_time_s
-        Errors count from then on.
+        Errors count from this time after the start [s].
     receivers
-        As in `sblcosim.run`; none: the scenario's own.
+        As in `sblcosim.run`; empty: the scenario's own receiver.
     responses
-        What is noted of each run beside the usual: names of `sblcosim.results.responses.ON_REQUEST`
+        Extra responses: names in `sblcosim.results.responses.ON_REQUEST`
         (``absolute_total_p95_m``), ``percentiles`` for all percentiles, and functions, as
-        ``file.py:function`` or as they are.
+        ``file.py:function`` or as objects.
     fixed
-        Keys of the scenario that are changed for all runs.
+        Keys of the scenario to change in all runs.
     """
 
     name: Name = "study"
@@ -128,12 +128,12 @@ class Definition(Table):
 
     @cached_property
     def base(self) -> Scenario:
-        """The scenario with the fixed keys."""
+        """The scenario with the fixed keys applied."""
         return load_scenario(self.scenario, self.fixed)
 
     @cached_property
     def asked(self) -> tuple[Response, ...]:
-        """The responses beside the usual, each once."""
+        """The extra responses, each once."""
         found: dict[str, Response] = {}
         for entry in self.responses:
             if isinstance(entry, Response):
@@ -164,23 +164,23 @@ class Definition(Table):
 
     @property
     def sweep_base(self) -> list[Number]:
-        """Where the factors of a sweep are while another one is swept; none for a single factor."""
+        """Values of the factors while another one is swept; empty for a single factor."""
         if self.design.kind != "sweep" or len(self.factors) < 2:
             return []
         return [self._base_of(name) for name in self.factors]
 
     @property
     def labels(self) -> dict[str, str]:
-        """What people read for the factors, by name."""
+        """Display names of the factors, by name."""
         return {name: f.label or name for name, f in self.factors.items()}
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of the factors, by name; where none is given, those of the keys if they agree."""
+        """Units of the factors, by name; the default is the unit of the keys if they agree."""
         return {name: f.unit or _unit(f.keys) for name, f in self.factors.items()}
 
     def components(self, scenario: Scenario) -> effects.Ours:
-        """Our components in the runs, by the table whose keys they take."""
+        """Our components in the runs, by the table whose keys they use."""
         found = dict(effects.components_of(scenario))
         if self.receivers:
             named = all(name in RECEIVERS for name in self.receivers)
@@ -199,7 +199,7 @@ class Definition(Table):
         return number
 
     def overrides(self, point: int) -> dict[str, Number]:
-        """Keys of the scenario and their values at a point (from 1)."""
+        """Keys of the scenario and their values at a point (counted from 1)."""
         values = self.points.values[point - 1]
         return {
             key: value
@@ -208,14 +208,14 @@ class Definition(Table):
         }
 
     def run_seed(self, point: int, replicate: int) -> int:
-        """Seed of a run (both from 1)."""
+        """Seed of a run; points and replicates count from 1."""
         if self.seeding == "common":
             return self.seed + replicate - 1
         return self.seed + (replicate - 1) * len(self.points.values) + point - 1
 
     @property
     def settling_ns(self) -> int:
-        """The settling time in ns."""
+        """The settling time [ns]."""
         return nanoseconds(self.settling_time_s)
 
 
@@ -223,11 +223,11 @@ UNITS = {
     "_deg_s": "°/s", "_deg_K": "°/K", "_K_s": "K/s", "_m_s": "m/s", "_m2_s3": "m²/s³",
     "_s_s": "s/s", "_deg": "°", "_Hz": "Hz", "_K": "K", "_m": "m", "_s": "s",
 }
-"""Units by the suffixes of keys, the longer ones first."""
+"""Units by suffix of the key, longer suffixes first."""
 
 
 def _unit(keys: Sequence[str]) -> str:
-    """The unit of all these keys; empty if it is not one and the same."""
+    """The common unit of some keys; empty if they have different ones."""
     found = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
     return found.pop() if len(found) == 1 else ""
 

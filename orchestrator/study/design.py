@@ -1,9 +1,9 @@
-"""Designs of experiments: which points of the factor space are run, and in which order.
+"""Designs of experiments: the points in factor space, and the order of the runs.
 
 Two-level designs (full, or a regular fraction) with centre points, and sweeps of one factor at a
-time. Points are in standard (Yates) order: the first factor changes fastest. A fraction is given by
-generators such as ``E=ABCD``: factors are A, B, C, … in their order (without I, which stands for
-the mean).
+time. Points are in standard (Yates) order: the first factor changes fastest. A fraction is defined
+by generators such as ``E=ABCD``. The factors are called A, B, C, … in order (without I, which
+stands for the mean).
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from ..errors import ConfigurationError, quoted
 
 Number = int | float
 INTERACTION_SIGN = " × "
-"""Between the factors of an interaction."""
+"""Sign between the factors of an interaction."""
 LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 MOST_POINTS = 2**16
-_MOST_FRACTIONS = 20_000  # that are compared with each other when a resolution is asked for
+_MOST_FRACTIONS = 20_000  # candidates compared for a requested resolution
 
 
 @dataclass(frozen=True)
 class Factor:
-    """What is varied.
+    """A quantity that is varied.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Factor:
                 )
 
     def coded(self, value: Number) -> float:
-        """A physical value on the scale on which the first level is −1 and the last is +1."""
+        """Code a physical value: the first level is −1 and the last is +1."""
         if value == self.levels[0]:
             return -1.0
         if value == self.levels[-1]:
@@ -76,10 +76,10 @@ class Design:
     values
         Physical values, by point and factor, in standard order.
     centre
-        Which points are centre points.
+        Whether each point is a centre point.
     generators
-        Of a fraction: words of its defining relation, each the set of its factors' numbers
-        and its sign.
+        For a fraction: generating words of its defining relation, each a set of factor indices
+        and a sign.
     """
 
     factors: tuple[Factor, ...]
@@ -96,7 +96,7 @@ class Design:
 
     @property
     def relation(self) -> tuple[tuple[frozenset[int], int], ...]:
-        """The defining relation: all words whose column is constant, with its sign."""
+        """The defining relation: all words whose column is constant, each with its sign."""
         words: dict[frozenset[int], int] = {frozenset(): 1}
         for word, sign in self.generators:
             words |= {known ^ word: s * sign for known, s in words.items()}
@@ -104,13 +104,13 @@ class Design:
 
     @property
     def resolution(self) -> int | None:
-        """Length of the shortest word of the defining relation; None for a design without one."""
+        """Length of the shortest word of the defining relation; None without such a relation."""
         return min((len(word) for word, _ in self.relation), default=None)
 
     def aliases(self, order: int = 2) -> list[tuple[str, ...]]:
-        """Groups of terms, up to an order, that this fraction cannot tell apart.
+        """Groups of terms, up to an order, that are aliased with each other.
 
-        A term is ``"gps × imu"``; one that is aliased with its opposite has a minus sign.
+        A term is ``"gps × imu"``. A minus sign marks a term that is aliased with opposite sign.
         """
         terms = [
             frozenset(c)
@@ -135,12 +135,12 @@ class Design:
         return ("−" if sign < 0 else "") + INTERACTION_SIGN.join(names)
 
     def require(self, order: int) -> None:
-        """Refuse a design in which terms up to an order are aliased with each other.
+        """Refuse a design with aliases among terms up to an order.
 
         Raises
         ------
         ConfigurationError
-            It names them.
+            There are aliased terms; the message names them.
         """
         groups = self.aliases(order)
         if groups:
@@ -151,7 +151,7 @@ class Design:
             )
 
     def table(self) -> pd.DataFrame:
-        """In standard order: ``point`` (from 1), the factors' physical values, ``centre``."""
+        """Table in standard order: ``point`` (from 1), physical values by factor, ``centre``."""
         columns = zip(*self.values, strict=True)
         return pd.DataFrame(
             {
@@ -162,13 +162,13 @@ class Design:
         )
 
     def run_order(self, replicate: int, seed: int) -> NDArray[np.int64]:
-        """Randomised place (from 1) of each point among all runs; shape (points,).
+        """Randomised position (from 1) of each point among all runs; shape (points,).
 
-        Runs are randomised within a replicate (from 1), so that more replicates change nothing
-        about those before.
+        Runs are randomised within a replicate (from 1), so more replicates do not change the order
+        of the earlier ones.
         """
         n = len(self.values)
-        # Raw bits: their sequence is the same in every version of NumPy.
+        # Use raw bits, which are the same in every version of NumPy.
         bits = np.random.Philox(key=seed, counter=[0, 0, 0, replicate]).random_raw(n)
         places = np.empty(n, np.int64)
         places[np.argsort(bits, kind="stable")] = np.arange(1, n + 1)
@@ -196,13 +196,13 @@ def fractional(
     generators
         ``"E=ABCD"`` or ``"E=-ABCD"``: p of them.
     resolution
-        In place of generators: the smallest fraction of at least this resolution, and of those the
-        one with the fewest short words.
+        Instead of generators: take the smallest fraction with at least this resolution, and among
+        those the one with the fewest short words.
 
     Raises
     ------
     ConfigurationError
-        A generator is no generator, main effects are aliased, or there is no such fraction.
+        A generator is invalid, main effects are aliased, or there is no such fraction.
     """
     _check(factors)
     if bool(generators) == (resolution is not None):
@@ -246,7 +246,7 @@ def fractional(
 
 
 def sweep(factors: Sequence[Factor], base: Sequence[Number]) -> Design:
-    """One factor at a time through all its levels, the others at the base.
+    """Vary one factor at a time through all its levels, with the others at the base.
 
     With several factors the base itself is the first point.
     """
@@ -312,7 +312,7 @@ def _check_size(basic: int) -> None:
 
 
 def _generator(text: str, factors: Sequence[Factor]) -> tuple[int, frozenset[int], int]:
-    """Number of the factor that is made, those it is made of, and the sign."""
+    """Index of the generated factor, indices of the factors in its word, and the sign."""
     match = re.fullmatch(r"\s*([A-Z])\s*=\s*([+-]?)\s*([A-Z]+)\s*", text)
     known = LETTERS[: len(factors)]
     if match is None:
@@ -331,7 +331,7 @@ def _generator(text: str, factors: Sequence[Factor]) -> tuple[int, frozenset[int
 
 
 def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
-    """Generators of the smallest fraction of a resolution; the last factors are made."""
+    """Generators of the smallest fraction of a resolution; they define the last factors."""
     if resolution < 3:
         raise ConfigurationError(f"resolution: must be at least 3, got {resolution}")
     for basic in range(min(resolution - 1, k), k):
@@ -358,7 +358,7 @@ def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
 def _fractions(
     words: Sequence[int], basic: int, made: int, resolution: int
 ) -> Iterator[tuple[int, ...]]:
-    """Choices of so many words whose defining relation has no short word."""
+    """Choices of words, one per generated factor, whose defining relation has no short word."""
 
     def grow(chosen: tuple[int, ...], relation: tuple[int, ...], first: int) -> Iterator[
         tuple[int, ...]
@@ -376,7 +376,7 @@ def _fractions(
 
 
 def _lengths(chosen: Sequence[int], basic: int) -> tuple[int, ...]:
-    """Number of words of each length in the defining relation: the fewer short ones, the better."""
+    """Number of words of each length in the defining relation; fewer short ones are better."""
     relation = [0]
     for j, word in enumerate(chosen):
         relation += [known ^ word ^ (1 << (basic + j)) for known in relation]

@@ -1,7 +1,7 @@
-"""Where the runs of a campaign are simulated: threads here, processes here, or a Dask cluster.
+"""Executors for the runs of a campaign: local threads, local processes, or a Dask cluster.
 
-Threads work on the campaign as it is. Other processes get it as a parcel: the campaign with its
-FMU files, so that they need no compiler, no CasADi and no file system in common.
+Threads share the campaign. Other processes receive it as a parcel with its FMU files, so they need
+no compiler, no CasADi and no shared file system.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from .batch import silent, simulate
 from .campaign import Campaign, Run
 
 EXECUTORS = ("threads", "processes")
-"""Those on this machine, by name."""
+"""Names of the executors on this machine."""
 PATIENCE = 5
-"""Seconds for a scheduler to answer."""
+"""Time limit for a scheduler to answer [s]."""
 
 Done = Callable[[Sequence[Run], float], None]
-"""Told the share of some runs that is done."""
+"""Called with some runs and the completed share of them, 0 to 1."""
 Simulated = Iterator[tuple[Sequence[Run], pd.DataFrame]]
 """Parts of a campaign and their tables, in order."""
 
@@ -61,7 +61,7 @@ def ready(
     workers: int | None = None,
     master: str | None = None,
 ) -> Iterator[Simulate]:
-    """Find or start the workers for a campaign; they are let go at the end.
+    """Find or start the workers for a campaign; release them at the end.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def ready(
     Raises
     ------
     ConfigurationError
-        There is no such executor or scheduler, or it has no workers; and when simulating, if they
-        do not live long enough.
+        The executor or scheduler does not exist or has no workers. While simulating: the workers
+        have ended too early.
     """
     if not isinstance(executor, Executor):
         check_choice("executor", executor, EXECUTORS)
@@ -81,7 +81,7 @@ def ready(
     number = workers or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     if scheduler is not None:
         with _cluster(scheduler) as client:
-            # Kept by the workers, and made again if those that have it go.
+            # As a task, the parcel stays with the workers, and is computed again if they are lost.
             parcel = client.submit(_same, pack(campaign), pure=False)
             number = sum(client.nthreads().values())
             yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
@@ -118,7 +118,7 @@ def _spread(
     parts: Iterable[Sequence[Run]],
     done: Done,
 ) -> Simulated:
-    """Hand out the runs of a part, and of the next ones while workers wait for the last of it."""
+    """Distribute the runs of a part, and those of the next parts while some workers are idle."""
     pending: deque[tuple[Sequence[Run], list[Future[pd.DataFrame]]]] = deque()
     rest = iter(parts)
     try:
@@ -182,7 +182,7 @@ def _processes(workers: int) -> Iterator[Executor]:
 
 @contextmanager
 def deferring_sigint() -> Iterator[None]:
-    """Processes that are started here leave Ctrl-C to this one, which gets it at the end."""
+    """Start processes that ignore Ctrl-C; this process handles it at the end of the block."""
     came: list[int] = []
     main = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
@@ -201,7 +201,7 @@ def _blocked_in_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # else it starts below, and unblocks what is blocked
+    resource_tracker.ensure_running()  # if it started inside the block, it would unblock SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -210,7 +210,7 @@ def _blocked_in_children() -> Iterator[None]:
 
 
 def begin() -> None:
-    """Leave Ctrl-C to the process that hands out the work, and end with it, however it ends."""
+    """Initialise a worker: ignore Ctrl-C, and end with the parent process, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -252,7 +252,7 @@ def _cluster(address: str) -> Iterator[Any]:
 
 @contextmanager
 def _quiet(name: str) -> Iterator[None]:
-    """No messages of a library that says with an exception what has happened."""
+    """Silence the logs of a library that reports errors by exceptions."""
     logs = [logging.getLogger(n) for n in logging.root.manager.loggerDict if n.startswith(name)]
     before = [log.disabled for log in logs]
     for log in logs:
@@ -269,18 +269,18 @@ def _quiet(name: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Parcel:
-    """A campaign on its way to other processes.
+    """A campaign packed for other processes.
 
     Attributes
     ----------
     content
-        Pickled, with SHA-256 values in place of FMU files.
+        The pickled campaign, with SHA-256 values in place of FMU files.
     fmus
         Names and contents of the FMU files, by SHA-256.
     ours
-        Those of them that this project has built.
+        SHA-256 values of the FMUs that this project has built.
     version
-        Of the sblcosim that packed it.
+        Version of sblcosim that packed it.
     """
 
     content: bytes
@@ -294,7 +294,7 @@ def _proxy(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 class _Packer(pickle.Pickler):
-    """Leaves FMU files out, by their paths."""
+    """Replaces paths of FMU files by their SHA-256 values."""
 
     def __init__(self, stream: io.BytesIO, known: Mapping[Path, str]) -> None:
         super().__init__(stream, pickle.HIGHEST_PROTOCOL)
@@ -319,7 +319,7 @@ class _Unpacker(pickle.Unpickler):
 
 
 def pack(campaign: Campaign) -> Parcel:
-    """Make a parcel of a campaign and its FMUs."""
+    """Pack a campaign and its FMUs."""
     sources = [
         component.source
         for group in campaign.groups
@@ -339,12 +339,12 @@ _lock = threading.Lock()
 
 
 def unpack(parcel: Parcel) -> Campaign:
-    """The campaign, with FMU files in this machine's cache; the last one is remembered.
+    """Unpack a campaign, with its FMU files in this machine's cache; the last one is kept.
 
     Raises
     ------
     ConfigurationError
-        It is from another version of the project.
+        The parcel is from another version of sblcosim.
     """
     here = version("sblcosim")
     if parcel.version != here:
@@ -364,14 +364,14 @@ def unpack(parcel: Parcel) -> Campaign:
 
 
 def _same(parcel: Parcel) -> Parcel:
-    """What makes a parcel a task of its own."""
+    """Identity, to submit a parcel as a task."""
     return parcel
 
 
 def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
-    """What a worker does: it has one thread for it."""
+    """Task of a worker, in one thread."""
     return simulate(unpack(parcel), runs, 1, master, silent, _CHILDREN)
 
 
 _CHILDREN = Children(idle_s=30.0)
-"""Of a worker, kept from one part of the work to the next."""
+"""Child processes of a worker, reused from task to task."""

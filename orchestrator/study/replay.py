@@ -1,4 +1,4 @@
-"""One run of a study again, with its full record."""
+"""Repeat a run of a study, with its full record."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ def replay(
     master: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
-    """Do a run of a study again, and record everything.
+    """Repeat a run of a study and record everything.
 
     Parameters
     ----------
     results
-        Folder of results.
+        Folder of the study's results.
     run_id
-        As in the table, or the beginning of it.
+        Identifier in the table of runs, or its beginning.
 
     Raises
     ------
     ConfigurationError
-        There is no such run, or it cannot be done again: the FMUs have changed.
+        There is no such run, or it cannot be repeated because the FMUs have changed.
     """
     study = study_of(results)
     runs = table(results)

@@ -1,4 +1,4 @@
-"""Carrying out a study: batches of runs, a folder of results that can be resumed."""
+"""Run a study in batches, into a result folder that can be resumed."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .definition import Definition
 from .store import RUNS, at_work, check_folder, finished, open_folder, save, table, write
 
 BATCH = 2048
-"""Runs at a time, as a whole number of replicates: all points of a replicate, or none."""
+"""Runs per batch, rounded to whole replicates."""
 BATCH_STEPS = 200_000_000
-"""The same in communication steps, where runs are long: what a kill can cost."""
+"""Limit on a batch of long runs [communication steps]: what a kill can cost."""
 SAMPLE_SECONDS = 0.1
-"""What a sample must take at least, to tell how long all will take."""
+"""Minimum duration of a sample that gives a usable estimate [s]."""
 SAMPLES = 5
-"""How often it is simulated."""
+"""Number of times that a sample is simulated."""
 SIDE_BY_SIDE = 8
-"""Runs of a sample for each worker, at least: so many go through a processor's lanes at once."""
+"""Minimum number of sample runs per worker: the largest number of lanes of a processor."""
 MARGIN = 1.25
-"""Factor that is left to chance, either way: samples are not all runs."""
-_PART = 16  # runs at a time and worker where each runs alone: what a kill can cost
+"""Factor by which an estimate is widened on both sides, as samples do not represent all runs."""
+_PART = 16  # runs per worker and part, if they run alone: what a kill can cost
 
 
 def run(
@@ -50,28 +50,28 @@ def run(
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> pd.DataFrame:
-    """Do what is missing of a study's runs, and return its table.
+    """Run the missing runs of a study, and return its table.
 
-    The table does not depend on where the runs are simulated, nor on the number of workers.
+    The table depends neither on the executor nor on the number of workers.
 
     Parameters
     ----------
     out
-        Folder of the results; one with runs of the same study is completed.
+        Folder of the results; if it holds runs of the same study, it is completed.
     workers
         Threads or processes; default: all cores.
     executor
         ``"threads"``, ``"processes"``, or a `concurrent.futures.Executor` whose workers have this
-        package; they get the FMUs.
+        package installed; they receive the FMUs.
     scheduler
-        Address of a Dask scheduler, whose workers do it instead.
+        Address of a Dask scheduler, whose workers simulate instead.
     master
-        As in `sblcosim.run`; None: lanes where all components are ours.
+        As in `sblcosim.run`; None: lanes where all components are our own.
     step_timeout
-        Seconds after which a call of somebody else's FMU that does not return is given up, and its
-        run fails; None: after a minute.
+        Time limit for a call of a third-party FMU [s]; if it is exceeded, the run fails. None: one
+        minute.
     progress
-        Called with the share of what was missing that is done.
+        Called with the completed share of the missing runs, 0 to 1.
 
     Returns
     -------
@@ -83,8 +83,8 @@ def run(
     Raises
     ------
     ConfigurationError
-        The folder is of another study or cannot be written to, a point cannot be run, or there
-        are no such workers.
+        The folder belongs to another study or is not writable, a point cannot be run, or the
+        workers do not exist.
     """
     folder = Path(out).resolve()
     campaign = prepare(study, master, step_timeout)
@@ -120,7 +120,7 @@ def run(
 def _missing(
     campaign: Campaign, before: Collection[str], workers: int | None
 ) -> Iterator[list[Run]]:
-    """All runs but those that were done before, in parts that are kept as one."""
+    """All runs except finished ones, in the parts that are stored together."""
     everything = campaign.study.replicates
     replicates = max(
         1, min(-(-BATCH // len(campaign.points)), BATCH_STEPS * everything // campaign.steps)
@@ -135,16 +135,16 @@ def _missing(
 
 @dataclass(frozen=True)
 class Missing:
-    """What is missing of a campaign, counted and not listed.
+    """The missing runs of a campaign, counted but not listed.
 
     Attributes
     ----------
     done
-        Ids of the runs that are there.
+        Ids of the finished runs.
     runs, steps
-        Number of those that are missing, and their communication steps.
+        Number of missing runs, and of their communication steps.
     by_point
-        The number at each point.
+        Number of missing runs at each point.
     """
 
     done: Collection[str]
@@ -154,17 +154,17 @@ class Missing:
 
 
 def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missing:
-    """What is not in a folder of results yet; nothing is written.
+    """Count the runs that are missing in a result folder; nothing is written.
 
     Parameters
     ----------
     tell
-        Warn of damaged parts, whose runs are missing.
+        Warn about damaged parts, whose runs count as missing.
 
     Raises
     ------
     ConfigurationError
-        The folder is of another study.
+        The folder belongs to another study.
     """
     folder = Path(out).resolve()
     check_folder(folder, campaign)
@@ -179,12 +179,12 @@ def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missi
 def estimate(
     campaign: Campaign, what: Missing, workers: int | None = None, master: str | None = None
 ) -> tuple[float, float]:
-    """Seconds that the missing runs will take; nothing is written.
+    """Estimate the time that the missing runs will take [s]; nothing is written.
 
-    Samples of the runs are simulated several times. The first number is for a machine that does
-    nothing else: the least processor time of the samples, shared by the workers. The second is for
-    one that stays as busy as it is: the upper quartile of their durations. Both are widened by
-    `MARGIN`.
+    Samples of the runs are simulated several times. The first number assumes an otherwise idle
+    machine: the least processor time of the samples, shared by the workers. The second assumes that
+    the load on the machine stays the same: the upper quartile of the samples' durations. Both are
+    widened by `MARGIN`.
     """
     if not what.runs:
         return 0.0, 0.0
@@ -200,8 +200,8 @@ def _estimated(
     children: Children,
 ) -> tuple[float, float]:
     threads = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
-    size = -(-SIDE_BY_SIDE * threads // len(campaign.groups))  # all lanes of all workers are in use
-    simulate(campaign, _sample(campaign, what, 1), workers, master, silent, children)  # loads all
+    size = -(-SIDE_BY_SIDE * threads // len(campaign.groups))  # fills all lanes of all workers
+    simulate(campaign, _sample(campaign, what, 1), workers, master, silent, children)  # warm up
     while True:
         sample = _sample(campaign, what, size)
         first = _timed(campaign, sample, workers, master, children)
@@ -210,7 +210,7 @@ def _estimated(
         size *= 4
     times = [first]
     times += [_timed(campaign, sample, workers, master, children) for _ in range(SAMPLES - 1)]
-    if any(strangers(group.plan) for group in campaign.groups):  # their processes' time is not ours
+    if any(strangers(group.plan) for group in campaign.groups):  # process_time omits children
         times = [(wall, wall * threads) for wall, _ in times]
     share = what.steps / sum(steps_of(campaign, sample))
     idle = min(min(wall, processor / threads) for wall, processor in times)
@@ -225,14 +225,14 @@ def _timed(
     master: str | None,
     children: Children,
 ) -> tuple[float, float]:
-    """Seconds that some runs take, and seconds of all processors."""
+    """Wall time and processor time of some runs [s]."""
     wall, processor = time.perf_counter(), time.process_time()
     simulate(campaign, runs, workers, master, silent, children)
     return time.perf_counter() - wall, time.process_time() - processor
 
 
 def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
-    """The first so many missing runs of each group."""
+    """The first missing runs of each group, ``size`` at most."""
     sample: list[Run] = []
     wanted = {n: min(size, sum(what.by_point[p] for p in group.places))
               for n, group in enumerate(campaign.groups)}

@@ -1,12 +1,12 @@
-"""The folder of a study's results.
+"""The result folder of a study.
 
-It holds ``study.json`` (what is run, completely) and ``parts/``: Parquet files, each complete, with
-a row per run. What is in the parts is not run again. When all is there, ``runs.parquet`` is the
-whole table.
+It holds ``study.json`` (the complete definition of the runs) and ``parts/``: Parquet files, each
+written as a whole, with a row per run. Runs in the parts are not repeated. When all are done,
+``runs.parquet`` holds the whole table.
 
-The name of a part ends with the SHA-256 of the file, and ``study.json`` holds its own, so that
-nothing that was damaged is taken for a result: a part is set aside into ``parts/damaged/`` and its
-runs are done again.
+The name of a part ends with the SHA-256 of the file, and ``study.json`` contains its own, so that
+damaged data are never taken for results: a damaged part is moved to ``parts/damaged/`` and its runs
+are repeated.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ FORMAT = 2
 
 
 def check_folder(folder: Path, campaign: Campaign) -> int:
-    """See that the folder is of this study, or could be; the replicates that it is to have so far.
+    """Check that the folder belongs to this study or is empty; return the replicates it has so far.
 
     Raises
     ------
     ConfigurationError
-        It is of another study, or holds something else.
+        The folder belongs to another study, or holds something else.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
@@ -67,7 +67,7 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
 
 
 def _replicates(folder: Path, campaign: Campaign) -> int:
-    """How many replicates there are in a folder that has lost its `STUDY`."""
+    """Number of replicates in a folder that has lost its `STUDY`."""
     found = finished(folder, ["point", "replicate"])
     for run_id, (point, replicate) in found.items():
         seed = campaign.study.run_seed(point, replicate)
@@ -81,12 +81,12 @@ def _replicates(folder: Path, campaign: Campaign) -> int:
 
 
 def open_folder(folder: Path, campaign: Campaign) -> None:
-    """Make the folder, or see that it is of this study.
+    """Make the folder, or check that it belongs to this study.
 
     Raises
     ------
     ConfigurationError
-        It is of another study, holds something else, or cannot be written to.
+        The folder belongs to another study, holds something else, or is not writable.
     """
     content = {
         "format": FORMAT,
@@ -103,7 +103,7 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
 
 
 def sealed(content: Mapping[str, Any]) -> bytes:
-    """What a folder says about itself, as text with its own SHA-256."""
+    """The description of a folder as JSON text, with its own SHA-256."""
     whole = {**content, "sha256": _digest(content)}
     return (json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
@@ -114,7 +114,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 @contextmanager
 def at_work(folder: Path) -> Iterator[None]:
-    """Tell other processes that this one works in a folder, and be told if another does."""
+    """Mark a folder as in use by this process, and warn if another one uses it."""
     with ExitStack() as stack:
         try:
             files.make_folder(folder)
@@ -135,7 +135,7 @@ def at_work(folder: Path) -> Iterator[None]:
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """In which parts two definitions differ."""
+    """Names of the parts in which two definitions differ."""
     parts = [
         key
         for key in now["study"]
@@ -146,7 +146,7 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def described(folder: Path) -> dict[str, Any]:
-    """What a folder says about itself."""
+    """Read the description of a folder."""
     path = folder / STUDY
     try:
         content = json.loads(path.read_text("utf-8"))
@@ -173,19 +173,19 @@ def _parts(folder: Path) -> list[Path]:
 
 
 def _name(runs: str, content: bytes) -> str:
-    """Name of a part: what is in it, and the hash of the file."""
+    """Name of a part: its runs, and the hash of the file."""
     return f"{runs}-{hashlib.sha256(content).hexdigest()[:32]}.parquet"
 
 
 def _parquet(path: Path, columns: list[str] | None = None) -> pa.Table | None:
-    """A part; None if it is not as it was written."""
+    """Read a part; None if it is damaged or gone."""
     try:
         content = path.read_bytes()
         if path.name != _name(path.stem.rpartition("-")[0], content):
             return None
         part = parquet.read_table(pa.BufferReader(content), columns=columns)
     except FileNotFoundError:
-        return None  # another process has set it aside
+        return None  # another process has moved it away
     except (OSError, pa.ArrowInvalid) as error:
         raise ConfigurationError(
             f"{path}: must be a Parquet file that can be read, got {one_line(error)}"
@@ -200,7 +200,7 @@ _OTHER = "must be as it was written, got other bytes"
 
 
 def set_aside(folder: Path) -> None:
-    """Move damaged parts out of the way, and say so."""
+    """Move damaged parts away, and warn about each."""
     for path in _parts(folder):
         if _parquet(path, []) is None and path.exists():
             place = path.parent / DAMAGED / path.name
@@ -219,12 +219,12 @@ def _warn(message: str) -> None:
 def finished(
     results: str | Path, columns: Sequence[str] = (), *, tell: bool = False
 ) -> dict[str, tuple[int, ...]]:
-    """Ids of the runs that are in a folder of results, and some numbers of each.
+    """Ids of the finished runs in a result folder, with the values of some integer columns.
 
     Parameters
     ----------
     tell
-        Warn of damaged parts, whose runs count as missing.
+        Warn about damaged parts, whose runs count as missing.
     """
     found: dict[str, tuple[int, ...]] = {}
     for path in _parts(Path(results)):
@@ -240,16 +240,16 @@ def finished(
 
 
 def table(results: str | Path) -> pd.DataFrame:
-    """All runs in a folder of results, by replicate and point, also of an unfinished campaign.
+    """All finished runs in a result folder, sorted by replicate and point.
 
     Raises
     ------
     ConfigurationError
-        There are no runs, or damaged ones.
+        There are no runs, or a part is damaged.
     """
     folder = Path(results)
     described(folder)
-    # What is missing in a column of flags is not false.
+    # Nullable type: a missing flag must not become False.
     flags = {pa.bool_(): pd.BooleanDtype()}.get
     parts = []
     for path in _parts(folder):
@@ -269,11 +269,11 @@ def table(results: str | Path) -> pd.DataFrame:
 
 
 def write(folder: Path, runs: Sequence[Run], made: pd.DataFrame) -> None:
-    """Keep some runs; their part appears when it is complete."""
+    """Store some runs as a part, which appears when it is complete."""
     ids = hashlib.sha256(" ".join(r.run_id for r in runs).encode()).hexdigest()[:16]
     content = _as_parquet(made)
     name = _name(f"{runs[0].replicate:06d}-{ids}", content)
-    # Its name tells whether it is complete, so there is no need to wait for the disk.
+    # The hash in its name reveals an incomplete file, so do not wait for the disk.
     _write_file(folder / PARTS / name, content, durable=False)
 
 

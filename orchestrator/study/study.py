@@ -1,4 +1,4 @@
-"""Study files: which keys of a scenario are varied, over which levels, and how often.
+"""Study files: the keys of a scenario to vary, their levels, and the number of replicates.
 
 >>> from sblcosim import study                                       # doctest: +SKIP
 >>> table = study.load("paper-scenario-1").run("studies/scenario-1")  # doctest: +SKIP
@@ -33,10 +33,10 @@ _SHIPPED = resources.files("sblcosim.study") / "shipped"
 
 
 class Study(Definition):
-    """A factorial campaign. Made by `load`; its attributes are those of a study file."""
+    """A factorial campaign. Made by `load`; its attributes are the keys of a study file."""
 
     def with_replicates(self, replicates: int) -> Study:
-        """The same with another number of replicates; those there are in both are equal."""
+        """A copy with another number of replicates; the runs common to both are equal."""
         return load(self.model_dump(exclude_unset=True) | {"replicates": replicates})
 
     def run(
@@ -50,7 +50,7 @@ class Study(Definition):
         step_timeout: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> pd.DataFrame:
-        """Do what is missing of the campaign in a folder; see `sblcosim.study.runner.run`."""
+        """Run the missing runs of the campaign in a folder; see `sblcosim.study.runner.run`."""
         return runner.run(
             self, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
             step_timeout=step_timeout, progress=progress,
@@ -59,7 +59,7 @@ class Study(Definition):
 
 @cache
 def shipped() -> tuple[str, ...]:
-    """Names of the studies that come with the project."""
+    """Names of the shipped studies."""
     return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
 
 
@@ -72,16 +72,15 @@ def load(
     Parameters
     ----------
     source
-        Name of a study that comes with the project (``"paper-scenario-1"``), path of a TOML file,
-        or nested tables.
+        Name of a shipped study (``"paper-scenario-1"``), path of a TOML file, or nested tables.
     responses
-        Beside those of the source: names of percentiles, ``file.py:function``, or functions of a
+        Added to those of the source: names of percentiles, ``file.py:function``, or functions of a
         `sblcosim.results.responses.Run`.
 
     Raises
     ------
     ConfigurationError
-        There is no such study, or something in it is wrong.
+        The study does not exist or is invalid.
     """
     where, raw, folder = _read(source)
     if isinstance(source, str | Path) and "name" not in raw:
@@ -101,14 +100,14 @@ def load(
 
 
 def _checked(raw: Mapping[str, Any], where: str) -> Study:
-    """The study that some tables are, if nothing is wrong with it."""
+    """Make a study of tables, and check it."""
     try:
         study = Study.model_validate(raw)
     except ValidationError as error:
         lines = dict.fromkeys(line(e, where) for e in error.errors())
         raise ConfigurationError("\n".join(lines)) from None
     try:
-        _ = study.base  # a scenario that is wrong is found before anything else
+        _ = study.base  # report an invalid scenario before anything else
     except ConfigurationError as error:
         raise ConfigurationError(_prefixed(f"{where}: scenario", error)) from None
     wrong = [*problems(study)]
@@ -131,7 +130,7 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
 
 
 def _responses(given: Any, folder: Path) -> list[Any]:
-    """What is given as responses, functions looked up; what is wrong is told later."""
+    """The given responses, with functions looked up; `problems` checks the rest."""
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise ConfigurationError(
             f"responses: must be an array of names or functions, got {shortened(instance(given))}"
@@ -146,7 +145,7 @@ def _responses(given: Any, folder: Path) -> list[Any]:
 
 
 def study_of(results: str | Path) -> Study:
-    """The study whose results a folder holds."""
+    """The study that a result folder belongs to."""
     content = store.described(Path(results))
     definition = content["definition"]
     tables = {k: v for k, v in definition["study"].items() if v is not None}
@@ -168,7 +167,7 @@ def study_of(results: str | Path) -> Study:
 
 
 def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
-    """Where it comes from, the tables, and the folder of relative paths."""
+    """Name of the source for messages, its tables, and the folder for relative paths."""
     if isinstance(source, Mapping):
         where = shortened(str(source.get("name", "study")))
         check_values(where, source)

@@ -1,10 +1,10 @@
 /* The native master's loop: runs a plan by calling the FMUs' own functions.
  *
- * native.py prepares everything, in the structures below, and owns all memory. `native_run` executes
- * one run; several threads may do so at once, each with structures of its own.
+ * native.py fills the structures below and owns all memory. `native_run` executes one run; several
+ * threads may call it at once, each with its own structures.
  *
- * At each instant: the outputs of all components that are due are read, recorded, and set as inputs;
- * only then does each of them step. */
+ * At each instant it reads and records the outputs of all components that are due, and sets their
+ * inputs; only then does each of them step. */
 #define _XOPEN_SOURCE 700
 #include <fenv.h>
 #include <locale.h>
@@ -32,13 +32,13 @@ enum { WARNING = 1, DISCARD = 2 };
 
 enum outcome { FINISHED, FAILED, CANCELLED };
 
-/* What an FMU may have left changed for all others, as bits. */
+/* Process state that an FMU may have changed for all others, as bits. */
 enum habit { FLOATING = 1, LOCALE = 2 };
 
-/* What a call looks like. FMI 2 has Booleans of type int; here and in FMI 3 they are bool. */
+/* Signature of a call. Booleans are int in FMI 2, and bool here and in FMI 3. */
 enum form { ACCESS2, GET_BOOLEAN2, SET_BOOLEAN2, ACCESS3, STEP2, STEP3 };
 
-/* References and values are unsigned int and pointers to some type in all of FMI. */
+/* In all FMI access functions, references are unsigned int and values are a pointer. */
 typedef int access2(void *instance, const uint32_t *references, size_t n, void *values);
 typedef int access3(void *instance, const uint32_t *references, size_t n, void *values,
                     size_t n_values);
@@ -59,32 +59,32 @@ struct call {
     size_t n_references;
     void *values;
     size_t n_values;
-    int *booleans; /* of GET_BOOLEAN2 and SET_BOOLEAN2: the values as FMI 2 has them */
+    int *booleans; /* GET_BOOLEAN2 and SET_BOOLEAN2 only: the values as int */
 };
 
-/* Bytes from here to there; there is the first of several rows. */
+/* A copy of bytes; `to` is in the first of several rows. */
 struct copy {
     const char *from;
     char *to;
     size_t size, row_size;
 };
 
-/* Its calls stand one after another: gets, sets, one step. So do its copies, which gather inputs. */
+/* Its calls are contiguous: gets, sets, one step. So are its copies, which gather inputs. */
 struct component {
-    int64_t due; /* next communication instant in ns */
+    int64_t due; /* next communication instant [ns] */
     int64_t interval;
-    double step; /* s */
+    double step; /* [s] */
     size_t first_get, first_set, do_step;
     size_t first_copy, end_copy;
-    int64_t watched;   /* whether its habits are */
-    int64_t habits;    /* it has shown so far */
-    int64_t habits_at; /* the call that showed the first of them */
+    int64_t watched;   /* whether to check the process state after its calls */
+    int64_t habits;    /* changes seen so far */
+    int64_t habits_at; /* the first call with a change */
 };
 
-/* Written by the loop, read by those who watch it, perhaps from another process; and the other way
- * round. */
+/* Shared by the loop and its watchers, perhaps in another process. The loop writes row and at; a
+ * watcher writes cancel. */
 struct progress {
-    _Atomic int64_t row, at; /* instant and call under way */
+    _Atomic int64_t row, at; /* current instant and call */
     _Atomic int64_t cancel;
 };
 
@@ -99,14 +99,14 @@ struct run {
     int64_t n_instants;
     struct progress *progress;
     int64_t outcome;
-    int64_t status;      /* of the FMU */
+    int64_t status;      /* returned by the FMU */
     int64_t ended_early; /* the FMU has ended the simulation or the step */
 };
 
 /* ---- habits ---- */
 
-/* How the processor calculates: rounding, subnormal numbers, trapped exceptions. The flags of what
- * has happened are left out. */
+/* The floating-point settings: rounding, subnormal numbers, trapped exceptions; without the sticky
+ * exception flags. */
 static uint64_t floating(void)
 {
 #if defined __x86_64__
@@ -126,7 +126,7 @@ static void set_floating(uint64_t state)
 {
 #if defined __x86_64__
     const uint16_t x87 = (uint16_t)(state >> 32);
-    __asm__ volatile("fnclex\n\tfldcw %0" : : "m"(x87)); /* what is pending must not trap now */
+    __asm__ volatile("fnclex\n\tfldcw %0" : : "m"(x87)); /* pending exceptions must not trap now */
     _mm_setcsr((uint32_t)state);
 #elif defined __aarch64__
     __asm__ volatile("msr fpcr, %0" : : "r"(state));
@@ -148,7 +148,7 @@ static bool numbers_are_usual(void)
     return name && name[0] == 'C' && !name[1];
 }
 
-/* Take the state of this thread and process to be the usual one; numbers are as in C. */
+/* Take the current state as the usual one, with numbers formatted as in C. */
 EXPORT void native_remember(void)
 {
     setlocale(LC_NUMERIC, "C");
@@ -165,7 +165,7 @@ static void settle_locale(void)
     setlocale(LC_ALL, usual_locale);
 }
 
-/* Bring back what is usual; which habits had changed it. */
+/* Restore the usual state; return what had changed, as bits of enum habit. */
 static int settle(bool whole_locale)
 {
     int habits = 0;
@@ -180,7 +180,7 @@ static int settle(bool whole_locale)
     return habits;
 }
 
-/* For calls outside of the loop. */
+/* For calls outside the loop. */
 EXPORT int native_settle(void) { return settle(true); }
 
 /* After each call of a component. */
@@ -249,7 +249,7 @@ static int access_all(struct run *run, struct component *c, size_t first, size_t
     return status;
 }
 
-/* The worst status at an instant; with the first that is worse than a warning it is over. */
+/* Do an instant; return the last status, which is the first one worse than a warning, if any. */
 static int at_instant(struct run *run, int64_t row, bool last)
 {
     struct component *const end = run->components + run->n_components;

@@ -1,9 +1,9 @@
-"""The lanes master: one plan, many runs side by side, for components of ours.
+"""The lanes master: many runs of one plan side by side, for our own components.
 
-Each FMU of ours carries its equations for 2, 4 or 8 simulations at once (its exported symbol
-``sblcosim_lanes``). Runs of a plan differ in parameters and seeds only, so a group of them goes
-through the plan together, one run per lane, and gives the same bits as each on its own. What is
-kept of a run are the sums of `sblcosim.results.sums`, or a record on request.
+Our FMUs contain their equations for 2, 4 or 8 simulations at once (exported symbol
+``sblcosim_lanes``). Runs of a plan differ only in parameters and seeds, so a group of them goes
+through the plan together, one run per lane, and gives the same bits as each run alone. Of each run
+it keeps the sums of `sblcosim.results.sums`, or a record on request.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ from .lanes_memory import Memory, first_elements, in_order, starts_of
 
 _GROUPS_PER_CALL = 16
 ROOM_BYTES = 128 * 2**20
-"""Memory of a thread for the errors of the runs under way, where their order is asked for. One run
-may take more, if it is as long as that."""
+"""Memory of a thread [bytes] for the errors of its current runs, if order statistics are requested.
+A single long run may take more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What many runs of a plan have come to.
+    """Results of many runs of a plan.
 
     Attributes
     ----------
     sums
-        By receiver: the sums of `sblcosim.results.sums.SUMS`, shape (runs, len(SUMS)); of none if
-        the system has no target and platform to judge them by.
+        By receiver: the sums of `sblcosim.results.sums.SUMS`, shape (runs, len(SUMS)). Empty if the
+        system has no target and platform to judge the receivers by.
     order
-        By receiver, if asked for: order statistics of the lengths of the errors [m], shape (runs,
+        By receiver, if requested: order statistics of the lengths of the errors [m], shape (runs,
         len(LENGTHS), percentages); NaN without an estimate.
     values, time_ns, intervals_ns
-        If asked for: recorded variables, (runs, instants, *shape), at these times; see `Record`.
+        If requested: recorded variables, (runs, instants, *shape), at these times; see `Record`.
     """
 
     sums: Mapping[str, Floats]
@@ -71,7 +71,7 @@ class Outcome:
     intervals_ns: Mapping[str, int]
 
     def record(self, run: int) -> Record:
-        """The record of one run, with the variables that were asked for."""
+        """The record of one run, with the requested variables."""
         return Record(
             self.time_ns,
             {name: values[run] for name, values in self.values.items()},
@@ -96,35 +96,36 @@ def execute(
     Parameters
     ----------
     variations
-        By ``"component.parameter"``: one value (or array, row by row) per run. What is not named
-        here is as in the plan. Intervals and variants (the target's trajectory) must not vary.
+        By ``"component.parameter"``: one value (or array, row by row) per run. Other parameters are
+        as in the plan. Intervals and variants (the target's trajectory) must not vary.
     handovers
         Outputs that become parameters before the start, e.g. the true start for a prior. The
-        source must stand before the target in the plan.
+        source must come before the target in the plan.
     record
         ``"component.variable"`` of outputs to keep at all instants.
     settling_ns
-        Errors count from this time after the start.
+        Errors count from this time after the start [ns].
     percentages
-        1 to 100: which order statistics of the lengths of the errors are wanted, x₍⌈p n / 100⌉₎
-        of n estimates. Long runs then go through fewer lanes, as their errors are kept meanwhile.
+        1 to 100: requested order statistics x₍⌈p n / 100⌉₎ of the lengths of the errors, over n
+        estimates. Long runs then use fewer lanes, as their errors must be kept.
     lanes
-        Simulations side by side: 1, 2, 4, 8, or 0 for what suits this processor.
+        Simulations side by side: 1, 2, 4, 8, or 0 for the best choice on this processor.
     threads
         Default: all cores. Results do not depend on it, nor on ``lanes``.
     progress
-        Called with the share that is done, from this thread.
+        Called from this thread with the completed share, 0 to 1.
 
     Raises
     ------
     ConfigurationError
         A component is unsupported, or a name or a shape does not fit.
     FmuError
-        The engines disagree about a parameter, or this processor cannot do that many lanes.
+        A parameter's values cannot share a group of lanes, or the processor does not support that
+        many lanes.
     """
     while True:
         batch = _Batch(plan, variations, handovers, record, settling_ns, lanes)
-        # Numbers do not depend on the lanes, so fewer of them need less memory for the same.
+        # Results do not depend on the number of lanes; fewer lanes need less memory.
         if not percentages or batch.lanes == 1 or batch.room_bytes <= ROOM_BYTES:
             break
         lanes = batch.lanes // 2
@@ -133,7 +134,7 @@ def execute(
 
 
 class _Batch:
-    """A plan translated for the C driver, and the parameters of all runs."""
+    """A plan in the C driver's structures, and the parameters of all runs."""
 
     def __init__(
         self,
@@ -172,7 +173,7 @@ class _Batch:
 
     @property
     def room(self) -> int:
-        """Most estimates that any receiver gives in a run."""
+        """Largest number of estimates of any receiver in a run."""
         span = self.plan.stop_ns - self.plan.start_ns
         ticks = [
             max(c.tick_ns or 0, c.interval_ns)
@@ -183,11 +184,11 @@ class _Batch:
 
     @property
     def room_bytes(self) -> int:
-        """Memory for the lengths of the errors of a group of runs."""
+        """Memory for the lengths of the errors of a group of runs [bytes]."""
         return self.room * len(self.receivers) * len(LENGTHS) * self.lanes * 8
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
-        """Number of runs; component, first element and (runs, size) values of what varies."""
+        """Number of runs, and what varies: component, first element and (runs, size) values."""
         runs, varied = 1, []
         for name, given in variations.items():
             component, _, variable = name.partition(".")
@@ -287,7 +288,7 @@ class _Batch:
         )
 
     def _truth(self) -> ctypes.Structure | None:
-        """Where the truth is, if the system has a target and a platform."""
+        """Indices of the true values, if the system has a target and a platform."""
         if not {"target", "platform"} <= set(self.names):
             return None
         target, platform = self.names.index("target"), self.names.index("platform")
@@ -367,8 +368,8 @@ class _Batch:
         return drive
 
     def _values(self, first: int, last: int) -> list[Floats]:
-        """Parameters and inputs at the start of some groups, (groups, elements, lanes) each."""
-        # The last group is filled up with copies of the last run.
+        """Initial parameters and inputs of some groups; (groups, elements, lanes) by component."""
+        # Copies of the last run fill up the last group.
         wanted = np.arange(first * self.lanes, last * self.lanes)
         runs = np.minimum(wanted, self.runs - 1).reshape(-1, self.lanes)
         values = [
@@ -422,17 +423,18 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
 
 
 def _receivers(plan: Plan) -> list[str]:
-    """Whom to judge, if there is a truth to judge by."""
+    """Receivers to judge; none unless the system has a target and a platform."""
     if not {"target", "platform"} <= {c.name for c in plan.components}:
         return []
     return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
 
 
 def remembered(plan: Plan) -> int:
-    """Instants for which the truth is kept, so that the receivers' epochs are among them.
+    """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
 
-    An estimate is of the newest sample before its update, which may be one sampling time old, and
-    is seen one update later; what lies between instants of the target needs the one before.
+    An estimate refers to the newest sample before its update, which may be one sampling time old,
+    and is visible one update later. An epoch between two instants of the target needs the earlier
+    one too.
     """
     receivers = _receivers(plan)
     longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}

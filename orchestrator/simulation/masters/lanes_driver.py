@@ -1,4 +1,4 @@
-"""The C side of the lanes master: its structures, and the engines of our FMUs."""
+"""Interface to the lanes master's C driver, and to the engines in our FMUs."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ SUMS = (
     "broken",
     "unjudged",
 )
-"""Sums over the estimates of a run; ``enum sum`` of the C driver is made of these names.
+"""Sums over the estimates of a run; the C driver's ``enum sum`` is generated from these names.
 
-``unjudged`` counts estimates whose truth the driver does not know while the run goes on: of an
-epoch older than it remembers, or ahead. It is for whoever has the record to judge such a run.
+``unjudged`` counts estimates whose epoch is older than the driver's memory, or still ahead. Such a
+run must be judged from its record.
 """
 
 LENGTHS = ("absolute_horizontal", "absolute_total", "relative_horizontal", "relative_total")
-"""Lengths of errors whose order statistics can be asked for; ``enum length`` of the C driver."""
+"""Lengths of errors that have order statistics; the C driver's ``enum length``."""
 
 ENTRY = "sblcosim_lanes"
 MAX_COMPONENTS, MAX_RECEIVERS = 64, 16
-MOMENT = 13  # values that the driver remembers of an instant
+MOMENT = 13  # values that the driver keeps of an instant
 DRIVER = c_libraries.Driver(
     "lanes_master",
     lanes=True,
@@ -100,9 +100,9 @@ class LanesPlan(ctypes.Structure):
 
 
 def unsupported(plan: Plan) -> str | None:
-    """The first component without an engine for lanes, or None."""
+    """Name of the first component without an engine for lanes, or None."""
     for component in plan.components:
-        source = component.source  # of others, nothing is loaded to find out
+        source = component.source  # never load a third-party library just to find out
         if not isinstance(source, Fmu) or not ours(source) or _entry(source) is None:
             return component.name
     return None
@@ -137,7 +137,7 @@ def _library(path: str) -> ctypes.CDLL | None:
 
 
 def _entry(fmu: Fmu) -> Any:
-    """The FMU's function that returns its engines, or None."""
+    """The FMU's function that returns its engine, or None."""
     library = _library(str(binary_of(fmu)))
     entry = getattr(library, ENTRY, None) if library is not None else None
     if entry is not None:

@@ -1,4 +1,4 @@
-"""Memory of a thread of the lanes master, and what is made of it."""
+"""Working memory of the lanes master, and order statistics of the errors in it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .lanes_driver import LENGTHS, MOMENT, Engine, Floats
 
 
 class Batch(Protocol):
-    """What `Memory` has to know of the runs."""
+    """The properties of a batch that `Memory` needs."""
 
     engines: list[Any]
     needs_holding: list[bool]
@@ -26,11 +26,11 @@ class Batch(Protocol):
 
     @property
     def room(self) -> int:
-        """Most estimates of a run."""
+        """Largest number of estimates in a run."""
 
 
 class Memory:
-    """Blocks for one thread."""
+    """Memory for one thread."""
 
     def __init__(self, batch: Batch) -> None:
         self._kept: list[NDArray[np.uint8]] = []
@@ -46,7 +46,7 @@ class Memory:
         self._squares = np.empty(0)
 
     def squares(self, batch: Batch, groups: int) -> tuple[Floats, NDArray[np.int64]]:
-        """Room for the errors of some groups, and how much of it is filled."""
+        """Space for the errors of some groups, and the number of rows filled."""
         filled = np.zeros((groups, len(batch.receivers)), np.int64)
         shape = (*filled.shape, batch.room, len(LENGTHS), batch.lanes)
         size = math.prod(shape) if batch.percentages else 0
@@ -72,24 +72,25 @@ def in_order(
     Parameters
     ----------
     squares
-        Of the lengths [m²], infinite where a lane has none; shape (groups, receivers, room,
+        Squares of the lengths [m²], infinite where a lane has none; shape (groups, receivers, room,
         len(LENGTHS), lanes).
     filled
-        Rows that hold some; shape (groups, receivers).
+        Number of rows in use; shape (groups, receivers).
     counts
-        Estimates; shape (groups, receivers, lanes).
+        Number of estimates; shape (groups, receivers, lanes).
 
     Returns
     -------
     Floats
-        [m]; shape (groups, receivers, len(LENGTHS), lanes, len(percentages)).
+        Lengths [m]; shape (groups, receivers, len(LENGTHS), lanes, len(percentages)); NaN without
+        an estimate.
     """
     shape = (*filled.shape, len(LENGTHS), counts.shape[-1], len(percentages))
     order = np.full(shape, np.nan)
     at = np.maximum(-(-counts[..., None] * np.array(percentages) // 100) - 1, 0)
     for index in np.ndindex(filled.shape):
         if filled[index]:
-            # A vectorised sort; what is infinite comes last.
+            # A vectorised sort; infinite values come last.
             ordered = squares[index][: filled[index]].transpose(1, 2, 0).copy()
             ordered.sort(axis=-1)
             found = np.take_along_axis(ordered, at[index][None], axis=-1)
@@ -98,12 +99,12 @@ def in_order(
 
 
 def first_elements(component: PlannedComponent) -> dict[str, int]:
-    """First element of each variable; ours are numbered in order of their value references."""
+    """Index of each variable's first element; our value references count elements from 1."""
     return {p.name: min(p.references) - 1 for p in component.ports.values()}
 
 
 def starts_of(component: PlannedComponent, engine: Engine) -> Floats:
-    """Parameters and inputs at the start, as in the plan."""
+    """Initial parameters and inputs, as in the plan."""
     values = np.zeros(engine.parameters + engine.inputs)
     first = first_elements(component)
     for port in component.ports.values():

@@ -1,10 +1,10 @@
-"""The native master: runs a plan whose components are all FMUs, in one call of C.
+"""The native master: runs a plan whose components are all FMUs, in one call to C.
 
-The loop is `c/native.c`; here is what prepares its structures, starts it in a thread of its own and
-waits for it. It does what `sblcosim.simulation.masters.python` does, in the same order, and gives
-the same record to the last bit. The loop runs without Python's global lock, so that several runs in
-several threads of the caller go on side by side. It runs in this process, where it is for FMUs that
-return from all their calls; `sblcosim.simulation.execution` sees to the others.
+The loop is `c/native.c`. This module prepares its structures, starts it in a thread and waits for
+it. It makes the same calls in the same order as `sblcosim.simulation.masters.python`, and gives the
+same record to the last bit. The loop releases Python's global lock, so several threads can run
+simulations in parallel. It runs in this process, so its FMUs must return from all calls;
+`sblcosim.simulation.execution` handles the others.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ DRIVER = c_libraries.Driver("native")
 
 
 def available() -> bool:
-    """Whether the loop is there or can be compiled."""
+    """Whether the loop is present or can be compiled."""
     return c_libraries.available(DRIVER)
 
 
@@ -90,9 +90,9 @@ def execute(
     Raises
     ------
     FmuError
-        An FMU has returned a status that is worse than a warning.
+        An FMU has returned a status worse than a warning.
     ConfigurationError
-        A component is not an FMU, or there is no such output to record.
+        A component is not an FMU, or an output to record does not exist.
     BuildError
         The loop cannot be compiled.
     """
@@ -115,12 +115,12 @@ def execute(
 
 
 def check(plan: Plan) -> None:
-    """Refuse a plan that has a component in Python.
+    """Refuse a plan with a Python component.
 
     Raises
     ------
     ConfigurationError
-        It has one.
+        The plan has one.
     """
     other = unsupported(plan)
     if other is not None:
@@ -131,7 +131,7 @@ def check(plan: Plan) -> None:
 
 
 def library() -> ctypes.CDLL:
-    """The loop, and the functions about habits.
+    """The loop, and the functions that check the process state.
 
     Raises
     ------
@@ -147,14 +147,14 @@ def library() -> ctypes.CDLL:
 
 @dataclass(frozen=True, slots=True)
 class _Label:
-    """Whose call it is, and of which function."""
+    """Instance and function of a call."""
 
     instance: Instance
     function: str
 
 
 class _Program:
-    """A plan in the loop's structures, and the memory they point to."""
+    """A plan in the loop's structures, with the memory they point to."""
 
     def __init__(
         self, plan: Plan, instances: Sequence[Instance], columns: Sequence[Column]
@@ -211,7 +211,7 @@ class _Program:
         first_get = len(self._calls)
         for read in component.reads:
             ports = [p for p in read.ports if f"{component.name}.{p.name}" in self._newest]
-            if ports:  # they stand one after another
+            if ports:  # their values are contiguous
                 first = self._newest[f"{component.name}.{ports[0].name}"]
                 size = sum(p.size for p in ports)
                 references = [r for p in ports for r in p.references]
@@ -237,7 +237,7 @@ class _Program:
         )
 
     def _gathered(self, sources: Sequence[Vector]) -> int:
-        """Where the values of all sources will be, one after another."""
+        """Address at which the values of all sources are gathered, one after another."""
         inputs = np.zeros(sum(s.size for s in sources), sources[0].dtype)
         start = self._kept(inputs)
         ends = np.cumsum([s.nbytes for s in sources]).tolist()
@@ -245,7 +245,7 @@ class _Program:
             _Copy(_address(source), start + end - source.nbytes, source.nbytes, 0)
             for source, end in zip(sources, ends, strict=True)
         )
-        if len(copies) == 1:  # they are one after another already
+        if len(copies) == 1:  # contiguous already: no copy needed
             return int(copies[0].source)
         self._copies += copies
         return start
@@ -292,7 +292,7 @@ class _Program:
         return ctypes.addressof(array)
 
     def check(self) -> None:
-        """Raise what has ended the run before its time."""
+        """Report changes to the process state; raise the error that ended the run early."""
         for component in self.components:
             if component.habits:
                 label = self.labels[component.habits_at]
@@ -308,7 +308,7 @@ class _Program:
 def _places(
     columns: Sequence[Column], rows: int, memory: Callable[..., Vector]
 ) -> dict[str, Vector]:
-    """Memory for so many rows; those of one type are one after another in each row."""
+    """Memory for each column; columns of one type are contiguous within a row."""
     places: dict[str, Vector] = {}
     for kind, dtype in DTYPES.items():
         group = [c for c in columns if c.type == kind]
@@ -326,7 +326,7 @@ def _address(array: Vector) -> int:
 
 
 def _joined(copies: Iterable[_Copy]) -> list[_Copy]:
-    """The same with fewer copies, where one goes on from where the one before it ends."""
+    """Merge copies that continue each other."""
     joined: list[_Copy] = []
     for copy in copies:
         last = joined[-1] if joined else None
@@ -344,7 +344,7 @@ def _joined(copies: Iterable[_Copy]) -> list[_Copy]:
 def _drive(
     program: _Program, driver: ctypes.CDLL, progress: Callable[[float], None] | None
 ) -> None:
-    """Start the loop in a thread and wait for it, open to Ctrl-C."""
+    """Run the loop in a thread and wait for it, so that Ctrl-C gets through."""
     if watch().direct:
         driver.native_run(ctypes.byref(program.run))
         return program.check()
@@ -363,6 +363,6 @@ def _drive(
                 progress(row / (len(program.instants) - 1))
     except BaseException:
         program.progress.cancel = 1
-        done.wait()  # it uses the instances
+        done.wait()  # the loop still uses the instances
         raise
     return program.check()

@@ -1,8 +1,8 @@
-"""The Python master: runs a plan, on FMPy.
+"""The Python master: runs a plan with FMPy.
 
-At each communication instant it reads the outputs of all components that have arrived there,
-records them, sets the inputs of these components, and only then lets each of them step. So nothing
-depends on the order of the components, and an output reaches an input without delay.
+At each communication instant it reads the outputs of all components that are due, records them,
+sets the inputs of these components, and only then lets each of them step. So the order of the
+components has no effect, and an output reaches an input without delay.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from ..resolve import resolve
 from ..system import ComponentSpec, System
 
 PROGRESS_INTERVAL = 0.1
-"""Least time between two reports of progress [s]."""
+"""Minimum time between two progress reports [s]."""
 
 Vectors = Mapping[str, Vector]
-"""Newest outputs of all components, by type; see `sblcosim.simulation.plan`."""
+"""Latest outputs of all components, by type; see `sblcosim.simulation.plan`."""
 
 
 def execute(
@@ -44,18 +44,18 @@ def execute(
     Parameters
     ----------
     progress
-        Called with the share of the run that is done, at most ten times per second, and with 1 at
-        the end.
+        Called with the completed share of the run, at most ten times per second, and with 1 at the
+        end.
     record
-        What the record is to hold, ``"component.variable"``; None: all outputs.
+        Outputs to record, ``"component.variable"``; None: all.
 
     Raises
     ------
     FmuError
-        An FMU has returned a status that is worse than a warning.
+        An FMU has returned a status worse than a warning.
     ConfigurationError
-        A Python component has raised an exception or returned something that does not fit its
-        declaration, or there is no such output to record.
+        A Python component has raised an exception or returned values that do not match its
+        declaration, or an output to record does not exist.
     """
     columns = chosen(plan, record)
     instants = plan.instants
@@ -91,14 +91,14 @@ def _loop(
     recorded: Sequence[tuple[Vector, Vector]],
     progress: Callable[[float], None] | None,
 ) -> None:
-    """At each instant get all outputs, record them, set all inputs, and step.
+    """At each instant, read all outputs, record them, set all inputs, and step.
 
     Parameters
     ----------
     runners
-        The components with their communication intervals [ns].
+        Communication interval [ns] and runner of each component.
     recorded
-        By type: a record with a row per instant, and what goes into a row.
+        By type: the record, with a row per instant, and the vector to copy into the row.
     """
     noted = watch().progress()
     reported = time.monotonic()
@@ -147,12 +147,12 @@ def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
 def initial_outputs(
     spec: ComponentSpec, names: Sequence[str], start_ns: int = 0
 ) -> dict[str, NDArray[Any]]:
-    """Outputs of a component on its own at the start, without any step.
+    """Outputs of a single component at the start, before any step.
 
     Parameters
     ----------
     names
-        Of the outputs wanted.
+        Names of the requested outputs.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def initial_outputs(
     Raises
     ------
     ConfigurationError, FmuError
-        As `sblcosim.simulation.resolve.resolve` and `execute`; and if there is no such output.
+        As `sblcosim.simulation.resolve.resolve` and `execute`; or an output does not exist.
     """
     plan = alone(spec, start_ns)
     name = plan.components[0].name
@@ -185,7 +185,7 @@ def initial_outputs(
 
 
 def alone(spec: ComponentSpec, start_ns: int) -> Plan:
-    """A plan of one component and one step."""
+    """A plan with one component and one step."""
     name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
     return resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
 
@@ -195,7 +195,7 @@ def _vectors(plan: Plan) -> Vectors:
 
 
 class _Runner(Protocol):
-    """A component during a run. All calls take the communication instant in ns."""
+    """A component during a run. All calls take the communication instant [ns]."""
 
     def read(self, now: int) -> None:
         """Put the outputs into the vectors."""
@@ -207,7 +207,7 @@ class _Runner(Protocol):
         """Advance by the communication interval."""
 
     def finish(self) -> None:
-        """The run has reached its end."""
+        """Called at the end of the run."""
 
 
 def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: ExitStack) -> _Runner:
@@ -217,7 +217,7 @@ def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: Exi
 
 
 def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) -> instances.Instance:
-    """An instance of a component's FMU, ready for steps; given back when the stack is left."""
+    """An initialised instance of a component's FMU; the stack releases it."""
     assert isinstance(component.source, Fmu)
     instance = instances.acquire(component.source, component.name)
     stack.callback(instances.release, instance)
@@ -229,7 +229,7 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
 
 
 class _FmuRunner:
-    """Calls an FMU through functions whose arguments were bound beforehand."""
+    """Calls an FMU through functions with pre-bound arguments."""
 
     def __init__(
         self, component: PlannedComponent, instance: instances.Instance, vectors: Vectors
@@ -277,7 +277,7 @@ class _FmuRunner:
 
 
 class _PythonRunner:
-    """Calls a Python component; holds its outputs until the end of the step."""
+    """Calls a Python component and holds its outputs until the end of the step."""
 
     def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
         assert not isinstance(component.source, Fmu)
@@ -318,7 +318,7 @@ class _PythonRunner:
 
     @contextmanager
     def _named(self, when: str) -> Iterator[None]:
-        """Say whose exception it was."""
+        """Name the component in any exception that it raises."""
         try:
             yield
         except (Exception, SystemExit) as error:
@@ -333,7 +333,7 @@ class _PythonRunner:
         return error
 
     def _fitting(self, outputs: Mapping[str, Any], now: int) -> dict[str, NDArray[Any]]:
-        """Outputs as arrays, checked against the declaration."""
+        """Convert outputs to arrays and check them against the declaration."""
         where = f"{self._name} at {text_of(now)}"
         if not isinstance(outputs, Mapping):
             raise self._failure(
@@ -380,7 +380,7 @@ class _PythonRunner:
 
 
 def _views(read: Read, vector: Vector) -> dict[str, Vector]:
-    """The place of each output in the vector, in its shape."""
+    """View of each output in the vector, in its shape."""
     places, start = {}, read.start
     for port in read.ports:
         places[port.name] = vector[start : start + port.size].reshape(port.shape)
