@@ -1,4 +1,4 @@
-"""What is simulated: the declarations of all components, by the name of their FMU."""
+"""The declarations of all components, by the name of their FMU."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ COMPONENTS: Mapping[str, Component] = {
 
 
 def check_unique(components: Mapping[str, Component]) -> None:
-    """Check that no two components share a number, which tells their noise apart, or a name.
+    """Check that no two components share a name, or the number that separates their noise.
 
     Raises
     ------
     ValueError
-        Two components share one; the message names both.
+        Two components share a name or a number; the message names both components.
     """
     for what in ("number", "name"):
         first: dict[object, str] = {}
@@ -49,7 +49,7 @@ check_unique(COMPONENTS)
 
 
 def module_of(name: str) -> tuple[str, str]:
-    """Folder and module that hold the equations of a component."""
+    """Folder and module with the equations of a component."""
     return ("receiver", name) if name in RECEIVERS else (name, "equations")
 
 

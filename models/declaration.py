@@ -1,7 +1,7 @@
-"""What a component shows to the outside: its variables, written down once.
+"""Declaration of a component: its variables, defined once.
 
-modelDescription.xml (FMI 2 and 3), the C tables, the documentation inside the FMU, the keys of a
-scenario file and the orchestrator's checks are all generated from these declarations. The module
+modelDescription.xml (FMI 2 and 3), the C tables, the documentation in the FMU, the keys of a
+scenario file and the orchestrator's checks are all generated from these declarations. This module
 needs neither CasADi nor NumPy.
 """
 
@@ -23,14 +23,14 @@ INT32_MAX = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit, which its name defines (`sblcosim.fmus.build.description.base_unit`).
+    """A unit, defined by its name (`sblcosim.fmus.build.description.base_unit`).
 
     Attributes
     ----------
     name
-        As it stands in modelDescription.xml, e.g. ``"m/s"``.
+        Name in modelDescription.xml, e.g. ``"m/s"``.
     suffix
-        As it stands at the end of a key in a scenario file, e.g. ``"m_s"``.
+        Suffix of a key in a scenario file, e.g. ``"m_s"``.
     """
 
     name: str
@@ -53,33 +53,33 @@ UNITS: Mapping[str, Unit] = {
         Unit("s/s", "s_s"),
     )
 }
-"""Every unit a declaration may use. Angles are radians here and degrees in a scenario file."""
+"""Every unit that a declaration may use. Angles are radians here, degrees in a scenario file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What another parameter must be.
+    """A condition on another parameter.
 
     Attributes
     ----------
     parameter
-        Name in the same component.
+        Name of the parameter, in the same component.
     values
-        One of these; without any, everything but zero will do (of an array: one element).
+        Accepted values. Empty: any value except zero (for an array, at least one element).
     """
 
     parameter: str
     values: tuple[int, ...] = ()
 
     def holds(self, value: Number | Sequence[Number]) -> bool:
-        """Whether a value in SI units, or the elements of an array, will do."""
+        """Whether a value in SI units, or the elements of an array, meet the condition."""
         if self.values:
             return value in self.values
         return any(value) if isinstance(value, Sequence) else bool(value)
 
 
 Needs = tuple[tuple[Condition, ...], ...]
-"""What must hold: of each group, one condition."""
+"""Requirements: at least one condition of each group must hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Variable:
     name
         Name in the FMU. Elements of an array are ``name[i]`` or ``name[i,j]``, 1-based.
     description
-        One sentence for people; frames are named here.
+        One sentence for display; names the frame.
     causality, type, variability
         As in the FMI standard. ``variability`` defaults to ``fixed`` for parameters,
         ``continuous`` for other Float64 variables and ``discrete`` for the rest.
@@ -104,9 +104,9 @@ class Variable:
     min, max
         Bounds of every element, both included.
     choices
-        For an Int32 that selects something: its values and their names.
+        For an Int32 that selects an alternative: its values and their names.
     needs
-        What must hold that a parameter has an effect.
+        Requirements for the parameter to have an effect.
     """
 
     name: str
@@ -186,14 +186,14 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """A group of ports that are connected together (FMI 3, section 2.4.9).
+    """A group of ports that are connected as a whole (FMI 3, section 2.4.9).
 
     Attributes
     ----------
     name, kind
-        Name in the FMU, and which group of ports it is; equal kinds plug into each other.
+        Name in the FMU, and kind of the group; terminals of the same kind fit each other.
     members
-        Names of the component's variables and the member names they have on both sides.
+        Member name of each of the component's variables; the same on both sides.
     """
 
     name: str
@@ -213,11 +213,11 @@ class Component:
     number
         Identifies the kind of component in the key of its noise; never reused.
     interval
-        The parameter that holds the time between ticks, in s; None for a component without ticks.
+        Parameter that holds the tick interval [s]; None for a component without ticks.
     variant
-        The choice parameter that selects among alternative sets of equations, if there are such.
+        Choice parameter that selects one of several sets of equations; None if there is one set.
     step_size, stop_time
-        Default experiment in s.
+        Default experiment [s].
     """
 
     name: str
@@ -253,7 +253,7 @@ class Component:
         raise KeyError(f"{self.name} has no variable {name!r}")
 
     def of(self, causality: Causality) -> tuple[Variable, ...]:
-        """The variables of one causality, in order."""
+        """The variables with this causality, in order."""
         return tuple(v for v in self.variables if v.causality == causality)
 
 
@@ -285,7 +285,7 @@ def switch(name: str, description: str, start: bool, needs: Needs = ()) -> Varia
 
 
 def tick_interval(name: str, description: str, needs: Needs = ()) -> Variable:
-    """The parameter that holds the time between a component's ticks."""
+    """The parameter that holds a component's tick interval [s]."""
     return parameter(name, description, "s", start=0.1, min=1e-6, max=1e6, needs=needs)
 
 
@@ -295,7 +295,7 @@ def noise_keys(*needs: tuple[Condition, ...]) -> tuple[Variable, Variable]:
     Parameters
     ----------
     needs
-        When anything is random at all, see `Variable`.
+        Requirements for anything to be random, see `Variable`.
     """
     return (
         Variable("seed", "Seed of every random number of this component", "parameter",
@@ -306,12 +306,12 @@ def noise_keys(*needs: tuple[Condition, ...]) -> tuple[Variable, Variable]:
 
 
 def is_one_of(name: str, choices: Mapping[int, str], *chosen: str) -> Condition:
-    """The condition that a choice is one of some."""
+    """The condition that a choice is one of the given names."""
     return Condition(name, tuple(value for value, label in choices.items() if label in chosen))
 
 
 def number_of(choices: Mapping[int, str], name: str) -> int:
-    """The number by which a choice is known in the FMU.
+    """The number of a choice in the FMU.
 
     Raises
     ------
@@ -325,5 +325,5 @@ def number_of(choices: Mapping[int, str], name: str) -> int:
 
 
 def not_zero(*names: str) -> tuple[Condition, ...]:
-    """The conditions that parameters are not zero."""
+    """One condition per parameter: it is not zero."""
     return tuple(map(Condition, names))

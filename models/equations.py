@@ -1,4 +1,4 @@
-"""From a component's equations to CasADi functions.
+"""Turn a component's equations into CasADi functions.
 
 Equations are plain functions of symbols, free of branches (``if_else``), so that the generated C
 runs one simulation or several side by side. Their arguments:
@@ -7,12 +7,12 @@ runs one simulation or several side by side. Their arguments:
 ``p``     parameters, one attribute per declared variable, in its shape (arrays as matrices)
 ``x``     state, one attribute per key of what ``initial`` returns
 ``u``     inputs, like ``p``
-``w``     noise of the occasion, one attribute per `Draw`
-``t``     time in s
+``w``     noise for this occasion, one attribute per `Draw`
+``t``     time [s]
 ``k``     number of the tick, 1 at the first tick after the start
 ========  =====================================================================================
 
-Each returns a dict; ``tick`` and loop bodies only name the states they change.
+Each returns a dict; ``tick`` and loop bodies return only the states that they change.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Random numbers drawn afresh on one occasion.
+    """Random numbers that are drawn anew on each occasion of one kind.
 
     Attributes
     ----------
     name, size
-        Attribute of ``w``, and how many numbers it holds (a column).
+        Attribute of ``w``, and its number of elements (a column).
     kind
-        ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float, to be
-        compared with ``probability * 2**53`` or scaled by ``2**-53``.
+        ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float; compare it
+        with ``probability * 2**53`` or scale it by ``2**-53``.
     occasion
         ``initial``, ``tick``, or the name of a loop.
     scale
-        Scalar parameters, one per number, without which the number has no effect: where the
-        parameter is 0, nothing is drawn and the number is 0. Empty: always drawn.
+        Scalar parameters, one per number. If the parameter is 0, its number has no effect: nothing
+        is drawn and the number is 0. Empty: always drawn.
     """
 
     name: str
@@ -63,14 +63,14 @@ class Draw:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Something done as long as its guard holds, in one step perhaps several times or never.
+    """A body that repeats while its guard holds: any number of times in a step, or never.
 
     Attributes
     ----------
     guard
-        ``guard(p, x, u, t)``, nonzero while there is something to do.
+        ``guard(p, x, u, t)``: nonzero while the body must run again.
     body
-        ``body(p, x, u, w, t)``, the states after doing it once.
+        ``body(p, x, u, w, t)``: the changed states after one pass.
     """
 
     name: str
@@ -89,15 +89,15 @@ class Equations:
     tick
         ``tick(p, x, u, w, t, k)``: states changed at tick ``k`` (``k >= 1``), which is at ``t``.
     output
-        ``output(p, x, u, t)``: all outputs at ``t``. What it takes from ``u`` is direct
-        feedthrough and is declared as such.
+        ``output(p, x, u, t)``: all outputs at ``t``. Inputs used here have direct feedthrough, and
+        are declared as such.
     advance
-        Loops run for a time ``t`` before anything else happens at ``t`` (a leg that has ended).
-        They must not look at inputs.
+        Loops run before anything else happens at ``t`` (a leg that has ended). They must not use
+        inputs.
     iterate
         Loops run after each tick (measurements still to process, iterations to convergence).
     draws
-        All noise, of all variants of the component. Their order decides which numbers each gets.
+        All noise, of all variants of the component. The order decides which numbers each gets.
     """
 
     output: Callable[[Symbols, Symbols, Symbols, Any], Values]
@@ -112,7 +112,7 @@ class Equations:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """The CasADi functions of one variant; all arguments and results are dense columns.
+    """CasADi functions of one variant; all arguments and results are dense columns.
 
     ``initial(p, w, t) -> x``, ``tick(x, u, p, w, t, k) -> x``, ``output(x, u, p, t) -> y``,
     ``guards[name](x, u, p, t) -> c``, ``bodies[name](x, u, p, w, t) -> x``; ``jacobian(x, u, p, t)
@@ -129,16 +129,16 @@ class Functions:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A component ready for code generation.
+    """A component, ready for code generation.
 
     Attributes
     ----------
     variants
-        Functions by value of the component's variant parameter; ``{0: …}`` without one.
+        Functions by value of the component's variant parameter; ``{0: …}`` without variants.
     states
         Shape of each state by name, in the order of the state vector (row by row).
     feedthrough
-        Pairs (output, input) of declared names with direct feedthrough.
+        Declared names (output, input) with direct feedthrough.
     """
 
     component: Component
@@ -156,8 +156,8 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
     Parameters
     ----------
     equations
-        One set, or one per value of the component's variant parameter. All sets have the same
-        states, draws and names of loops.
+        One set, or one per value of the component's variant parameter. All sets must have the same
+        states, draws and loop names.
     """
     variants = equations if isinstance(equations, Mapping) else {0: equations}
     first = next(iter(variants.values()))
@@ -255,7 +255,7 @@ def _matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
 
 
 def _symbols(shapes: Mapping[str, tuple[int, int]]) -> tuple[SimpleNamespace, Any]:
-    """Symbols by name, and all of them as one column, each matrix row by row."""
+    """Symbols by name, and one column of all their elements, each matrix row by row."""
     symbols = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
     return SimpleNamespace(**symbols), _column(symbols.values())
 

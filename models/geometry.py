@@ -8,12 +8,12 @@ import casadi as ca
 
 
 def rotation(attitude: Any) -> Any:
-    """Matrix that turns body coordinates into NED: R = Rz(yaw) Ry(pitch) Rx(roll).
+    """Rotation matrix from body coordinates to NED: R = Rz(yaw) Ry(pitch) Rx(roll).
 
     Parameters
     ----------
     attitude
-        Roll, pitch, yaw in rad (column of 3): body x forward, y to starboard, z down.
+        Roll, pitch, yaw [rad] (column of 3). Body frame: x forward, y to starboard, z down.
 
     Returns
     -------

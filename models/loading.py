@@ -1,4 +1,4 @@
-"""A component's model, by the name of its FMU: the only way from a name to equations."""
+"""Load a component's model by the name of its FMU: the only path from a name to equations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .equations import Model, build
 
 
 def load(name: str) -> Model:
-    """Build the model of a component, by the name of its FMU.
+    """Build the model of a component by the name of its FMU.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The ports between components, written once and used at both ends of each connection."""
+"""The ports between components, defined once for both ends of each connection."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ ESTIMATE = (
     output("nis_degrees", "Number of scalar measurements in that update", type="Int32", start=0),
 )
 REQUIRED_ESTIMATE = ("epoch", "position", "update_count")
-"""What any receiver must have; its other ports are optional, but mean what they mean here."""
+"""Outputs that every receiver must have. The others are optional, but their meaning is fixed."""
 
 
 def ports(variables: Iterable[Variable], causality: Causality, prefix: str = ""
           ) -> tuple[Variable, ...]:
-    """The ports as one end declares them, e.g. ``target_position`` as an input."""
+    """The ports as declared at one end, e.g. ``target_position`` as an input."""
     return tuple(
         replace(v, name=prefix + v.name, causality=causality) for v in variables
     )
@@ -64,6 +64,6 @@ def ports(variables: Iterable[Variable], causality: Causality, prefix: str = ""
 
 def terminal(name: str, kind: TerminalKind, description: str, variables: Iterable[Variable]
              ) -> Terminal:
-    """A terminal over variables whose member names are their own names."""
+    """A terminal whose member names are the names of the variables."""
     members: Mapping[str, str] = {v.name: v.name for v in variables}
     return Terminal(name, kind, description, members)

@@ -14,10 +14,10 @@ from ..ports import BEACONS
 from .variables import COMPONENT, OUTLIERS
 
 _UNIFORMS = 2.0**53
-"""How many values a uniform draw has."""
+"""Number of values of a uniform draw."""
 
 RangeError = Callable[[Symbols, Symbols], Any]
-"""``error(p, w)``: what is added to a range in m, from the parameters and the draws."""
+"""``error(p, w)``: an error of a range [m], from the parameters and the draws."""
 _EXPONENTIAL = number_of(OUTLIERS, "exponential")
 
 
@@ -34,10 +34,10 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _path_length(p: Symbols, u: Symbols, beacon: Any) -> Any:
-    """Way of the sound in m, from the ping of a beacon to its arrival.
+    """Acoustic path length [m], from the ping of a beacon to its arrival.
 
-    The travel time solves ``|x + v tau - s| = c tau`` exactly, x and v at the ping; it exists as
-    long as the diver is slower than sound.
+    The travel time solves ``|x + v tau - s| = c tau`` exactly, with x and v at the ping (section
+    2.3). It exists as long as the diver is slower than sound.
     """
     offset = u.target_position - beacon
     c = p.sound_speed
@@ -48,9 +48,9 @@ def _path_length(p: Symbols, u: Symbols, beacon: Any) -> Any:
 
 
 def _excess(p: Symbols, w: Symbols) -> Any:
-    """Excess of an outlier in m, never negative, of mean ``outlier_mean``.
+    """Excess of an outlier [m]: never negative, with mean ``outlier_mean``.
 
-    The half-normal one is the absolute value of a Box-Muller normal.
+    The half-normal distribution is the absolute value of a Box-Muller normal.
     """
     u = (w.excess + 0.5) / _UNIFORMS
     exponential = -ca.log(u[0])
@@ -61,24 +61,24 @@ def _excess(p: Symbols, w: Symbols) -> Any:
 
 
 def _noise(p: Symbols, w: Symbols) -> Any:
-    """White noise in m."""
+    """White noise of a range [m]."""
     return p.range_std * w.noise
 
 
 def _outlier(p: Symbols, w: Symbols) -> Any:
-    """The excess of a range that is an outlier, in m."""
+    """Excess of a range if it is an outlier, else 0 [m]."""
     return ca.if_else(w.outlier < p.outlier_probability * _UNIFORMS, _excess(p, w), 0)
 
 
 RANGE_ERRORS: tuple[RangeError, ...] = (_noise, _outlier)
-"""All errors that are added to a range."""
+"""All errors added to a range."""
 _DRAWS = (
     Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
     Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
     Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
     Draw("noise", "normal", "tick", 1, ("range_std",)),
 )
-"""The draws of the errors and of the loss; a new one comes last, so that the others stay."""
+"""Draws of the loss and the errors. Append new ones, so that the others keep their numbers."""
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -98,7 +98,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     received = w.loss >= p.loss_probability * _UNIFORMS
 
     def latch(new: Any, old: Any) -> Any:
-        """The newest packet's row at its beacon's place."""
+        """Replace the row of the pinging beacon, if its packet was received."""
         return ca.vertcat(*(
             ca.if_else(received * is_turn[i], new[i, :] if new.shape == old.shape else new,
                        old[i, :])

@@ -1,6 +1,6 @@
-"""Sea states: from a Beaufort number to waves and to the platform's motion (the paper's section 4).
+"""Sea states: waves and platform motion for a Beaufort number (the paper's section 4).
 
-Sources and derivation are in the README of this folder; the slopes are recomputed in the tests.
+The README of this folder has sources and derivation; the tests recompute the slopes.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from math import radians, sqrt
 
 YAW_PERIOD = 20.0
-"""Period in s of the swing about the mooring; an assumption."""
+"""Period of the swing about the mooring [s]; an assumption."""
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A sea state, and how a raft of 1.6 m answers to it.
+    """A sea state, and the response of a raft of 1.6 m to it.
 
     Attributes
     ----------
     wave_height
-        Significant wave height H_s in m: the probable wave height of the WMO's Beaufort table.
+        Significant wave height H_s [m]: the probable wave height in the WMO's Beaufort table.
     slope_rms
-        RMS of the raft's inclination in rad.
+        RMS inclination of the raft [rad].
     """
 
     wave_height: float
@@ -30,17 +30,17 @@ class Level:
 
     @property
     def period(self) -> float:
-        """Peak period of the fully developed sea in s, T_p = 5.0 √H_s (H_s in m)."""
+        """Peak period of the fully developed sea [s], T_p = 5.0 √H_s (H_s in m)."""
         return 5.0 * sqrt(self.wave_height)
 
     @property
     def angle_amplitude(self) -> float:
-        """Amplitude in rad of the sinusoid with the RMS of the slope; roll, pitch and yaw."""
+        """Amplitude of the sinusoid with the RMS of the slope [rad]; for roll, pitch and yaw."""
         return sqrt(2.0) * self.slope_rms
 
     @property
     def heave_amplitude(self) -> float:
-        """Amplitude in m of the sinusoid with the RMS of the surface, H_s / 4."""
+        """Amplitude of the sinusoid with the RMS of the surface, H_s / 4 [m]."""
         return sqrt(2.0) * self.wave_height / 4.0
 
 
@@ -56,7 +56,7 @@ LEVELS: Mapping[int, Level] = {
 
 
 def sea_state(beaufort: int) -> Mapping[str, float]:
-    """Parameters of the Platform in a sea of this Beaufort number, by name, in SI units.
+    """Parameters of the Platform for a Beaufort number, by name, in SI units.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Equations of the Platform: pose in waves, beacons, and what GPS and IMU make of them.
+"""Equations of the Platform: pose in waves, beacons, and both as reported by GPS and IMU.
 
-White noise and Gauss-Markov errors are held from tick to tick; drift, temperature and shock are
-functions of time.
+White noise and Gauss-Markov errors are held between ticks; drift, temperature and shock are
+continuous functions of time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ AXES = (*ANGLES, *DISPLACEMENTS)
 
 
 def _scales(sensor: str, axes: tuple[str, str, str], *parts: str) -> tuple[str, ...]:
-    """The standard deviation of each number that a sensor draws."""
+    """Parameter that scales each number drawn for a sensor."""
     return tuple(f"{sensor}_{axis}_{part}" for part in parts for axis in axes)
 
 
@@ -84,7 +84,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
 
 
 def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:
-    """Section 4 of the paper; the condition saves the sine where there is no such motion."""
+    """Wave equation (the paper's section 4); the condition skips the sine if there is no motion."""
     amplitude = getattr(p, f"{axis}_amplitude")
     angle = 2 * pi * getattr(p, f"{axis}_frequency") * t + phase
     return ca.if_else(amplitude != 0, amplitude * ca.sin(angle), 0)
@@ -100,7 +100,7 @@ def _beacons(p: Symbols) -> Any:
 
 
 def _placed(position: Any, R: Any, points: Any) -> Any:
-    """Body-frame points (rows) in NED."""
+    """Transform body-frame points (rows) to NED."""
     return ca.repmat(position.T, points.shape[0], 1) + points @ R.T
 
 
@@ -116,8 +116,7 @@ def _measured(p: Symbols, inclination: Any) -> Any:
 
 
 def _imu_error(p: Symbols, x: Symbols, t: Any) -> Any:
-    """Additive errors of roll, pitch, yaw in rad: the four components of section 2.2, a shock and
-    noise."""
+    """Additive errors of roll, pitch, yaw [rad]: the four terms of section 2.2, shock and noise."""
     since = t - x.start
     temperature = p.imu_temperature_offset + p.imu_temperature_rate * since
     fixed = _imu(p, "bias")

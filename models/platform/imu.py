@@ -1,4 +1,4 @@
-"""Grades of IMU (the paper's Table 1) and what they mean for roll, pitch and heading."""
+"""IMU grades (the paper's Table 1), and the errors of roll, pitch and heading they imply."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from math import radians
 
 @dataclass(frozen=True, slots=True)
 class Grade:
-    """A row of Table 1, each range by its lower end.
+    """A row of Table 1, with the lower end of each range.
 
     Attributes
     ----------
     accelerometer_bias
-        In mg, thousandths of standard gravity.
+        [mg], thousandths of standard gravity.
     gyro_bias
-        In deg/h.
+        [deg/h].
     """
 
     accelerometer_bias: float
@@ -24,12 +24,12 @@ class Grade:
 
     @property
     def tilt_bias(self) -> float:
-        """Error of roll and of pitch in rad: accelerometer bias / g (small angles)."""
+        """Error of roll and of pitch [rad]: accelerometer bias / g (small angles)."""
         return self.accelerometer_bias * 1e-3
 
     @property
     def heading_drift(self) -> float:
-        """Rate of the heading error in rad/s."""
+        """Rate of the heading error [rad/s]."""
         return radians(self.gyro_bias) / 3600.0
 
 
@@ -43,7 +43,7 @@ GRADES: Mapping[str, Grade] = {
 
 
 def grade(name: str) -> Mapping[str, float]:
-    """Parameters of the Platform with an IMU of this grade, by name, in SI units.
+    """Parameters of the Platform for an IMU grade, by name, in SI units.
 
     Raises
     ------

@@ -28,7 +28,7 @@ _IMU_AXES = ("tilt", "heading")
 
 
 def _any(sensor: str, axes: tuple[str, ...], *parts: str) -> tuple[Condition, ...]:
-    """The conditions that one of these parts of a sensor's error is not zero."""
+    """Conditions, one per part of a sensor's error: it is not zero."""
     return not_zero(*(f"{sensor}_{axis}_{part}" for part in parts for axis in axes))
 
 
@@ -46,7 +46,7 @@ def _motion_name(axis: str) -> str:
 
 
 def _waves() -> tuple[Variable, ...]:
-    """Amplitude, frequency and phase of each axis, the paper's wave equation (section 4)."""
+    """Amplitude, frequency and phase of each axis in the paper's wave equation (section 4)."""
     return tuple(
         variable
         for axis in (*ANGLES, *DISPLACEMENTS)
@@ -67,7 +67,7 @@ def _imu(
     part: str, unit: str | None, description: str, signed: bool,
     needs: Mapping[str, tuple[Condition, ...]] | None = None,
 ) -> tuple[Variable, ...]:
-    """One part of the IMU error, for tilt (roll and pitch each) and for heading."""
+    """One part of the IMU error, for tilt (roll and pitch alike) and for heading."""
     return tuple(
         parameter(f"imu_{angle}_{part}", f"{description}, {what}", unit,
                   min=None if signed else 0.0, needs=(needs[angle],) if needs else ())
@@ -76,7 +76,7 @@ def _imu(
 
 
 def _gps(part: str, description: str) -> tuple[Variable, ...]:
-    """One part of the GPS error, horizontal (north and east each) and vertical."""
+    """One part of the GPS error, horizontal (north and east alike) and vertical."""
     return tuple(
         parameter(f"gps_{direction}_{part}", f"{description}, {what}", "m", min=0.0)
         for direction, what in (("horizontal", "of north and of east"), ("vertical", "of down"))

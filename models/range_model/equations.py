@@ -1,4 +1,4 @@
-"""Equations of the range model (the paper's section 3, ranges in z and their part of H)."""
+"""Equations of the range model: the ranges in z and their part of H (the paper's section 3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Declaration of the range model: distances and their derivatives, for use by other filters."""
+"""Declaration of the range model: distances and their derivatives, for use in other filters."""
 
 from __future__ import annotations
 

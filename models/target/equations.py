@@ -1,7 +1,7 @@
-"""Equations of the Target: paths in closed form, depth sensor.
+"""Equations of the Target: paths in closed form, and the depth sensor.
 
-The paper's section 5 defines its paths "in the discrete domain, each point sampled with T"; here a
-path is a function of time, so it does not depend on any sampling time.
+The paper's section 5 defines its paths "in the discrete domain, each point sampled with T". Here a
+path is a function of time, so it does not depend on a sampling time.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ..equations import Draw, Equations, Loop, Symbols, Values
 from .variables import TRAJECTORIES, WAYPOINTS
 
 TOLERANCE = 2e-9
-"""Time in s by which a change of leg may come early, so that rounding of t decides nothing."""
+"""Time by which a change of leg may come early [s], so that rounding of t has no effect."""
 
 TINY = 1e-300
-"""Keeps denominators from zero where the numerator is zero too."""
+"""Avoids a zero denominator where the numerator is zero too."""
 
 HALLEY_STEPS = 3
 
 Course = Callable[[Symbols, Symbols, Any], tuple[Any, Any]]
-"""``course(p, x, s)``: point after the distance `s`, and its derivative by `s`."""
+"""``course(p, x, s)``: point at the distance `s` [m], and its derivative with respect to `s`."""
 
 DRAWS = (
     Draw("first_position", "uniform", "initial", 2),
@@ -35,16 +35,16 @@ DRAWS = (
 )
 
 
-# Distance gone -----------------------------------------------------------------------------------
+# Distance covered --------------------------------------------------------------------------------
 
 
 def _under_way(p: Symbols, x: Symbols, t: Any) -> Any:
-    """Time since departure in s; negative before it."""
+    """Time since departure [s]; negative before it."""
     return t - x.start - p.departure_time
 
 
 def _distance(p: Symbols, x: Symbols, t: Any) -> Any:
-    """Distance gone s(t) in m, horizontal except on waypoints."""
+    """Distance covered s(t) [m]; horizontal, except on waypoints."""
     return _clip(x.rate * _under_way(p, x, t), x.length)
 
 
@@ -53,7 +53,7 @@ def _clip(value: Any, upper: Any) -> Any:
 
 
 def _motion(course: Course) -> Callable[[Symbols, Symbols, Any], tuple[Any, Any]]:
-    """Position and velocity at constant speed along a course, at rest before and after it."""
+    """Motion at constant speed along a course, at rest before and after: position and velocity."""
 
     def motion(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
         point, tangent = course(p, x, _distance(p, x, t))
@@ -72,7 +72,7 @@ def _bearing(angle: Any) -> Any:
 
 
 def _descending(horizontal: Course) -> Course:
-    """A horizontal course whose depth changes in proportion to the distance gone."""
+    """Add to a horizontal course a depth that is linear in the distance covered."""
 
     def course(p: Symbols, x: Symbols, s: Any) -> tuple[Any, Any]:
         point, tangent = horizontal(p, x, s)
@@ -109,15 +109,15 @@ def _square(p: Symbols, x: Symbols, s: Any) -> tuple[Any, Any]:
 
 
 def _spiral_rate(p: Symbols) -> Any:
-    """b of r = a + b θ, in m/rad."""
+    """b in r = a + b θ [m/rad]."""
     return (p.spiral_radius[1] - p.spiral_radius[0]) / (2 * pi * p.turns)
 
 
 def _spiral_arc(p: Symbols, angle: Any) -> Any:
-    """Arc length of the Archimedean spiral from 0 to `angle` in m.
+    """Arc length of the Archimedean spiral from 0 to `angle` [m].
 
     The integral of √(r² + b²) dθ is (F(r) − F(a)) / b with F(r) = ½ (r q + b² ln(r + q)) and
-    q = √(r² + b²). Written without that division it holds for b = 0 (a circle) too.
+    q = √(r² + b²). Written without that division, it also holds for b = 0 (a circle).
     """
     a, b = p.spiral_radius[0], _spiral_rate(p)
     r = a + b * angle
@@ -127,14 +127,14 @@ def _spiral_arc(p: Symbols, angle: Any) -> Any:
 
 
 def _spiral_angle(p: Symbols, s: Any) -> Any:
-    """The angle in rad at which the arc length is `s`."""
+    """Angle at which the arc length is `s` [rad]."""
     a, b = p.spiral_radius[0], _spiral_rate(p)
 
     def derivative(r: Any) -> Any:
         return ca.sqrt(r**2 + b**2)
 
-    # s ≈ (r² − a²) / 2b gives r; Simpson's mean of √(r² + b²) from a to r then gives the angle
-    # to within 16 %; each of Halley's steps triples the number of correct digits.
+    # s ≈ (r² − a²) / 2b gives r. Simpson's mean of √(r² + b²) from a to r then gives the angle
+    # to within 16 %. Each Halley step triples the number of correct digits.
     r = ca.sqrt(ca.fmax(a**2 + 2 * b * s, 0))
     angle = 6 * s / ca.fmax(derivative(a) + 4 * derivative((a + r) / 2) + derivative(r), TINY)
     for _ in range(HALLEY_STEPS):
@@ -171,7 +171,7 @@ def _random_leg_due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _random_leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """One attempt at the next leg; it counts only if the leg ends inside the box."""
+    """One attempt at the next leg; it is accepted only if the leg ends inside the box."""
     span = -p.leg_length * ca.log((w.attempt[0] + 1) * 2.0**-53)
     direction = _bearing(2 * pi * 2.0**-53 * w.attempt[1])
     begin = x.leg_point + (x.leg_end - x.leg_begin) * x.leg_direction
@@ -190,7 +190,7 @@ def _waypoint_due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _waypoint_leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The leg from waypoint ``cursor`` to the one after it (both 0-based)."""
+    """The leg from waypoint ``cursor`` (0-based) to the next one."""
     begin, end = (_waypoint(p, x.cursor + i) for i in (0, 1))
     span = ca.norm_2(end - begin)
     return {
@@ -221,12 +221,12 @@ def _waypoints_length(p: Symbols) -> Any:
 
 
 def _node_due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
-    """Whether `t` has reached the end of the interval: node number ``cursor + 1``."""
+    """Whether `t` has reached the end of the current interval, node ``cursor + 1``."""
     return t - x.start + TOLERANCE >= (x.cursor + 1) * p.sampling_time
 
 
 def _node(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """Draw the node after the next: Φ and Q of white acceleration with power spectral density q.
+    """Draw the node after the next, with Φ and Q of white acceleration of power spectral density q.
 
     Q = q [[T³/3, T²/2], [T²/2, T]] = L Lᵀ with L = √(q T) [[T/√3, 0], [√3/2, 1/2]].
     """
@@ -243,7 +243,7 @@ def _node(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _between_nodes(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
-    """Cubic Hermite interpolation: the mean of the process, given its nodes."""
+    """Cubic Hermite interpolation: the mean of the process given its nodes."""
     T = p.sampling_time
     tau = _clip((t - x.start - x.cursor * T) / T, 1)
     step = x.next_position - x.node_position
@@ -258,7 +258,7 @@ def _between_nodes(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
 
 
 def _states(p: Symbols, t: Any, length: Any, drop: Any = 0, **rest: Any) -> Values:
-    """All states at the start; `drop` is the change of depth that comes on top of `length`."""
+    """All states at the start; `drop` is the change of depth over the whole `length` [m]."""
     slope = ca.if_else(length > 0, drop / ca.if_else(length > 0, length, 1), 0)
     rate = p.speed / ca.sqrt(1 + slope**2)
     moves = ca.logic_and(rate > 0, length > 0)
@@ -339,7 +339,7 @@ def _waypoints_initial(p: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _white_noise_initial(p: Symbols, w: Symbols, t: Any) -> Values:
-    # One interval before the start, so that the loop draws the first two nodes like all others.
+    # Begin one interval early, so that the loop draws the first two nodes like all others.
     return _states(
         p, t, 0, cursor=-1,
         next_position=p.initial_position + p.initial_position_std * w.first_motion[:3],

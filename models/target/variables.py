@@ -35,7 +35,7 @@ _HORIZONTAL = ("straight_line", "semicircle", "circle", "square", "spiral", "ran
 
 
 def _on(*trajectories: str) -> tuple[Condition, ...]:
-    """The condition that the path is one of these."""
+    """The condition that the trajectory is one of these."""
     return (is_one_of("trajectory", TRAJECTORIES, *trajectories),)
 
 

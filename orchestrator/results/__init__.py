@@ -1,1 +1,1 @@
-"""What a record says: errors, consistency, tables and figures of a run."""
+"""Evaluation of a record: errors, consistency, tables and figures of a run."""

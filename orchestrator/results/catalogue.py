@@ -1,6 +1,6 @@
-"""Tables of figures: everything about a figure of a run or of a report stands in one row.
+"""Tables of figures: one row holds everything about a figure of a run or of a report.
 
-To add a figure, write the function that draws it and its row.
+To add a figure, write a plot function and add a row.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ def _always(subject: object) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A figure and its data, ready to be drawn here or in another process.
+    """A figure and its data, ready to draw in this or another process.
 
     Attributes
     ----------
     plot
-        A function of a module; it takes the arguments and a theme, and returns axes.
+        A module-level function; it takes the arguments and a theme, and returns axes.
     """
 
     name: str
@@ -41,35 +41,35 @@ class Job:
     arguments: tuple[Any, ...]
 
     def axes(self, theme: style.ThemeName = "light") -> Axes:
-        """Draw it; the first of its axes."""
+        """Draw the figure; return the first of its axes."""
         axes = self.plot(*self.arguments, theme=theme)
         return axes if isinstance(axes, Axes) else axes[0]
 
     def svg(self) -> str:
-        """Draw it; the text of an SVG file."""
+        """Draw the figure; return the text of an SVG file."""
         return style.svg(self.axes(), self.name)
 
     def save(self, folder: Path, theme: style.ThemeName = "light") -> None:
-        """Draw it; write it into a folder as SVG and PNG."""
+        """Draw the figure and write it into a folder as SVG and PNG."""
         style.save(self.axes(theme), folder, self.name)
 
 
 @dataclass(frozen=True, eq=False)
 class Figure(Generic[Subject]):
-    """A figure of a subject: a run, the analysis of a study, the studies of the paper.
+    """A figure of a subject: of a run, of the analysis of a study, or of the paper's studies.
 
     Attributes
     ----------
     name
-        Of its file; unique in its table.
+        Name of its file; unique in its table.
     plot
-        Draws it; see `Job`.
+        Function that draws it; see `Job`.
     data
-        The arguments of `plot`, from the subject.
+        Function from the subject to the arguments of `plot`.
     caption, alt
-        The text below it, and the one for readers who do not see it.
+        Functions from the subject to the caption and the alternative text.
     condition
-        Whether the subject has this figure.
+        Function that decides whether the subject has this figure.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Figure(Generic[Subject]):
     condition: Callable[[Subject], bool] = _always
 
     def job(self, subject: Subject) -> Job:
-        """The figure with the subject's data."""
+        """Combine the figure with the subject's data."""
         return Job(self.name, self.plot, self.data(subject))
 
 
@@ -88,7 +88,7 @@ AnyFigure = TypeVar("AnyFigure", bound=Figure[Any])
 
 
 def by_name(*figures: AnyFigure) -> Mapping[str, AnyFigure]:
-    """A table of figures.
+    """Make a table of figures by name.
 
     Raises
     ------
@@ -104,5 +104,5 @@ def by_name(*figures: AnyFigure) -> Mapping[str, AnyFigure]:
 
 
 def jobs(figures: Mapping[str, Figure[Subject]], subject: Subject) -> list[Job]:
-    """The figures that a subject has, in the order of the table."""
+    """The figures of a subject, in the order of the table."""
     return [figure.job(subject) for figure in figures.values() if figure.condition(subject)]

@@ -1,37 +1,37 @@
-"""What is said of an estimate, defined once: truth, error, broken, NEES, inconsistent, late, lost.
+"""The definitions: truth, error, broken, NEES, inconsistent, percentile, late, lost.
 
 The tables of a run (`sblcosim.results.metrics`) and the sums of a study (`sblcosim.results.sums`)
-are built on this module; the C of the lanes master (``c/lanes_master.c``) follows it to the last
-bit, and says where it cannot know.
+are built on this module. The lanes master in C (``c/lanes_master.c``) matches it to the last bit,
+and counts the estimates that it cannot judge.
 
-**Epoch.** An estimate is judged at its epoch, which may be anywhere within the run. An epoch is the
-recorded instant whose time in seconds it is; any other is rounded to the nearest nanosecond.
+**Epoch.** An estimate is judged at its epoch, which may be any time within the run. An epoch that
+equals the time in seconds of a recorded instant is that instant; any other is rounded to the
+nearest nanosecond.
 
-**Truth.** At an instant of the target's own it is the recorded state, bit by bit; in between the
-cubic Hermite polynomial through the states at both ends. The platform's position and the error of
-what it reports hold until its next instant.
+**Truth.** At one of the target's own instants, the truth is the recorded state, bit by bit; between
+them it is the cubic Hermite polynomial through the states at both ends. The platform's position and
+the error of its reports hold until its next instant.
 
 **Error.** Estimate minus truth (the paper's equation 10 has the opposite sign), north, east, down,
 in two frames:
 
 - *absolute*: ``x̂ − x``;
 - *relative* to the platform: the absolute error minus the mean over the beacons of reported minus
-  true position, so that an error of GPS which moves all beacons alike does not count.
+  true position, so that a GPS error common to all beacons does not count.
 
-**Broken** is an estimate whose epoch lies outside of the run, or whose errors' squares are not
-finite.
+**Broken** is an estimate whose epoch lies outside the run, or whose squared errors are not finite.
 
-**NEES** is ``eᵀ P⁻¹ e``, where P is positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴
+**NEES** is ``eᵀ P⁻¹ e``. P must be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴
 of its diagonal element.
 
-**Inconsistent** is a run whose mean NEES of the position lies above its 95 % band; unknown without
-any NEES.
+**Inconsistent** is a run whose mean position NEES lies above its 95 % band; unknown without any
+NEES.
 
-**Percentile** p of the errors' lengths, horizontal or total, is the order statistic x₍⌈p n / 100⌉₎
-of the n estimates that count: 50 % of the horizontal error is CEP50, 95 % is R95.
+**Percentile** p of the lengths of the errors, horizontal or total, is the order statistic
+x₍⌈p n / 100⌉₎ of the n estimates that count: 50 % of the horizontal error is CEP50, 95 % is R95.
 
 **Late** is an estimate whose epoch lies in the last quarter of the run. **Lost** is a run without
-one, or in which the RMS of their errors exceeds that of the true distance to the platform.
+late estimates, or one in which their RMS error exceeds the RMS true distance to the platform.
 """
 
 from __future__ import annotations
@@ -53,41 +53,41 @@ Nanoseconds = NDArray[np.int64]
 AXES = ("x", "y", "z")
 FRAMES = ("absolute", "relative")
 POSITION_STATES = [0, 2, 4]
-"""Places of the position in the state (x, vx, y, vy, z, vz)."""
+"""Indices of the position in the state (x, vx, y, vy, z, vz)."""
 CONFIDENCE = 0.95
 PIVOT = 1e-14
-"""Least share of a diagonal element that is left of it as a pivot; as ``PIVOT`` in the C."""
+"""Smallest usable pivot, as a share of its diagonal element; as ``PIVOT`` in the C code."""
 PERCENTAGES = (50, 67, 95, 100)
-"""Order statistics of the errors that are shipped; 100 is the largest."""
+"""Percentages of the order statistics; 100 is the largest error."""
 TRUTH = (
     "target.position", "target.velocity", "platform.position", "platform.beacon_position",
     "platform.reported_beacon_position",
 )
-"""What `judge` needs of a record, beside the receiver's ports."""
+"""Outputs that `judge` needs, in addition to the receiver's ports."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A receiver's m estimates beside the truth, in the order in which they could be read.
+    """A receiver's m estimates with the truth, in the order in which they became available.
 
     Attributes
     ----------
     estimates
-        What was judged.
+        The estimates themselves.
     epoch_s
-        Their epochs [s]; shape (m,).
+        Epochs [s]; shape (m,).
     broken, late
-        Shape (m,).
+        Flags as defined above; shape (m,).
     true_position, true_velocity
-        [m], [m/s]; shape (m, 3); NaN where the epoch lies outside of the run.
+        NED [m], [m/s]; shape (m, 3); NaN where the epoch lies outside the run.
     platform_error
         Mean over the beacons of reported minus true position [m]; shape (m, 3).
     error, relative
-        In the two frames [m]; shape (m, 3).
+        Errors in the absolute and the relative frame [m]; shape (m, 3).
     square, relative_square, distance_square
-        Of the lengths of the errors, and of the true distance to the platform [m²]; shape (m,).
+        Squared lengths of the errors, and squared true distance to the platform [m²]; shape (m,).
     nees
-        Of the absolute position; shape (m,); NaN without a covariance that is positive definite.
+        NEES of the absolute position; shape (m,); NaN without a positive definite covariance.
     """
 
     estimates: Estimates
@@ -106,12 +106,12 @@ class Judged:
 
 
 def judge(record: Record, receiver: str) -> Judged:
-    """Hold a receiver's estimates against the truth; see the definitions above.
+    """Compare a receiver's estimates with the truth; see the definitions above.
 
     Parameters
     ----------
     record
-        With `TRUTH` and the ports of the receiver.
+        Record that contains `TRUTH` and the receiver's ports.
     """
     estimates = record.estimates(receiver)
     time, epoch = record.time_ns, estimates.epoch_ns
@@ -120,7 +120,7 @@ def judge(record: Record, receiver: str) -> Judged:
     known = epoch[inside]
 
     def of_run(values: Floats) -> Floats:
-        """Values at the epochs within the run; NaN at the others."""
+        """Expand values at the epochs within the run to all epochs; the others are NaN."""
         everywhere = np.full((len(epoch), *values.shape[1:]), np.nan)
         everywhere[inside] = values
         return everywhere
@@ -155,7 +155,7 @@ def judge(record: Record, receiver: str) -> Judged:
 
 
 def chosen(judged: Judged, which: Flags) -> Judged:
-    """Some of the estimates."""
+    """The selected estimates."""
 
     def some(thing: Any) -> Any:
         return None if thing is None else thing[which]
@@ -167,7 +167,7 @@ def chosen(judged: Judged, which: Flags) -> Judged:
 
 
 def length_squares(judged: Judged) -> dict[str, Floats]:
-    """Squares of the lengths of the errors [m²], by the names of `LENGTHS`; shape (m,)."""
+    """Squared lengths of the errors [m²], by the names in `LENGTHS`; shape (m,)."""
     squares = {}
     for frame, error, total in (
         ("absolute", judged.error, judged.square),
@@ -179,12 +179,12 @@ def length_squares(judged: Judged) -> dict[str, Floats]:
 
 
 def percentile_column(percentage: int) -> str:
-    """Column of an order statistic: ``p95_m``, or ``max_m`` for 100."""
+    """Column name of an order statistic: ``p95_m``, or ``max_m`` for 100."""
     return "max_m" if percentage == 100 else f"p{percentage}_m"
 
 
 def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
-    """The order statistics x₍⌈p n / 100⌉₎ of n values: the least that p % do not exceed.
+    """Order statistics x₍⌈p n / 100⌉₎ of n values: the smallest that p % do not exceed.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
     Returns
     -------
     Floats
-        Shape (len(percentages),); NaN without any value.
+        Shape (len(percentages),); NaN if there are no values.
     """
     n = len(values)
     if n == 0:
@@ -208,10 +208,10 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
 def state_at(
     time_ns: Nanoseconds, position: Floats, velocity: Floats, epoch_ns: Nanoseconds
 ) -> tuple[Floats, Floats]:
-    """True position and velocity at given epochs.
+    """True position and velocity at the given epochs.
 
-    At a recorded instant it is the recorded value, bit by bit; in between the cubic Hermite
-    polynomial through the recorded positions and velocities at both ends.
+    At a recorded instant these are the recorded values, bit by bit; between instants, those of the
+    cubic Hermite polynomial through the recorded positions and velocities at both ends.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def state_at(
 
 
 def held_at(time_ns: Nanoseconds, values: Floats, epoch_ns: Nanoseconds) -> Floats:
-    """Recorded values at the last instant that is not after each epoch; shape (m, …)."""
+    """Recorded values at the last instant not after each epoch; shape (m, …)."""
     held: Floats = values[np.searchsorted(time_ns, epoch_ns, side="right") - 1]
     return held
 
@@ -264,38 +264,38 @@ def recorded(record: Record, name: str) -> Floats:
 
 
 def platform_errors(record: Record) -> Floats:
-    """Mean over the beacons of reported minus true position [m] at all instants; shape (n, 3)."""
+    """Mean over the beacons of reported minus true position at all instants [m]; shape (n, 3)."""
     reported = recorded(record, "platform.reported_beacon_position")
     beacon = recorded(record, "platform.beacon_position")
     beacons = beacon.shape[1]
     error = np.zeros((len(record), 3))
-    for j in range(beacons):  # in this order, as in the C
+    for j in range(beacons):  # in the same order as the C code, for equal bits
         error += reported[:, j] - beacon[:, j]
     error *= 1.0 / beacons
     return error
 
 
 def square_of(v: Floats) -> Floats:
-    """Squared lengths of vectors (m, 3), added in this order."""
+    """Squared lengths of vectors (m, 3), summed in a fixed order."""
     result: Floats = v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1] + v[:, 2] * v[:, 2]
     return result
 
 
 def of_position(covariance: Floats) -> Floats:
-    """Of the state's covariance (m, 6, 6) what belongs to the position; shape (m, 3, 3)."""
+    """Position block of the state's covariance (m, 6, 6); shape (m, 3, 3)."""
     P: Floats = covariance[np.ix_(range(len(covariance)), POSITION_STATES, POSITION_STATES)]
     return P
 
 
 def nees(error: Floats, covariance: Floats) -> Floats:
-    """Normalised estimation error squared, eᵀ P⁻¹ e, by P = L D Lᵀ.
+    """Normalised estimation error squared, eᵀ P⁻¹ e, with P = L D Lᵀ.
 
     Parameters
     ----------
     error
         Shape (m, d).
     covariance
-        Shape (m, d, d), in the units of the error; its upper triangle is read.
+        Shape (m, d, d), in units of the error; only the upper triangle is read.
 
     Returns
     -------
@@ -303,7 +303,7 @@ def nees(error: Floats, covariance: Floats) -> Floats:
         Shape (m,); NaN where the covariance is not positive definite to working precision.
     """
     d = error.shape[1]
-    # P[i][j], j ≤ i, becomes what is left of it after the pivots so far; y = L⁻¹ e.
+    # P[i][j], j ≤ i, is the Schur complement after the pivots so far; y = L⁻¹ e.
     P = [[covariance[:, j, i] for j in range(i + 1)] for i in range(d)]
     y = [error[:, i] for i in range(d)]
     usable = np.ones(len(error), bool)
@@ -323,20 +323,20 @@ def nees(error: Floats, covariance: Floats) -> Floats:
 
 
 def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
-    """Two-sided 95 % band of the mean of independent chi-square samples; NaN without any.
+    """Two-sided 95 % band of the mean of independent chi-square samples; NaN without samples.
 
     Parameters
     ----------
     degrees
-        Degrees of freedom of all samples together; a number or an array.
+        Total degrees of freedom of all samples; a number or an array.
     samples
-        Number of samples.
+        Number of samples; a number or an array.
 
     Notes
     -----
-    The errors of one run follow each other and are not independent, so the mean of a consistent
-    filter leaves this band more often than once in twenty runs. It is a yardstick, not a test; a
-    test takes the mean over runs at one epoch.
+    The errors in one run are correlated in time, so the mean of a consistent filter leaves this
+    band in more than one run in twenty. It is a yardstick, not a test; a test takes the mean over
+    many runs at one epoch.
     """
     tail = (1 - CONFIDENCE) / 2
     some = (np.asarray(samples) > 0) & (np.asarray(degrees) > 0)
@@ -346,22 +346,22 @@ def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
 
 
 def in_order(values: Floats) -> float:
-    """The sum, one after another as in the C: NumPy's own adds in another order."""
+    """Sum in sequence, as the C code does; NumPy's own sum adds in another order."""
     return float(np.add.accumulate(np.append(0.0, values))[-1])
 
 
 def inconsistent(mean_nees: Any, samples: Any) -> tuple[Any, Any]:
-    """Which runs claim too much: mean NEES of the position above its band, and which are known.
+    """Whether runs are inconsistent: their mean position NEES lies above its band.
 
     Parameters
     ----------
     mean_nees, samples
-        Of each run, the number of estimates with a NEES, too; numbers or arrays.
+        Mean NEES of each run, and the number of estimates with a NEES; numbers or arrays.
 
     Returns
     -------
     inconsistent, known
-        What is not known is not inconsistent.
+        Flags; a run that is not known is not flagged as inconsistent.
     """
     known = samples > 0
     with np.errstate(invalid="ignore"):
@@ -369,10 +369,10 @@ def inconsistent(mean_nees: Any, samples: Any) -> tuple[Any, Any]:
 
 
 def late_from_ns(start_ns: int, stop_ns: int) -> int:
-    """Where the last quarter of a run begins [ns]."""
+    """Start of the last quarter of a run [ns]."""
     return stop_ns - (stop_ns - start_ns) // 4
 
 
 def lost(estimates: Any, error_square: Any, distance_square: Any) -> Any:
-    """Which runs are lost, by the sums over their late estimates; numbers or arrays."""
+    """Whether runs are lost, from sums over their late estimates; numbers or arrays."""
     return (estimates == 0) | (error_square > distance_square)

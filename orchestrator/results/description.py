@@ -1,4 +1,4 @@
-"""What is known about a run beside its record."""
+"""Metadata of a run."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from .. import artifacts
 
 @dataclass(frozen=True, eq=False)
 class RunDescription:
-    """What is known about a run beside its record.
+    """Metadata of a run, in addition to its record.
 
     Attributes
     ----------
     scenario_name
-        What the run is called.
+        Name of the scenario.
     scenario
-        The scenario as it was run, with defaults: a pydantic model, or plain data.
+        The scenario as run, with defaults filled in: a pydantic model or plain data.
     receivers
         Names of the receivers, the main one first.
     fmus
-        What identifies each component's FMU (its SHA-256), by component.
+        Identity of each component's FMU (its SHA-256), by component.
     seeds
         Seeds by component.
     origins
-        What each receiver was: ``type``, ``fmu`` or ``python`` with a name, and further facts.
+        Origin of each receiver: ``type``, ``fmu`` or ``python`` with a name, and further facts.
     remarks
-        What else there is to know about the run, in sentences.
+        Remarks on the run, in sentences.
     """
 
     scenario_name: str
@@ -41,7 +41,7 @@ class RunDescription:
     remarks: Sequence[str] = ()
 
     def manifest(self) -> dict[str, Any]:
-        """The run's part of the manifest of its folder; equal for equal runs."""
+        """The part of the folder's manifest that describes the run; equal for equal runs."""
         scenario = self.scenario
         if hasattr(scenario, "model_dump"):
             scenario = scenario.model_dump(mode="json")

@@ -1,7 +1,7 @@
 """Figures of a run, as in the paper's Figures 6, 9 and 12 to 14.
 
-Each function draws into the axes it is given, or into a new figure, and returns the axes. Tables
-of estimates are those of `metrics.track`, by receiver. Maps have east to the right and north up.
+Each function draws into the given axes or a new figure, and returns the axes. ``tracks`` holds the
+tables of `metrics.track`, by receiver. On maps, east is to the right and north is up.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
 Tracks = Mapping[str, pd.DataFrame]
 
 FIXES = (RAW, "multilateration")
-"""Receivers without dynamics: their estimates are drawn as dots, not joined."""
+"""Receivers without dynamics: their estimates are drawn as separate dots."""
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
 ENDS = ((0, "start", "o"), (-1, "end", "s"))
-"""Row of the path, word and marker."""
+"""Row of the path, label and marker."""
 INCLINATION_WINDOW_S = 60.0
 COARSE_S = 0.25
-"""Sampling interval above which a line through samples of waves (periods from 1 s) misleads."""
+"""Sampling interval [s] above which a line through samples of waves (periods from 1 s) misleads."""
 LEGEND_INCH = 0.5
-"""Height of a legend of two rows."""
+"""Height of a legend with two rows [inch]."""
 DOTS_ALPHA = 0.9
 NOTHING = "\u200b"
-"""A space without width."""
+"""A zero-width space."""
 LONGEST_NAME = 32
-"""Characters of a name that a legend shows; our own words have no more."""
+"""Longest name in a legend [characters]; all our own labels fit."""
 
 
 def plot_path(
     record: Record, tracks: Tracks, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """Path and estimates from above, with the platform (the paper's Figures 11 and 12a)."""
+    """Map of the path, the estimates and the platform (the paper's Figures 11 and 12a)."""
     with use(theme, ax) as look:
         own = ax is None
         ax = ax or new_figure(6.4, 6.0).add_subplot()
@@ -101,7 +101,7 @@ def plot_path_3d(
                     label=name if pair[0] == 0 else None)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **_truth(look))
         for label, table, how in _tracks(tracks, look):
-            # points outside of the limits would be drawn outside of the box
+            # 3-D axes do not clip: points beyond the limits would be drawn outside the box.
             shown = table[["y_m", "x_m", "z_m"]].copy()
             for column, limit in limits.items():
                 shown[~table[column].between(*limit)] = np.nan
@@ -121,7 +121,7 @@ def plot_path_3d(
         stretched = f"depth ×{height / depth:.2g}" if height > 1.005 * depth else ""
         _title(ax, stretched, _outside(tracks, limits), _no_fix(tracks), loc="center")
         for line in ax.lines:
-            # the zoomed box is wider than what the axes clip to; the layout does not know depth
+            # The zoomed box exceeds the clip area of the axes; the layout ignores 3-D positions.
             line.set(clip_on=False, in_layout=False)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.set_major_locator(MaxNLocator(5))
@@ -161,7 +161,7 @@ def plot_errors(
     frame: str = "absolute",
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
-    """Errors over time with each filter's own ±2σ, and the total error (the paper's Figure 14).
+    """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
     Four axes over the whole run. `frame` is ``absolute`` or ``relative`` (to the platform).
     """
@@ -205,7 +205,7 @@ def plot_inclination(
     window_s: float = INCLINATION_WINDOW_S,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
-    """True roll, pitch and yaw of the platform (the paper's Figure 9), in the first `window_s`."""
+    """True roll, pitch and yaw of the platform in the first `window_s` (the paper's Figure 9)."""
     with use(theme, axes) as look:
         own = axes is None
         axes = _panels(3, axes)
@@ -237,12 +237,12 @@ def plot_range_test(
     axes: Sequence[Axes] | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
-    """Measured range against true distance, and what is left over (the paper's Figure 6).
+    """Measured range over true distance, and the residuals (the paper's Figure 6).
 
     Parameters
     ----------
     distance, mean, std
-        True distances, mean and standard deviation of the ranges there [m]; shape (n,).
+        True distance, and mean and standard deviation of the ranges there [m]; shape (n,).
     line
         Intercept [m] and slope of the fitted line.
     axes
@@ -268,7 +268,7 @@ def plot_range_test(
 
 
 def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
-    """Each receiver with its table and how it is drawn; raw fixes as small dots below all else."""
+    """Each receiver with its table and line style; raw fixes are small dots in the background."""
     filters = [label for label in tracks if label not in FIXES]
     for label, table in tracks.items():
         if label in FIXES:
@@ -285,17 +285,17 @@ def _tracks(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, di
                 "marker": MARKERS[turn % len(MARKERS)], "ms": 5,
                 "markevery": (index * often // len(filters), often), "zorder": 4,
             }
-        # Matplotlib leaves out of a legend what begins with an underscore
+        # Matplotlib omits labels that start with an underscore from a legend.
         yield (f"{NOTHING}{label}" if label.startswith("_") else label), table, how
 
 
 def _truth(look: Theme) -> dict[str, Any]:
-    """How the truth is drawn: on top of the estimates, but thinner."""
+    """Style of the truth: on top of the estimates, but thinner."""
     return {"color": look.ink, "lw": 0.8, "zorder": 5}
 
 
 def _beacons(record: Record, truth: Floats) -> tuple[Floats, str]:
-    """Mean position of each beacon [m], shape (4, 3), and what the legend calls them."""
+    """Mean position of each beacon [m], shape (4, 3), and their label."""
     beacons = recorded(record, "platform.beacon_position")
     mean: Floats = beacons.mean(axis=0)
     extent = np.ptp(np.vstack([truth, mean])[:, :2], axis=0).max()
@@ -304,7 +304,7 @@ def _beacons(record: Record, truth: Floats) -> tuple[Floats, str]:
 
 
 def _ends(ax: Axes, points: Floats) -> dict[str, str]:
-    """What to write at start and end of a path; one text where two would overlap.
+    """Labels for the start and end of a path; a single label if two would overlap.
 
     `points` are start and end in the plane of the figure, shape (2, 2).
     """
@@ -317,7 +317,7 @@ def _ends(ax: Axes, points: Floats) -> dict[str, str]:
 
 
 def _outside(tracks: Tracks, limits: Mapping[str, tuple[float, float]]) -> str:
-    """Which estimates the limits of the columns cut off."""
+    """Note on the estimates beyond the limits of their columns."""
     counts = {
         label: int((~np.all([table[c].between(*limits[c]) for c in limits], axis=0)).sum())
         for label, table in tracks.items()
@@ -339,7 +339,7 @@ def _title(ax: Axes, *parts: str, loc: Literal["left", "center"] = "left") -> No
 
 
 def _time_axis(axes: Sequence[Axes], record: Record) -> None:
-    """The run's time, whatever the estimates cover."""
+    """Make the time axis cover the whole run."""
     start, stop = record.time_ns[[0, -1]] / 1e9
     margin = 0.01 * (stop - start)
     for ax in axes:
@@ -348,7 +348,7 @@ def _time_axis(axes: Sequence[Axes], record: Record) -> None:
 
 
 def _short(name: str) -> str:
-    """The name, or its beginning and end."""
+    """Shorten a long name to its beginning and end."""
     if len(name) <= LONGEST_NAME:
         return name
     tail = LONGEST_NAME // 2 - 1
@@ -370,10 +370,10 @@ def _panels(count: int, axes: Sequence[Axes] | None, heights: Sequence[float] | 
 
 
 def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
-    """One legend for all axes: above the axes in a figure of ours, else where there is room.
+    """One legend for all axes: above them in our own figure, else within the first axes.
 
-    A line and a band of the same label share an entry. A figure of ours grows by what the legend
-    needs beyond two rows.
+    A line and a band with the same label share an entry. Our own figure grows if the legend needs
+    more than two rows.
     """
     entries: dict[str, dict[type, Any]] = {}
     for ax in axes:
@@ -406,15 +406,15 @@ def _legend(figure: Any, axes: Sequence[Any], own: bool) -> None:
 
 
 def _columns(tracks: Tracks, column: str) -> list[Floats]:
-    """A column of each filter, or of each raw fix if there are no filters."""
+    """A column of each filter, or of each raw fix if there is no filter."""
     filters = [label for label in tracks if label not in FIXES]
     return [tracks[label][column].to_numpy() for label in filters or tracks if len(tracks[label])]
 
 
 def _limits(truth: Floats, estimates: Sequence[Floats], least: float = 1.0) -> tuple[float, float]:
-    """Limits that hold the truth and the estimates near it; at least `least` m apart.
+    """Limits that contain the truth and the estimates near it; at least `least` m apart.
 
-    An estimate that runs away leaves the figure instead of squeezing everything else.
+    A diverging estimate leaves the figure, rather than compress everything else.
     """
     low, high = float(truth.min()), float(truth.max())
     reach = max((high - low) / 2, 3.0)
@@ -425,7 +425,7 @@ def _limits(truth: Floats, estimates: Sequence[Floats], least: float = 1.0) -> t
 
 
 def _error_limit(tracks: Tracks, error: str, std: str) -> float:
-    """Upper limit that holds the filters' errors, but for wild ones, and most of the bands."""
+    """Upper limit that contains the filters' errors, except outliers, and most of the bands."""
     errors = [np.abs(e) for e in _columns(tracks, error)]
     tops = [min(np.nanmax(e), 4 * np.nanpercentile(e, 95)) for e in errors]
     filters = {k: v for k, v in tracks.items() if k not in FIXES and std in v}

@@ -1,7 +1,7 @@
-"""How good a run's estimates are: tables of errors against the truth, availability, consistency.
+"""Quality of a run's estimates: errors, availability and consistency, as tables.
 
-What an error is, and everything else that is said of an estimate, is defined in
-`sblcosim.results.definitions`. Everything here is a pure function of records and tables.
+Errors and all other terms are defined in `sblcosim.results.definitions`. All functions here are
+pure functions of records and tables.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def verdict(mean: float, band: tuple[float, float]) -> str:
-    """What a mean NEES or NIS says about a filter's covariance.
+    """Judge a filter's covariance by a mean NEES or NIS.
 
     Returns
     -------
@@ -54,12 +54,12 @@ def verdict(mean: float, band: tuple[float, float]) -> str:
 
 
 def track(record: Record, receiver: str) -> pd.DataFrame:
-    """A receiver's valid estimates beside the truth, one row per estimate.
+    """A receiver's valid estimates with the truth, one row per estimate.
 
     Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
-    and ``relative_error_{x,y,z,total}_m``; where the receiver tells them, ``std_{x,y,z}_m``,
-    ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
-    ``relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
+    and ``relative_error_{x,y,z,total}_m``. If the receiver has the outputs for them:
+    ``std_{x,y,z}_m``, ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the
+    absolute error, ``relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
         columns["nees_position"] = judged.nees
         columns["relative_nees_position"] = nees(judged.relative, of_position(P))
         if estimates.velocity is not None:
-            # the paper's order: each axis' position, then its velocity
+            # the paper's order: position, then velocity, of each axis
             pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
             columns["nees_state"] = nees(pairs.reshape(-1, 6), P)
     if estimates.nis is not None:
@@ -99,7 +99,7 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
 
 
 def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
-    """What is wrong with the first broken estimate."""
+    """The error that describes the first broken estimate."""
     i = int(judged.broken.argmax())
     start, stop, epoch = record.time_ns[0], record.time_ns[-1], judged.estimates.epoch_ns[i]
     if not start <= epoch <= stop:
@@ -113,7 +113,7 @@ def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
         ("target.position", judged.true_position[i]),
         ("platform.reported_beacon_position", judged.platform_error[i]),
     )
-    # Without any, the error is too large to be squared.
+    # If all are finite, the square of the error overflows.
     name, values = next((n for n in named if not np.isfinite(n[1]).all()), named[0])
     return FmuError(
         f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
@@ -135,7 +135,7 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         Index: receiver, frame (``absolute``, ``relative``), axis (``x``, ``y``, ``z``,
         ``total``). Columns: ``mean_m`` (signed for an axis; of the length of the error for
         ``total``), ``rms_m``, ``std_m`` about that mean, so that rms² = mean² + std², and ``n``,
-        the number of estimates. The RMS of the total squared is the sum of the axes' squares.
+        the number of estimates. The squared RMS of the total is the sum of those of the axes.
     """
     rows = {}
     for receiver, estimates in tracks.items():
@@ -155,7 +155,7 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Order statistics of the lengths of the errors over all valid estimates.
+    """Order statistics of the lengths of the errors, over all valid estimates.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     -------
     table
         Index: receiver, frame (``absolute``, ``relative``), length (``horizontal``, ``total``).
-        Columns [m]: ``p50_m`` (of the horizontal error: CEP50), ``p67_m``, ``p95_m`` (R95) and
+        Columns [m]: ``p50_m`` (CEP50 for the horizontal error), ``p67_m``, ``p95_m`` (R95) and
         ``max_m``: x₍⌈p n / 100⌉₎ of n estimates.
     """
     rows = {}
@@ -183,7 +183,7 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def error_column(frame: str, axis: str) -> str:
-    """Column of a `track` that holds an error.
+    """Name of the column of a `track` that holds an error.
 
     Raises
     ------
@@ -196,9 +196,9 @@ def error_column(frame: str, axis: str) -> str:
 
 
 def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:
-    """Share of the run's time during which a fix was available.
+    """Share of the time of a run during which a fix was available.
 
-    What ``valid`` says at an instant holds until the next recorded one.
+    The value of ``valid`` at an instant holds until the next recorded instant.
     """
     steps = np.diff(time_ns)
     return float(steps[valid[:-1]].sum() / steps.sum())
@@ -209,17 +209,18 @@ def update_share(
 ) -> float:
     """Share of a receiver's updates that gave a new estimate.
 
-    Update k is due at k U after the start and shows at the next recorded instant.
+    Update k is due at a time k U after the start (U: update interval), and is visible at the next
+    recorded instant.
     """
     due = (time_ns[-1] - time_ns[0] - 1) // update_interval_ns
     return float((update_count[-1] - update_count[0]) / due) if due > 0 else np.nan
 
 
 def lost(record: Record, receiver: str) -> bool:
-    """Whether the RMS error of the last quarter of the run exceeds the distance to the platform.
+    """Whether the RMS error in the last quarter of the run exceeds the distance to the platform.
 
-    The distance is the RMS of the true one at the same epochs. A receiver without an estimate in
-    the last quarter is lost, too.
+    The distance is the RMS true distance at the same epochs. A receiver without an estimate in the
+    last quarter is lost too.
     """
     judged = judge(record, receiver)
     late = judged.late & ~judged.broken
@@ -238,11 +239,11 @@ def summary(
     """Availability and consistency of each receiver; one row per receiver.
 
     Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
-    ``update_share`` (NaN if the update interval is not given), and for each of
-    ``nees_position``, ``relative_nees_position``, ``nees_state`` and ``nis`` the time mean,
-    ``…_expected`` (the mean degrees of freedom), ``…_low`` and ``…_high`` of its band
-    (`definitions.chi_square_band`) and ``…_verdict``; ``inconsistent`` (time-mean position NEES
-    above its band; missing without any NEES) and ``lost``.
+    ``update_share`` (NaN if the update interval is not given); for each of ``nees_position``,
+    ``relative_nees_position``, ``nees_state`` and ``nis``, the time mean, ``…_expected`` (the mean
+    degrees of freedom), ``…_low`` and ``…_high`` of its band (`definitions.chi_square_band`) and
+    ``…_verdict``; ``inconsistent`` (time-mean position NEES above its band; missing without any
+    NEES) and ``lost``.
     """
     rows = {}
     for receiver, estimates in tracks.items():

@@ -1,15 +1,15 @@
-"""Responses: what a study notes of each run, one number each.
+"""Responses: the numbers that a study records of each run.
 
-Those that are shipped are in `RESPONSES`, each with its definition in Python. Most are sums, which
-the lanes master makes while a run goes on (`sblcosim.results.sums`); tests hold both together.
-A function of one's own is a response, too::
+The shipped responses are in `RESPONSES`, each with its definition in Python. Most come from sums
+that the lanes master computes during a run (`sblcosim.results.sums`); tests keep both in agreement.
+A user's own function can be a response too::
 
     def worst_after_a_minute_m(run):
         late = run.used.epoch_s > 60.0
         return np.sqrt(run.used.square[late]).max()
 
 ``sblcosim.study.load(source, responses=[worst_after_a_minute_m])``, or in a study file
-``responses = ["mine.py:worst_after_a_minute_m"]``. Its column is named after it.
+``responses = ["mine.py:worst_after_a_minute_m"]``. Its column has the function's name.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from .metrics import availability, lost
 Floats = NDArray[np.float64]
 
 ALL_PERCENTILES = "percentiles"
-"""In a study file: all of them."""
+"""In a study file: all percentiles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One receiver in one run: what a response is a function of.
+    """One receiver in one run: the argument of a response.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Run:
         Outputs by ``"component.variable"``: the truth (`definitions.TRUTH`) and the receiver's
         ports, at all communication instants.
     receiver
-        Its label.
+        Label of the receiver.
     settling_ns
         Errors count from this time after the start [ns].
     """
@@ -73,36 +73,36 @@ class Run:
 
     @cached_property
     def judged(self) -> Judged:
-        """All estimates beside the truth."""
+        """All estimates, with the truth."""
         return judge(self.record, self.receiver)
 
     @cached_property
     def used(self) -> Judged:
-        """The estimates that count: from the settling time on, and not broken."""
+        """The estimates that count: after the settling time and not broken."""
         after = float(self.record.time_ns[0] + self.settling_ns) / 1e9
         return chosen(self.judged, ~self.judged.broken & (after <= self.judged.epoch_s))
 
 
 class Response:
-    """A number per run and receiver.
+    """A definition that gives one number per run and receiver.
 
     Attributes
     ----------
     name
-        Of its column, after the receiver's; what ends in ``_m`` or ``_s`` is in m or s.
+        Second part of the column name, after the receiver. A suffix ``_m`` or ``_s`` is its unit.
     words
-        For people.
+        Description for display.
     definition
-        NaN where there is no such number.
+        Function of a `Run`; NaN where the number does not exist.
     shipped
         Whether it is one of `RESPONSES`.
     needs_covariance
-        Whether it takes a receiver that tells its covariance.
+        Whether it needs a receiver with a covariance output.
     origin, sha256
-        Of a function of somebody's own: where it comes from, and the hash of its source.
+        For a user's function: its origin, and the hash of its source.
     """
 
-    # No dataclass: pydantic, which holds it in a study, would take it apart.
+    # Not a dataclass: pydantic would convert it when a study holds it.
     def __init__(
         self,
         name: str,
@@ -120,13 +120,13 @@ class Response:
 
     @property
     def unit(self) -> str:
-        """Its unit, or nothing."""
+        """Unit, or an empty string."""
         return unit_of(self.name)
 
     def __reduce__(self) -> Any:
         if self.shipped:
             return _of_name, (self.name,)
-        # By value: a worker need not have the file, nor the module.
+        # By value: a worker may have neither the file nor the module.
         return _unpacked, (_by_value(self.definition), self.name, self.origin, self.sha256)
 
     def __repr__(self) -> str:
@@ -138,7 +138,7 @@ def unit_of(column: str) -> str:
     return next((unit for unit in ("m", "s") if column.endswith(f"_{unit}")), "")
 
 
-# --- Those that are shipped ----------------------------------------------------------------------
+# --- Shipped responses ---------------------------------------------------------------------------
 
 
 def _mean(values: Floats) -> float:
@@ -146,7 +146,7 @@ def _mean(values: Floats) -> float:
 
 
 def _errors(frame: str, run: Run) -> tuple[Floats, Floats]:
-    """Errors by axis and the squares of their lengths."""
+    """Errors by axis [m], and their squared lengths [m²]."""
     used = run.used
     if frame == "absolute":
         return used.error, used.square
@@ -178,7 +178,7 @@ def _nees(run: Run) -> Floats:
 
 
 def _nis(run: Run) -> tuple[Floats, Floats]:
-    """Of the estimates with measurements: NIS and its degrees of freedom."""
+    """NIS and degrees of freedom of the estimates with measurements."""
     estimates = run.used.estimates
     if estimates.nis is None:
         return np.empty(0), np.empty(0)
@@ -248,7 +248,7 @@ def _time_to_first_fix(run: Run) -> float:
 
 
 def _defined() -> Iterator[Response]:
-    """Those that are nothing but their definition: a run with one is done alone."""
+    """Responses that need a record: runs with one of them do not go through lanes."""
     yield Response("first_fix_s", "time to the first fix", _time_to_first_fix)
 
 
@@ -262,14 +262,14 @@ def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response
 
 
 PERCENTILES = _registered(_percentiles())
-"""The order statistics of the lengths of the errors, which all masters know."""
+"""Order statistics of the lengths of the errors; all masters compute them."""
 ON_REQUEST = _registered((*PERCENTILES.values(), *_defined()))
-"""What a study notes if it asks for it."""
+"""Responses that a study records on request."""
 RESPONSES = _registered((*_shipped(), *ON_REQUEST.values()))
-"""All responses that are shipped, by name."""
+"""All shipped responses, by name."""
 
 
-# --- Those of somebody's own ---------------------------------------------------------------------
+# --- The user's own responses --------------------------------------------------------------------
 
 
 def of_function(function: Callable[[Run], Any]) -> Response:
@@ -281,7 +281,8 @@ def of_function(function: Callable[[Run], Any]) -> Response:
     Raises
     ------
     ConfigurationError
-        It is none, its name is a response's or no name, or nobody knows its source.
+        It is not a function, has no name or that of a shipped response, or its source is
+        unavailable.
     """
     name = _checked_name(getattr(function, "__name__", ""), function)
     digest = hashlib.sha256()
@@ -300,7 +301,7 @@ def of_function(function: Callable[[Run], Any]) -> Response:
 
 
 def of_file(text: str, folder: Path) -> Response:
-    """The response ``file.py:function``; the file may be relative to a folder.
+    """Make a response of ``file.py:function``; the file may be relative to a folder.
 
     It is known by the file, not by what that imports.
 
@@ -375,7 +376,7 @@ _KNOWN_BY_NAME = ("numpy", "scipy", "pandas", "sblcosim")
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:
-    """A response of somebody's own of which nothing but the name, origin and hash are known."""
+    """A user's response of which only the name, origin and hash are known."""
 
     def gone(run: Run) -> float:
         raise ConfigurationError(
@@ -386,12 +387,12 @@ def of_origin(name: str, origin: str, sha256: str) -> Response:
 
 
 def value_of(response: Response, run: Run) -> float:
-    """A response of a run, as a number.
+    """Evaluate a response of a run.
 
     Raises
     ------
     ConfigurationError
-        The function has raised an exception, or returned something else.
+        The function has raised an exception, or has not returned a number.
     """
     with np.errstate(all="ignore"):
         try:
@@ -411,7 +412,7 @@ def value_of(response: Response, run: Run) -> float:
 
 
 def readable(name: str) -> str:
-    """A name that nobody has words for."""
+    """Turn a name into words, for responses without a description."""
     return name.removesuffix("_m").removesuffix("_s").replace("_", " ")
 
 

@@ -1,4 +1,4 @@
-"""What a run gives: tables, statistics, figures, and a folder with all of them."""
+"""Result of a run: tables, statistics, figures, and a folder with all of them."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("errors", plots.plot_errors, lambda run: (run.record, run.estimates)),
     Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
 )
-"""The figures in a run's folder."""
+"""The figures in the folder of a run."""
 
 
 class Result:
@@ -67,21 +67,21 @@ class Result:
     Parameters
     ----------
     description
-        What is known about the run.
+        Metadata of the run.
     record
-        Everything that was recorded.
+        All recorded outputs.
     update_interval_ns
-        Time between updates of the receivers; without it `summary` leaves ``update_share`` open.
+        Update interval of the receivers [ns]; without it, ``update_share`` in `summary` is NaN.
     failures
-        Messages of receivers that have failed. Those without a record did not reach the end, and
-        are left out of `receivers`; the others failed after it.
+        Messages of receivers that have failed, by label. Those without a record failed before the
+        end, and are not in `receivers`; the others failed after it.
 
     Attributes
     ----------
     record
-        Everything that was recorded, as arrays (see `Record`); as a DataFrame it is `table`.
+        All recorded outputs, as arrays (see `Record`); `table` is the DataFrame.
     receivers
-        Names of the receivers that have a record, the main one first.
+        Labels of the receivers that have a record, the main one first.
 
     Examples
     --------
@@ -109,12 +109,12 @@ class Result:
 
     @property
     def scenario_name(self) -> str:
-        """What the run is called."""
+        """Name of the scenario."""
         return self.description.scenario_name
 
     @property
     def scenario(self) -> Any:
-        """The scenario as it was run."""
+        """The scenario as run."""
         return self.description.scenario
 
     @property
@@ -129,12 +129,12 @@ class Result:
 
     @property
     def origins(self) -> Mapping[str, Mapping[str, Any]]:
-        """What each receiver was."""
+        """Origin of each receiver."""
         return self.description.origins
 
     @property
     def remarks(self) -> Sequence[str]:
-        """What else there is to know about the run, in sentences."""
+        """Remarks on the run, in sentences."""
         return self.description.remarks
 
     @cached_property
@@ -144,7 +144,7 @@ class Result:
 
     @cached_property
     def estimates(self) -> dict[str, pd.DataFrame]:
-        """Each receiver's estimates beside the truth (see `metrics.track`)."""
+        """Estimates of each receiver, with the truth (see `metrics.track`)."""
         return {receiver: metrics.track(self.record, receiver) for receiver in self.receivers}
 
     @cached_property
@@ -154,7 +154,7 @@ class Result:
 
     @cached_property
     def percentiles(self) -> pd.DataFrame:
-        """Order statistics of the errors [m], CEP50 and R95 among them.
+        """Order statistics of the errors [m], including CEP50 and R95.
 
         See `metrics.percentile_table`.
         """
@@ -164,8 +164,8 @@ class Result:
     def summary(self) -> pd.DataFrame:
         """Availability, NEES, NIS and flags of each receiver (see `metrics.summary`).
 
-        If receivers have failed there is a column ``failure`` with their messages, and a row for
-        each.
+        If receivers have failed, there is a row for each of them, and a column ``failure`` with the
+        messages.
         """
         if not self.failures:
             return self._judged
@@ -175,12 +175,12 @@ class Result:
 
     @cached_property
     def _judged(self) -> pd.DataFrame:
-        """`summary` of the receivers that have reached the end."""
+        """`summary` of the receivers that reached the end."""
         return metrics.summary(self.record, self.estimates, self.update_interval_ns)
 
     @property
     def problems(self) -> list[str]:
-        """A line for each receiver that has failed or has no estimate, but for the raw fix."""
+        """A line for each receiver, except the raw fix, that has failed or has no estimate."""
         return [*self.failures.values()] + [
             f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
             for receiver in self.receivers
@@ -189,11 +189,11 @@ class Result:
 
     @property
     def title(self) -> str:
-        """What the scenario calls itself, else its name."""
+        """Title of the scenario, or its name."""
         return getattr(self.scenario, "title", "") or self.scenario_name
 
     def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
-        """Path and estimates from above; see `sblcosim.results.figures.plot_path`."""
+        """Map of the path and the estimates; see `sblcosim.results.figures.plot_path`."""
         return plots.plot_path(self.record, self.estimates, ax, theme)
 
     def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
@@ -229,15 +229,15 @@ class Result:
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
     ) -> Path:
-        """Write record, estimates, tables, manifest and figures into a folder.
+        """Write the record, estimates, tables, manifest and figures into a folder.
 
-        The folder appears when it is complete. An earlier result of the very same run is replaced.
+        The folder appears when it is complete. An earlier result of the same run is replaced.
 
         Parameters
         ----------
         other
-            What is done about the result of another run under that name: ``"refuse"``,
-            ``"replace"``, or ``"number"``, which takes the next number that is free.
+            What to do if the folder holds the result of another run: ``"refuse"``, ``"replace"``,
+            or ``"number"``, which appends the next free number.
 
         Returns
         -------
@@ -247,7 +247,7 @@ class Result:
         Raises
         ------
         ConfigurationError
-            There is something else under that name, or no such theme.
+            The path holds something else, or the theme does not exist.
         """
         style.named(theme)
         with artifacts.draft(directory, self._manifest(), other) as draft:
@@ -279,7 +279,7 @@ class Result:
         return {**about, "failures": self.failures} if self.failures else about
 
     def to_json(self) -> dict[str, Any]:
-        """Errors, percentiles and summary as plain data; a number that there is not is None."""
+        """Errors, percentiles and summary as plain data; missing numbers are None."""
         errors: dict[str, Any] = {}
         for row in self.errors.reset_index().to_dict(orient="records"):
             receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
@@ -345,7 +345,7 @@ class Result:
                 yield f"{receiver if length == 'horizontal' else '':<{width}}{length:<11}{cells}"
 
     def _about(self, receiver: str) -> list[str]:
-        """Availability and consistency of a receiver in words."""
+        """Availability and consistency of a receiver, in words."""
         row: Any = self._judged.loc[receiver]
         if not row.estimates:
             return [f"{receiver}: no estimate; {self._silence(receiver)}"]
@@ -373,7 +373,7 @@ class Result:
         return lines
 
     def _silence(self, receiver: str) -> str:
-        """Why there may be no estimate, and where to look."""
+        """Why there may be no estimate, and which outputs to look at."""
         values = self.record.values
         count = values[f"{receiver}.update_count"].astype(int)
         look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
@@ -391,7 +391,7 @@ class Result:
         return f"{text}; look at {', '.join(look)} in the record"
 
     def _notes(self) -> list[str]:
-        """What the printed numbers mean."""
+        """Explanations of the printed numbers."""
         raw = [_RAW_NOTE] if RAW in self.receivers else []
         claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
         return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
@@ -415,7 +415,7 @@ def _cell(value: Any) -> str:
 
 
 def _compared(row: Any, name: str) -> str:
-    """A mean NEES or NIS of a `metrics.summary` row against what a consistent filter has."""
+    """Compare a mean NEES or NIS in a `metrics.summary` row with that of a consistent filter."""
     if pd.isna(row[f"{name}_expected"]):
         return "of unknown degrees of freedom"
     low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))

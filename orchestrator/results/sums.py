@@ -1,7 +1,7 @@
-"""From the sums of a run to its responses: errors, consistency, availability.
+"""Turn the sums of a run into responses: errors, consistency, availability.
 
-The sums are made while a run goes on (``c/lanes_master.c``) or of its record (`sums_of`); this
-module names them and turns them into a table. What they mean is in `sblcosim.results.definitions`.
+The sums are computed during a run (``c/lanes_master.c``) or from its record (`sums_of`). This
+module turns them into a table. Their terms are defined in `sblcosim.results.definitions`.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 PORTS = ("valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees")
-"""What `sums_of` needs of the receiver, as far as it has it; and `definitions.TRUTH`."""
+"""Outputs of a receiver that `sums_of` uses if present, in addition to `definitions.TRUTH`."""
 
 
 def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFrame:
-    """One row per run.
+    """Table of responses, one row per run.
 
     Parameters
     ----------
     sums
         Shape (runs, len(SUMS)).
     duration_ns
-        Length of the runs: one, or one per run.
+        Length of the runs [ns]: one for all, or one per run.
 
     Returns
     -------
     DataFrame
         ``estimates``; for both frames ``{frame}_{axis}_{mean,rms}_m`` (the mean is signed for an
         axis, of the length of the error for ``total``); ``nees_position`` and ``nis`` (time means,
-        NaN without any), ``nis_degrees`` (all together), ``availability``, ``updates``,
-        ``inconsistent`` (missing without any NEES), ``lost``, and ``broken``: whether an
-        estimate was; see `sblcosim.results.definitions`.
+        NaN if there are none), ``nis_degrees`` (total), ``availability``, ``updates``,
+        ``inconsistent`` (missing without any NEES), ``lost``, and ``broken``: whether any estimate
+        is broken; see `sblcosim.results.definitions`.
     """
     s: Mapping[str, Floats] = dict(zip(SUMS, sums.T, strict=True))
     n = s["estimates"]
@@ -74,14 +74,14 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
 
 
 def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
-    """The sums of a run that was recorded, equal to those of the lanes master to the last bit.
+    """The sums of a recorded run, equal to those of the lanes master to the last bit.
 
     Parameters
     ----------
     record
-        With `definitions.TRUTH` and the receiver's `PORTS`.
+        Record that contains `definitions.TRUTH` and the receiver's `PORTS`.
     settling_ns
-        Errors count from this time after the start.
+        Errors count from this time after the start [ns].
 
     Returns
     -------
