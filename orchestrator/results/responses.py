@@ -331,10 +331,10 @@ def of_file(text: str, folder: Path) -> Response:
             f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
             f"{nearest(name, functions)}"
         )
-    made = of_function(getattr(module, name), text)
+    response = of_function(getattr(module, name), text)
     # Hash the whole file: the function may use other parts of it.
-    made.sha256 = hashlib.sha256(source).hexdigest()
-    return made
+    response.sha256 = hashlib.sha256(source).hexdigest()
+    return response
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:
