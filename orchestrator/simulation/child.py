@@ -317,7 +317,7 @@ def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
         error = problem
     except MemoryError:
         error = MemoryError()
-    except Exception:  # a bug of ours
+    except Exception:  # our own bug
         error = RuntimeError(traceback.format_exc())
     return ended, Answer(
         value,
