@@ -48,8 +48,8 @@ class Draft:
 @contextmanager
 def folder(path: str | Path, manifest: Mapping[str, Any]) -> Iterator[Path]:
     """As `draft`, for a result that replaces any earlier one."""
-    with draft(path, manifest) as made:
-        yield made.folder
+    with draft(path, manifest) as result:
+        yield result.folder
 
 
 @contextmanager
@@ -89,15 +89,15 @@ def draft(
         files.make_folder(above)
         with files.unfinished(above) as part:
             part.mkdir()
-            made = Draft(part, path)
-            yield made
+            result = Draft(part, path)
+            yield result
             _finish(part, manifest)
             if not empty:
-                made.path = _name(path, part, manifest, other)
+                result.path = _name(path, part, manifest, other)
             elif _fill(path, part):  # `part` is in the folder that may be replaced
                 with files.unfinished(path.parent) as beside:
                     part.rename(beside)
-                    made.path = _name(path, beside, manifest, other)
+                    result.path = _name(path, beside, manifest, other)
     except OSError as error:
         raise _refusal(path, error) from error
 
@@ -134,26 +134,26 @@ def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> 
     """Give a complete folder its name, or a numbered name if it is taken by now."""
     while True:
         check(path, manifest, other)
-        place = place_for(path, manifest, other)
+        target = place_for(path, manifest, other)
         try:
-            if not os.path.lexists(place):
-                part.rename(place)
+            if not os.path.lexists(target):
+                part.rename(target)
             else:
-                shutil.copymode(place, part)
-                with files.unfinished(place.parent, instead=place.name) as old:
-                    place.rename(old)
+                shutil.copymode(target, part)
+                with files.unfinished(target.parent, instead=target.name) as old:
+                    target.rename(old)
                     try:
-                        part.rename(place)
+                        part.rename(target)
                     except BaseException:
-                        if not os.path.lexists(place):
-                            old.rename(place)
+                        if not os.path.lexists(target):
+                            old.rename(target)
                         raise
         except OSError as error:
             if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT) and part.is_dir():
                 continue  # another process was faster
             raise
-        files.sync_folder(place.parent)
-        return place
+        files.sync_folder(target.parent)
+        return target
 
 
 def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
@@ -161,11 +161,11 @@ def place_for(path: Path, manifest: Mapping[str, Any], other: Other) -> Path:
     check_choice("other", other, get_args(Other))
     if other != "number":
         return path
-    place, number = path, 1
-    while os.path.lexists(place) and not _may_go(place, manifest):
+    candidate, number = path, 1
+    while os.path.lexists(candidate) and not _may_go(candidate, manifest):
         number += 1
-        place = path.with_name(f"{path.name}-{number}")
-    return place
+        candidate = path.with_name(f"{path.name}-{number}")
+    return candidate
 
 
 def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
@@ -262,7 +262,7 @@ def _refuse_foreign(path: Path) -> None:
 
 
 def _manifest_of(path: Path) -> dict[str, Any] | None:
-    """The manifest in a folder; None if there is none, or none of ours."""
+    """The manifest in a folder; None if there is none that we wrote."""
     try:
         content: Any = json.loads((path / MANIFEST).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -277,13 +277,13 @@ def _manifest_of(path: Path) -> dict[str, Any] | None:
 
 def software() -> dict[str, str]:
     """Versions of all software that affects the results."""
-    found = {"python": platform.python_version(), "platform": platform.platform()}
+    versions = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            versions[package] = "not installed"
+    return versions
 
 
 def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:

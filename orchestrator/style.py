@@ -165,13 +165,13 @@ def _with_own_ids(text: str, name: str) -> str:
 
     Matplotlib hashes the bounds of axes, whose last bits differ from process to process.
     """
-    found = re.findall(r'\bid="([A-Za-z]+[0-9a-f]{10})"', text)
-    places = {old: str(n) for n, old in enumerate(dict.fromkeys(found))}
+    ids = re.findall(r'\bid="([A-Za-z]+[0-9a-f]{10})"', text)
+    order = {old: str(n) for n, old in enumerate(dict.fromkeys(ids))}
 
     def own(match: re.Match[str]) -> str:
         old = match[0]
-        if old not in places:
+        if old not in order:
             return old
-        return old[:-10] + hashlib.sha256(f"{name} {places[old]}".encode()).hexdigest()[:10]
+        return old[:-10] + hashlib.sha256(f"{name} {order[old]}".encode()).hexdigest()[:10]
 
     return _ID.sub(own, text)

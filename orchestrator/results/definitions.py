@@ -201,8 +201,8 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
     n = len(values)
     if n == 0:
         return np.full(len(percentages), np.nan)
-    found: Floats = np.sort(values)[[-(-p * n // 100) - 1 for p in percentages]]
-    return found
+    statistics: Floats = np.sort(values)[[-(-p * n // 100) - 1 for p in percentages]]
+    return statistics
 
 
 def state_at(

@@ -50,8 +50,8 @@ def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, st
         for key, governed in _governors(scenario).items()
         if key in keys
     }
-    found = {key: why for key, why in reasons.items() if why is not None}
-    return found | idle(scenario, ours, keys)
+    redundant = {key: why for key, why in reasons.items() if why is not None}
+    return redundant | idle(scenario, ours, keys)
 
 
 def given(scenario: Tables) -> Iterator[Key]:

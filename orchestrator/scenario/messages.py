@@ -31,18 +31,18 @@ def lines(
         return
     table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
     if any(path[: len(location[:2])] == location[:2] for path in changed):
-        where = place = f"override {shortened('.'.join((table, key)) if key else table)}"
+        where = prefix = f"override {shortened('.'.join((table, key)) if key else table)}"
     elif key:
-        place = f"{where}: [{table}] {key}"
+        prefix = f"{where}: [{table}] {key}"
     else:
-        place = f"{where}: {f'[{table}]' if is_table(fields, table) else table}"
+        prefix = f"{where}: {f'[{table}]' if is_table(fields, table) else table}"
     if error["type"] == "extra_forbidden":
         yield f"{where}: {_unknown(fields, location)}"
         return
     must, choices = requirement(error)
     got = error["input"]
     close = nearest(got, choices) if isinstance(got, str) else ""
-    yield f"{place}{_element(fields, location)}: {must}, got {shortened(toml(got))}{close}"
+    yield f"{prefix}{_element(fields, location)}: {must}, got {shortened(toml(got))}{close}"
 
 
 def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:

@@ -114,7 +114,7 @@ def check_values(where: str, content: Any, above: int = 0) -> None:
 
 def _problem(where: str, error: tomllib.TOMLDecodeError) -> str:
     message = str(error)
-    place = re.search(r" \(at line (\d+), column (\d+)\)$", message)
-    if place is None:
+    at = re.search(r" \(at line (\d+), column (\d+)\)$", message)
+    if at is None:
         return f"{where}: must be TOML: {shortened(message)}"
-    return f"{where}, line {place[1]}, column {place[2]}: {shortened(message[: place.start()])}"
+    return f"{where}, line {at[1]}, column {at[2]}: {shortened(message[: at.start()])}"

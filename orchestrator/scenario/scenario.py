@@ -226,8 +226,8 @@ class Scenario(Table):
 @cache
 def _starts(component: str) -> Mapping[str, Any]:
     """Default values of a component's parameters."""
-    made = COMPONENTS[component]
-    return MappingProxyType({v.key: default(made, v) for v in made.of("parameter")})
+    declared = COMPONENTS[component]
+    return MappingProxyType({v.key: default(declared, v) for v in declared.of("parameter")})
 
 
 def _relative(file: Path, folder: Path) -> str:

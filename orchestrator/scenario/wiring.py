@@ -60,14 +60,13 @@ def connect(
     Parameters
     ----------
     receivers
-        Names, FMU files or makers of Python components, which run side by side on the same noise; a
-        mapping gives them labels. None: the scenario's own receiver. The raw fix always runs too,
-        as ``raw``, unless ``multilateration`` is requested.
+        Names, FMU files or makers of Python components, side by side on the same noise; a mapping
+        gives them labels. None: the scenario's own receiver. The raw fix always runs too, as
+        ``raw``, unless ``multilateration`` is requested.
     fmi
         FMI version (2 or 3) of all our components, instead of the scenario's.
     components
-        FMU files or makers of Python components that replace ``target``, ``platform`` or
-        ``acoustics``.
+        FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
 
     Raises
     ------
@@ -265,24 +264,25 @@ def ours(
     scenario: Scenario, chosen: Mapping[str, Source], replaced: Collection[str] = ()
 ) -> effects.Ours:
     """Our components by table; none where a third-party component uses the table's keys too."""
-    found = {
+    by_table = {
         name: () if name in replaced else names
         for name, names in effects.components_of(scenario).items()
     }
     strangers = any(not isinstance(source, str) for source in chosen.values())
-    found["receiver"] = () if strangers else [s for s in chosen.values() if isinstance(s, str)]
-    return found
+    by_table["receiver"] = () if strangers else [s for s in chosen.values() if isinstance(s, str)]
+    return by_table
 
 
 def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[str]:
     """Messages about keys without effect, grouped by location and reason."""
-    places: dict[tuple[str, str], list[str]] = {}
+    grouped: dict[tuple[str, str], list[str]] = {}
     for (table, key), why in idle.items():
-        place = scenario.where(table, key)
-        before, same, _ = place.rpartition(f"[{table}] {key}")
-        places.setdefault((f"{before}[{table}]" if same else place, why), []).append(key)
-    for (place, why), keys in places.items():
-        named = place if place.startswith("override ") else f"{place} {shortened(', '.join(keys))}"
+        location = scenario.where(table, key)
+        before, same, _ = location.rpartition(f"[{table}] {key}")
+        grouped.setdefault((f"{before}[{table}]" if same else location, why), []).append(key)
+    for (location, why), keys in grouped.items():
+        override = location.startswith("override ")
+        named = location if override else f"{location} {shortened(', '.join(keys))}"
         yield f"{named}: {'has' if len(keys) == 1 else 'have'} no effect, as {why}"
 
 

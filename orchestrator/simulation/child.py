@@ -101,11 +101,11 @@ class Begun:
     """Message: the loop starts. Lists its calls and the record's arrays in the shared memory."""
 
     labels: tuple[tuple[str, str], ...]
-    places: tuple[Place, ...]
+    arrays: tuple[SharedArray, ...]
 
 
 @dataclass(frozen=True)
-class Place:
+class SharedArray:
     """An array in the shared memory, and the variables stored in it."""
 
     start: int
@@ -240,7 +240,7 @@ class _Telling(Watch):
         return array
 
     def begin(self, record: Record, labels: Sequence[tuple[str, str]]) -> None:
-        places = []
+        arrays = []
         for start, part, array in self._arrays:
             first = array.ctypes.data
             values = tuple(
@@ -248,9 +248,9 @@ class _Telling(Watch):
                 for name, v in record.values.items()
                 if first <= v.ctypes.data < first + len(part)
             )
-            places.append(Place(start, len(part), array.dtype.str, values))
+            arrays.append(SharedArray(start, len(part), array.dtype.str, values))
         self._state.where = LOOP
-        send(self._answers, Begun(tuple(labels) or tuple(self._labels), tuple(places)))
+        send(self._answers, Begun(tuple(labels) or tuple(self._labels), tuple(arrays)))
 
     def late(self, component: str, error: SblcosimError) -> None:
         self.failures[component] = str(error)
@@ -317,7 +317,7 @@ def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
         error = problem
     except MemoryError:
         error = MemoryError()
-    except Exception:  # a bug of ours
+    except Exception:  # our own bug
         error = RuntimeError(traceback.format_exc())
     return ended, Answer(
         value,

@@ -138,10 +138,10 @@ def survive(
         except BuildError:
             raise
         except SblcosimError as error:
-            found = dict(_failing(system, receivers, failures, error, execute))
-            if not found or not found.keys() <= set(receivers):
+            failing = dict(_failing(system, receivers, failures, error, execute))
+            if not failing or not failing.keys() <= set(receivers):
                 raise
-            failures |= found
+            failures |= failing
             if failures.keys() >= set(receivers):
                 if len(failures) == 1:
                     raise
@@ -161,7 +161,7 @@ def _failing(
     """The components that failed. If uncertain, run each suspect without the other suspects."""
     suspects = [name for name in error.suspects if name in receivers]
     if len(error.suspects) > 1 and suspects:
-        found = False
+        identified = False
         for tried in ([], *([name] for name in suspects)):
             if not tried and len(suspects) == len(error.suspects):
                 continue
@@ -171,9 +171,9 @@ def _failing(
             except SblcosimError as own:
                 if not tried:
                     raise  # fails without any suspect
-                found = True
+                identified = True
                 yield tried[0], own
-        if found:
+        if identified:
             return
         if error.component is not None:
             others = ", ".join(name for name in error.suspects if name != error.component)

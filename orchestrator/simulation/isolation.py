@@ -171,11 +171,11 @@ def execute(
             return child.run(task, patience, progress)
     child = Process()
     try:
-        made = child.run(task, patience, progress)
-        failures = {**made.failures, **child.finish(patience)}
+        result = child.run(task, patience, progress)
+        failures = {**result.failures, **child.finish(patience)}
     finally:
         child.kill()
-    return replace(made, failures=failures)
+    return replace(result, failures=failures)
 
 
 def initial_outputs(

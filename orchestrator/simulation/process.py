@@ -182,22 +182,22 @@ class Process:
             message = self._next(watched, patience, report)
             if isinstance(message, Begun):
                 watched.begun = message
-                watched.parts = [self._memory.part(p.start, p.size) for p in message.places]
+                watched.parts = [self._memory.part(p.start, p.size) for p in message.arrays]
                 message = self._next(watched, patience, report)
         except FmuError as error:
             if watched.begun is None or self._state.where == LOOP or error.component is None:
                 raise
-            made = _record(plan, watched)  # the loop had finished, so it is complete
-            return replace(made, failures={error.component: str(error)})
+            record = _record(plan, watched)  # the loop had finished, so it is complete
+            return replace(record, failures={error.component: str(error)})
         self.busy = False
         self._tell(message, watched)
         if message.error is not None:
             raise message.error
-        made = replace(_record(plan, watched), failures=dict(message.late))
+        record = replace(_record(plan, watched), failures=dict(message.late))
         self._memory.grow(SIZE)
         if progress is not None:
             progress(1.0)
-        return made
+        return record
 
     def outputs(self, task: InitialOutputs, plan: Plan) -> dict[str, NDArray[Any]]:
         """Read outputs at the start."""
@@ -209,8 +209,8 @@ class Process:
         self._tell(answer, watched)
         if answer.error is not None:
             raise answer.error
-        found: dict[str, NDArray[Any]] = answer.value
-        return found
+        outputs: dict[str, NDArray[Any]] = answer.value
+        return outputs
 
     def finish(self, patience: float) -> dict[str, str]:
         """Free all instances and end the process; return failures by component."""
@@ -381,14 +381,14 @@ class Process:
 def _record(plan: Plan, watched: _Watched) -> Record:
     """A copy of the record in the shared memory."""
     assert watched.begun is not None
-    found = {
-        name: np.ndarray(shape, place.dtype, part, offset, strides).copy()
-        for place, part in zip(watched.begun.places, watched.parts, strict=True)
-        for name, shape, strides, offset in place.values
+    values = {
+        name: np.ndarray(shape, array.dtype, part, offset, strides).copy()
+        for array, part in zip(watched.begun.arrays, watched.parts, strict=True)
+        for name, shape, strides, offset in array.values
     }
-    names = [c.name for c in plan.columns if c.name in found]
+    names = [c.name for c in plan.columns if c.name in values]
     return Record(
-        plan.instants, {name: found[name] for name in names}, intervals_ns=plan.intervals_ns
+        plan.instants, {name: values[name] for name in names}, intervals_ns=plan.intervals_ns
     )
 
 

@@ -46,7 +46,7 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     if not system.components:
         raise ConfigurationError("system: must have at least one component, got none")
     sources = {name: _source(name, spec) for name, spec in system.components.items()}
-    ports = {name: found for name, (_, found) in sources.items()}
+    ports = {name: own for name, (_, own) in sources.items()}
     check_instances({name: source for name, (source, _) in sources.items()})
     settings = {
         name: _settings(name, spec, ports[name]) for name, spec in system.components.items()
@@ -133,8 +133,8 @@ def _source(
             f"{interval!r}"
         )
     if isinstance(spec.fmu, Path):
-        found = fmi.read(spec.fmu)
-        return found, found.ports
+        fmu = fmi.read(spec.fmu)
+        return fmu, fmu.ports
     if callable(spec.fmu):
         return spec.fmu, fmi.ports_of(variables_of(name, spec.fmu))
     raise ConfigurationError(

@@ -63,14 +63,14 @@ def simulate(
         def report(part: float, passed: int = passed, share: int = share) -> None:
             progress((passed + part * share) / work)
 
-        made = (
+        results = (
             _side_by_side(campaign, group, mine, workers, report, children)
             if group.in_lanes
             else _one_by_one(campaign, group, mine, workers, master, report, children)
         )
-        sums[rows], extra[rows] = made[:2]
+        sums[rows], extra[rows] = results[:2]
         durations[rows] = group.plan.stop_ns - group.plan.start_ns
-        for i, error in zip(rows, made[2], strict=True):
+        for i, error in zip(rows, results[2], strict=True):
             errors[i] = error
         passed += share
     return _table(campaign, runs, sums, extra, durations, errors)
@@ -189,22 +189,22 @@ def _one_by_one(
                 extra[i] = [value_of(response, seen) for response in campaign.study.asked]
         return sums, extra, "; ".join(map(_line, outcome.failures.values())) or None
 
-    made = []
+    results = []
     # Python components hold the interpreter's lock, and may not be thread-safe.
     here = not strangers(group.plan)
     alone = here and (master == "python" or native.unsupported(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
             for i, result in enumerate(pool.map(one, runs), 1):
-                made.append(result)
+                results.append(result)
                 progress(i / len(runs))
         except BaseException:
             stopped.set()
             pool.shutdown(wait=False, cancel_futures=True)
             children.kill()
             raise
-    sums, extra = (np.array([m[i] for m in made]) for i in (0, 1))
-    return sums, extra, [m[2] for m in made]
+    sums, extra = (np.array([m[i] for m in results]) for i in (0, 1))
+    return sums, extra, [m[2] for m in results]
 
 
 def _to_record(campaign: Campaign, group: Group) -> list[str]:
@@ -227,8 +227,8 @@ def _system(campaign: Campaign, point: Point, seed: int, children: Children) -> 
     for name in campaign.seeded:
         specs[name] = replace(specs[name], parameters={**specs[name].parameters, "seed": seed})
     if campaign.handovers:
-        found = execution.initial_outputs(specs["target"], ("position",), children=children)
-        prior = tuple(float(x) for x in found["position"])
+        start = execution.initial_outputs(specs["target"], ("position",), children=children)
+        prior = tuple(float(x) for x in start["position"])
         for connection in campaign.handovers:
             label, _, name = connection.target.partition(".")
             specs[label] = replace(
@@ -259,13 +259,13 @@ def _table(
     columns |= {name: physical[:, i] for i, name in enumerate(study.factors)}
     columns["seed"] = np.array([r.seed for r in runs])
     for number, label in enumerate(campaign.receivers):
-        found = responses(sums[:, number], durations)
-        columns |= {f"{label}.{name}": found[name].array for name in found}
+        judged = responses(sums[:, number], durations)
+        columns |= {f"{label}.{name}": judged[name].array for name in judged}
         for k, response in enumerate(study.asked):
             columns[f"{label}.{response.name}"] = extra[:, number, k]
-        problems = np.flatnonzero(found["broken"] | (found["estimates"] == 0))
+        problems = np.flatnonzero(judged["broken"] | (judged["estimates"] == 0))
         for i in problems:
-            if found["broken"][i]:
+            if judged["broken"][i]:
                 count = int(sums[i, number, SUMS.index("broken")])
                 problem = (
                     f"{label}: estimates must be finite and of an epoch within the run, got "

@@ -180,10 +180,10 @@ def prepare(
         check_choice("master", master, execution.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)):
-        made = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
-    _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in made])
-    plans = [plan for _, _, plan in made]
-    seeded, handovers = seeded_inputs(study, made[0][1], labels)
+        resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
+    _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in resolutions])
+    plans = [plan for _, _, plan in resolutions]
+    seeded, handovers = seeded_inputs(study, resolutions[0][1], labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
     points = [
         Point(
@@ -193,7 +193,7 @@ def prepare(
             digest_of(system, plan, free, study.settling_ns, study.asked),
         )
         for number, (values, (_, system, plan)) in enumerate(
-            zip(study.points.values, made, strict=True), 1
+            zip(study.points.values, resolutions, strict=True), 1
         )
     ]
     _check_effects(study, points)
@@ -356,7 +356,7 @@ def _groups(
 ) -> tuple[Group, ...]:
     """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
     alike: dict[Any, list[int]] = {}
-    for place, (point, plan) in enumerate(zip(points, plans, strict=True)):
+    for index, (point, plan) in enumerate(zip(points, plans, strict=True)):
         specs = point.system.components
         key = (
             plan.start_ns,
@@ -373,10 +373,10 @@ def _groups(
                 for name, spec in specs.items()
             ),
         )
-        alike.setdefault(key, []).append(place)
+        alike.setdefault(key, []).append(index)
     groups = []
-    for places in alike.values():
-        plan = plans[places[0]]
+    for indices in alike.values():
+        plan = plans[indices[0]]
         if alone:
             in_lanes = False
         elif master is None:
@@ -384,12 +384,12 @@ def _groups(
         else:
             in_lanes = master == "lanes"
         values = {}
-        for name, spec in points[places[0]].system.components.items():
+        for name, spec in points[indices[0]].system.components.items():
             for parameter in spec.parameters:
-                rows = [points[i].system.components[name].parameters[parameter] for i in places]
+                rows = [points[i].system.components[name].parameters[parameter] for i in indices]
                 if f"{name}.{parameter}" not in free and any(row != rows[0] for row in rows):
                     values[f"{name}.{parameter}"] = np.array(rows, np.float64)
-        groups.append(Group({p: i for i, p in enumerate(places)}, plan, values, in_lanes))
+        groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
     return tuple(groups)
 
 
@@ -398,7 +398,7 @@ def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:
     study = campaign.study
     runs = []
     for replicate in range(first, min(first + replicates, study.replicates + 1)):
-        for place, point in enumerate(campaign.points):
+        for index, point in enumerate(campaign.points):
             seed = study.run_seed(point.number, replicate)
-            runs.append(Run(place, replicate, seed, point.run_id(seed)))
+            runs.append(Run(index, replicate, seed, point.run_id(seed)))
     return runs

@@ -31,43 +31,43 @@ def problems(study: Definition) -> Iterator[str]:
         yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
     called: dict[str, str] = {}
     for name, label in study.labels.items():
-        place = f"[factors.{shortened(name)}]"
+        prefix = f"[factors.{shortened(name)}]"
         if label in called:
-            yield f"{place} label: must differ from that of {called[label]}, got {quoted(label)}"
+            yield f"{prefix} label: must differ from that of {called[label]}, got {quoted(label)}"
         if study.factors[name].label and (INTERACTION_SIGN.strip() in label or label in RESERVED):
-            yield f"{place} label: must be a word or a few, got {quoted(label)}"
+            yield f"{prefix} label: must be a word or a few, got {quoted(label)}"
         called[label] = name
     fixed = set(_flat(study.fixed))
     if "seed" in fixed:
         yield "fixed: must not have seed, the study's own seed rules"
     for name, factor in study.factors.items():
-        place = f"[factors.{shortened(name)}]"
+        prefix = f"[factors.{shortened(name)}]"
         if not name.isidentifier() or name in RESERVED or len(name) > LONGEST_NAME:
             yield (
-                f"{place}: must have a name of at most {LONGEST_NAME} letters, digits and _, "
+                f"{prefix}: must have a name of at most {LONGEST_NAME} letters, digits and _, "
                 f"none of {', '.join(RESERVED)}, got {quoted(name)}"
             )
         if not factor.keys:
-            yield f"{place} keys: must have at least one key, got none"
+            yield f"{prefix} keys: must have at least one key, got none"
         for key in factor.keys:
             if key not in known and ".parameters." not in key:
-                yield f"{place} keys: there is no key {quoted(key)}{_near(key, known)}"
+                yield f"{prefix} keys: there is no key {quoted(key)}{_near(key, known)}"
                 continue
             if key in owner:
-                yield f"{place} keys: {key} must belong to one factor, got {owner[key]}, too"
+                yield f"{prefix} keys: {key} must belong to one factor, got {owner[key]}, too"
             if key in fixed:
-                yield f"{place} keys: {key} must not be among the fixed keys, too"
+                yield f"{prefix} keys: {key} must not be among the fixed keys, too"
             owner[key] = name
         try:
             designs.Factor(name, factor.levels)
         except ConfigurationError as error:
-            yield f"{place} levels: {str(error).partition(': ')[2]}"
+            yield f"{prefix} levels: {str(error).partition(': ')[2]}"
             continue
         if not all(key in known or ".parameters." in key for key in factor.keys):
             continue
         problem = next((p for v in factor.levels for p in _level(study, factor, v)), None)
         if problem is not None:
-            yield f"{place} levels: {problem}"
+            yield f"{prefix} levels: {problem}"
     yield from _design_problems(study)
     yield from _response_problems(study)
 
@@ -148,10 +148,10 @@ def _why_idle(study: Definition, key: str) -> str | None:
             scenario = study.base.override(study.overrides(number))
         except ConfigurationError as error:
             lead = f"{no_effect(path)}, as "
-            found = [line for line in str(error).splitlines() if line.startswith(lead)]
-            if not found:
+            reasons = [line for line in str(error).splitlines() if line.startswith(lead)]
+            if not reasons:
                 return None  # another check reports the error at this point
-            why = found[0].removeprefix(lead)
+            why = reasons[0].removeprefix(lead)
             continue
         why = effects.in_vain(scenario, study.components(scenario), [path]).get(path)
         if why is None:
@@ -198,29 +198,29 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
 def line(error: ErrorDetails, where: str) -> str:
     """An error that pydantic found, in our own wording."""
     location = [str(part) for part in error["loc"]]
-    place, models = location[0], Definition.model_fields
+    at, models = location[0], Definition.model_fields
     table: type[Table] = Definition
-    if place == "design" and len(location) > 1:
-        table, place, location = DesignTable, f"[design] {location[1]}", location[1:]
-    elif place == "factors" and len(location) > 2:
+    if at == "design" and len(location) > 1:
+        table, at, location = DesignTable, f"[design] {location[1]}", location[1:]
+    elif at == "factors" and len(location) > 2:
         table = FactorTable
-        place, location = f"[factors.{shortened(location[1])}] {location[2]}", location[2:]
-    elif place == "factors" and len(location) == 2:
-        place = f"[factors.{shortened(location[1])}]"
+        at, location = f"[factors.{shortened(location[1])}] {location[2]}", location[2:]
+    elif at == "factors" and len(location) == 2:
+        at = f"[factors.{shortened(location[1])}]"
     if error["type"] == "extra_forbidden":
-        inside = "" if table is Definition else place.partition("] ")[0] + "] "
+        inside = "" if table is Definition else at.partition("] ")[0] + "] "
         return (
             f"{where}: {inside}there is no key {quoted(location[0])}"
             f"{nearest(location[0], table.model_fields if table is not Definition else models)}"
         )
     if error["type"] == "missing":
-        return f"{where}: {place}: must be given, got nothing"
+        return f"{where}: {at}: must be given, got nothing"
     if location[0] == "scenario":
         return f"{where}: scenario: must be a name, a file or a table, got {_text(error['input'])}"
     must, choices = requirement(error)
     got = error["input"]
     close = nearest(got, choices) if isinstance(got, str) else ""
-    return f"{where}: {place}: {must}, got {_text(got)}{close}"
+    return f"{where}: {at}: {must}, got {_text(got)}{close}"
 
 
 def _text(value: Any) -> str:

@@ -134,15 +134,15 @@ class Definition(Table):
     @cached_property
     def asked(self) -> tuple[Response, ...]:
         """The extra responses, each once."""
-        found: dict[str, Response] = {}
+        responses: dict[str, Response] = {}
         for entry in self.responses:
             if isinstance(entry, Response):
-                found[entry.name] = entry
+                responses[entry.name] = entry
             elif entry == ALL_PERCENTILES:
-                found |= PERCENTILES
+                responses |= PERCENTILES
             elif entry in ON_REQUEST:
-                found[entry] = ON_REQUEST[entry]
-        return tuple(found.values())
+                responses[entry] = ON_REQUEST[entry]
+        return tuple(responses.values())
 
     @cached_property
     def points(self) -> Design:
@@ -152,15 +152,15 @@ class Definition(Table):
         if table.kind == "single":
             return Design((), ((),), (False,))
         if table.kind == "full":
-            made = designs.full(factors, table.centre_points)
+            design = designs.full(factors, table.centre_points)
         elif table.kind == "fraction":
-            made = designs.fractional(
+            design = designs.fractional(
                 factors, table.generators, table.resolution, table.centre_points
             )
         else:
-            made = designs.sweep(factors, self.sweep_base or [0.0])
-        made.require(min(table.order, len(factors)))
-        return made
+            design = designs.sweep(factors, self.sweep_base or [0.0])
+        design.require(min(table.order, len(factors)))
+        return design
 
     @property
     def sweep_base(self) -> list[Number]:
@@ -181,11 +181,11 @@ class Definition(Table):
 
     def components(self, scenario: Scenario) -> effects.Ours:
         """Our components in the runs, by the table whose keys they use."""
-        found = dict(effects.components_of(scenario))
+        by_table = dict(effects.components_of(scenario))
         if self.receivers:
             named = all(name in RECEIVERS for name in self.receivers)
-            found["receiver"] = self.receivers if named else ()
-        return found
+            by_table["receiver"] = self.receivers if named else ()
+        return by_table
 
     def _base_of(self, name: str) -> Number:
         values = [value_of(self.base, key) for key in self.factors[name].keys]
@@ -228,8 +228,8 @@ UNITS = {
 
 def _unit(keys: Sequence[str]) -> str:
     """The common unit of some keys; empty if they have different ones."""
-    found = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
-    return found.pop() if len(found) == 1 else ""
+    units = {next((UNITS[end] for end in UNITS if key.endswith(end)), "") for key in keys}
+    return units.pop() if len(units) == 1 else ""
 
 
 def value_of(scenario: Scenario, key: str) -> Any:

@@ -170,9 +170,9 @@ class Design:
         n = len(self.values)
         # Use raw bits, which are the same in every version of NumPy.
         bits = np.random.Philox(key=seed, counter=[0, 0, 0, replicate]).random_raw(n)
-        places = np.empty(n, np.int64)
-        places[np.argsort(bits, kind="stable")] = np.arange(1, n + 1)
-        return (replicate - 1) * n + places
+        positions = np.empty(n, np.int64)
+        positions[np.argsort(bits, kind="stable")] = np.arange(1, n + 1)
+        return (replicate - 1) * n + positions
 
 
 def full(factors: Sequence[Factor], centre_points: int = 0) -> Design:
@@ -215,15 +215,15 @@ def fractional(
     else:
         words = {}
         for text in generators:
-            made, word, sign = _generator(text, factors)
-            if made in words:
+            generated, word, sign = _generator(text, factors)
+            if generated in words:
                 raise ConfigurationError(
                     f"generator {quoted(text)}: must make another factor than the others, got "
-                    f"{LETTERS[made]} twice"
+                    f"{LETTERS[generated]} twice"
                 )
-            words[made] = (word, sign)
+            words[generated] = (word, sign)
         for text in generators:
-            made, word, _ = _generator(text, factors)
+            generated, word, _ = _generator(text, factors)
             for i in sorted(word & words.keys()):
                 raise ConfigurationError(
                     f"generator {quoted(text)}: must be made of factors without a generator, got "
@@ -234,11 +234,9 @@ def fractional(
     rows = []
     for signs in product((-1, 1), repeat=len(basic)):
         row = dict(zip(basic, signs[::-1], strict=True))
-        row |= {
-            made: sign * math.prod(row[i] for i in word) for made, (word, sign) in words.items()
-        }
+        row |= {new: sign * math.prod(row[i] for i in word) for new, (word, sign) in words.items()}
         rows.append(tuple(row[i] for i in range(len(factors))))
-    relation = tuple((word | {made}, sign) for made, (word, sign) in words.items())
+    relation = tuple((word | {generated}, sign) for generated, (word, sign) in words.items())
     design = _two_level(factors, rows, centre_points, relation)
     if design.resolution is not None and design.resolution < 3:
         design.require(1)
@@ -317,17 +315,17 @@ def _generator(text: str, factors: Sequence[Factor]) -> tuple[int, frozenset[int
     known = LETTERS[: len(factors)]
     if match is None:
         raise ConfigurationError(f"generator: must be like 'E=ABCD', got {quoted(text)}")
-    made, sign, word = match.groups()
-    for letter in made + word:
+    generated, sign, word = match.groups()
+    for letter in generated + word:
         if letter not in known:
             raise ConfigurationError(
                 f"generator {quoted(text)}: must be made of {', '.join(known)} "
                 f"({', '.join(f.name for f in factors)}), got {letter}"
             )
-    if len(set(word)) != len(word) or made in word:
+    if len(set(word)) != len(word) or generated in word:
         raise ConfigurationError(f"generator {quoted(text)}: must name each factor once")
     numbers = frozenset(known.index(letter) for letter in word)
-    return known.index(made), numbers, -1 if sign == "-" else 1
+    return known.index(generated), numbers, -1 if sign == "-" else 1
 
 
 def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
@@ -340,8 +338,8 @@ def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
             for n in range(resolution - 1, basic + 1)
             for c in combinations(range(basic), n)
         ]
-        found = islice(_fractions(words, basic, k - basic, resolution), _MOST_FRACTIONS)
-        best = min(found, key=lambda chosen: _lengths(chosen, basic), default=None)
+        candidates = islice(_fractions(words, basic, k - basic, resolution), _MOST_FRACTIONS)
+        best = min(candidates, key=lambda chosen: _lengths(chosen, basic), default=None)
         if best is not None:
             return {
                 basic + j: (frozenset(i for i in range(basic) if word >> i & 1), 1)
@@ -356,14 +354,14 @@ def _search(k: int, resolution: int) -> dict[int, tuple[frozenset[int], int]]:
 
 
 def _fractions(
-    words: Sequence[int], basic: int, made: int, resolution: int
+    words: Sequence[int], basic: int, count: int, resolution: int
 ) -> Iterator[tuple[int, ...]]:
     """Choices of words, one per generated factor, whose defining relation has no short word."""
 
     def grow(chosen: tuple[int, ...], relation: tuple[int, ...], first: int) -> Iterator[
         tuple[int, ...]
     ]:
-        if len(chosen) == made:
+        if len(chosen) == count:
             yield chosen
             return
         letter = 1 << (basic + len(chosen))

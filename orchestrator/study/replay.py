@@ -37,13 +37,13 @@ def replay(
     """
     study = study_of(results)
     runs = table(results)
-    found = runs[runs["run_id"].str.startswith(run_id)] if run_id else runs[:0]
-    if len(found) != 1:
-        what = f"the beginning of {len(found)}" if len(found) else "none of them"
+    matches = runs[runs["run_id"].str.startswith(run_id)] if run_id else runs[:0]
+    if len(matches) != 1:
+        what = f"the beginning of {len(matches)}" if len(matches) else "none of them"
         raise ConfigurationError(
             f"run: must be the run_id of one run in {results}, got {run_id!r}, which is {what}"
         )
-    number, seed, run_id = (found.iloc[0][name] for name in ("point", "seed", "run_id"))
+    number, seed, run_id = (matches.iloc[0][name] for name in ("point", "seed", "run_id"))
     scenario, system, plan = resolved(study, int(number))
     labels = [name for name in system.components if name not in CORE_COMPONENTS]
     seeded, handovers = seeded_inputs(study, system, labels)

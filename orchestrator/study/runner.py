@@ -107,8 +107,8 @@ def run(
             if progress is not None:
                 progress((passed + share * work(part)) / what.steps)
 
-        for part, made in simulated(_missing(campaign, what.done, workers), done):
-            write(folder, part, made)
+        for part, rows in simulated(_missing(campaign, what.done, workers), done):
+            write(folder, part, rows)
             passed += work(part)
         whole = table(folder)
         save(folder / RUNS, whole)

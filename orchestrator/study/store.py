@@ -68,8 +68,8 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
 
 def _replicates(folder: Path, campaign: Campaign) -> int:
     """Number of replicates in a folder that has lost its `STUDY`."""
-    found = finished(folder, ["point", "replicate"])
-    for run_id, (point, replicate) in found.items():
+    runs = finished(folder, ["point", "replicate"])
+    for run_id, (point, replicate) in runs.items():
         seed = campaign.study.run_seed(point, replicate)
         if not 0 < point <= len(campaign.points) or (
             campaign.points[point - 1].run_id(seed) != run_id
@@ -77,7 +77,7 @@ def _replicates(folder: Path, campaign: Campaign) -> int:
             raise ConfigurationError(
                 f"{folder}: must hold results of this study, got run {run_id} of another in it"
             )
-    return max((replicate for _, replicate in found.values()), default=0)
+    return max((replicate for _, replicate in runs.values()), default=0)
 
 
 def open_folder(folder: Path, campaign: Campaign) -> None:
@@ -203,12 +203,12 @@ def set_aside(folder: Path) -> None:
     """Move damaged parts away, and warn about each."""
     for path in _parts(folder):
         if _parquet(path, []) is None and path.exists():
-            place = path.parent / DAMAGED / path.name
+            target = path.parent / DAMAGED / path.name
             try:
-                files.make_folder(place.parent)
-                path.replace(place)
+                files.make_folder(target.parent)
+                path.replace(target)
             except OSError as error:
-                raise _refusal(place, error) from None
+                raise _refusal(target, error) from None
             _warn(f"{path}: {_OTHER}; it is now in {DAMAGED}/, and its runs are done again")
 
 
@@ -226,7 +226,7 @@ def finished(
     tell
         Warn about damaged parts, whose runs count as missing.
     """
-    found: dict[str, tuple[int, ...]] = {}
+    runs: dict[str, tuple[int, ...]] = {}
     for path in _parts(Path(results)):
         part = _parquet(path, ["run_id", *columns])
         if part is None:
@@ -234,9 +234,9 @@ def finished(
                 _warn(f"{path}: {_OTHER}; its runs count as missing")
             continue
         run_ids, *numbers = (part[name].to_pylist() for name in ("run_id", *columns))
-        found |= dict(zip(run_ids, zip(*numbers, strict=True) if columns else [()] * len(run_ids),
+        runs |= dict(zip(run_ids, zip(*numbers, strict=True) if columns else [()] * len(run_ids),
                           strict=True))
-    return found
+    return runs
 
 
 def table(results: str | Path) -> pd.DataFrame:
@@ -282,11 +282,11 @@ def save(path: Path, made: pd.DataFrame) -> None:
     _write_file(path, _as_parquet(made))
 
 
-def _as_parquet(made: pd.DataFrame) -> bytes:
-    arrow = pa.Table.from_pandas(made, preserve_index=False)
+def _as_parquet(frame: pd.DataFrame) -> bytes:
+    arrow = pa.Table.from_pandas(frame, preserve_index=False)
     for name in ("error", "run_id"):
-        place = arrow.schema.get_field_index(name)
-        arrow = arrow.set_column(place, name, arrow[name].cast(pa.string()))
+        index = arrow.schema.get_field_index(name)
+        arrow = arrow.set_column(index, name, arrow[name].cast(pa.string()))
     stream = pa.BufferOutputStream()
     parquet.write_table(arrow.replace_schema_metadata(None), stream)
     content: bytes = stream.getvalue().to_pybytes()

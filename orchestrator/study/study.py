@@ -135,13 +135,13 @@ def _responses(given: Any, folder: Path) -> list[Any]:
         raise ConfigurationError(
             f"responses: must be an array of names or functions, got {shortened(instance(given))}"
         )
-    found: list[Any] = []
+    responses: list[Any] = []
     for entry in given:
         if isinstance(entry, str) and ":" in entry:
-            found.append(of_file(entry, folder))
+            responses.append(of_file(entry, folder))
         else:
-            found.append(of_function(entry) if inspect.isfunction(entry) else entry)
-    return found
+            responses.append(of_function(entry) if inspect.isfunction(entry) else entry)
+    return responses
 
 
 def study_of(results: str | Path) -> Study:

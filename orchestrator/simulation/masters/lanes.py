@@ -158,7 +158,7 @@ class _Batch:
         self.names = [c.name for c in plan.components]
         self.engines = [engine_of(c, lanes) for c in plan.components]
         self.lanes = int(self.engines[0].contents.lanes)
-        self.places = [first_elements(c) for c in plan.components]
+        self.first_elements = [first_elements(c) for c in plan.components]
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
         self.starts = [
             starts_of(c, engine.contents)
@@ -192,7 +192,7 @@ class _Batch:
         runs, varied = 1, []
         for name, given in variations.items():
             component, _, variable = name.partition(".")
-            number, place = self._find(component, variable, "parameter", name)
+            number, element = self._find(component, variable, "parameter", name)
             values = np.asarray(given, np.float64)
             size = self.plan.components[number].ports[variable].size
             values = values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)
@@ -213,7 +213,7 @@ class _Batch:
                 if runs not in (1, len(values)):
                     raise ConfigurationError(f"{name}: must have {runs} runs, got {len(values)}")
                 runs = len(values)
-            varied.append((number, place, values))
+            varied.append((number, element, values))
         return runs, varied
 
     def _find(self, component: str, variable: str, causality: str, where: str) -> tuple[int, int]:
@@ -229,7 +229,7 @@ class _Batch:
                 f"{where}: {variable!r} must be a {causality} of {component}"
                 f"{nearest(variable, known)}"
             )
-        return number, self.places[number][variable]
+        return number, self.first_elements[number][variable]
 
     def _translate(
         self, handovers: Sequence[Connection], record: Sequence[str], settling_ns: int
@@ -239,28 +239,28 @@ class _Batch:
             for write in component.writes:
                 for port, connection in zip(write.ports, write.connections, strict=True):
                     name, _, variable = connection.source.partition(".")
-                    source, place = self._find(name, variable, "output", connection.source)
+                    source, element = self._find(name, variable, "output", connection.source)
                     links.append(
-                        (source, place, target, self.places[target][port.name], port.size)
+                        (source, element, target, self.first_elements[target][port.name], port.size)
                     )
         given = []
         for connection in handovers:
             name, _, variable = connection.source.partition(".")
-            source, place = self._find(name, variable, "output", connection.source)
+            source, element = self._find(name, variable, "output", connection.source)
             name, _, variable = connection.target.partition(".")
             target, to = self._find(name, variable, "parameter", connection.target)
             size = self.plan.components[target].ports[variable].size
-            given.append((source, place, target, to, size))
+            given.append((source, element, target, to, size))
         judged = []
         for name in self.receivers:
             number = self.names.index(name)
-            places = self.places[number]
-            judged.append((number, *(places.get(port, -1) for port in RECEIVER_PORTS)))
+            first = self.first_elements[number]
+            judged.append((number, *(first.get(port, -1) for port in RECEIVER_PORTS)))
         self.spans = []
         for name in record:
             owner, _, variable = name.partition(".")
-            number, place = self._find(owner, variable, "output", name)
-            self.spans.append((number, place, self.plan.components[number].ports[variable].size))
+            number, element = self._find(owner, variable, "output", name)
+            self.spans.append((number, element, self.plan.components[number].ports[variable].size))
         self.recorded = list(record)
         truth = self._truth()
         base = int(np.diff(self.instants).min())
@@ -292,12 +292,12 @@ class _Batch:
         if not {"target", "platform"} <= set(self.names):
             return None
         target, platform = self.names.index("target"), self.names.index("platform")
-        places = self.places[platform]
+        moving, first = self.first_elements[target], self.first_elements[platform]
         beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
         truth: ctypes.Structure | None = Truth(
-            target, self.places[target]["position"], self.places[target]["velocity"],
-            platform, places["position"], places["beacon_position"],
-            places["reported_beacon_position"], beacons,
+            target, moving["position"], moving["velocity"],
+            platform, first["position"], first["beacon_position"],
+            first["reported_beacon_position"], beacons,
         )
         return truth
 
@@ -376,17 +376,17 @@ class _Batch:
             np.repeat(np.repeat(start[None, :, None], len(runs), 0), self.lanes, 2)
             for start in self.starts
         ]
-        for number, place, varied in self.varied:
+        for number, element, varied in self.varied:
             size = varied.shape[1]
             chosen = varied[runs if len(varied) > 1 else np.zeros_like(runs)]
-            values[number][:, place : place + size] = chosen.transpose(0, 2, 1)
+            values[number][:, element : element + size] = chosen.transpose(0, 2, 1)
         return values
 
     def _disagreement(self, status: int) -> FmuError:
         component = self.plan.components[(status & 0xFFFF) - 1]
         element = (status >> 16) - 1
-        places = self.places[self.names.index(component.name)]
-        name = max((p for p in places.items() if p[1] <= element), key=lambda p: p[1])[0]
+        first = self.first_elements[self.names.index(component.name)]
+        name = max((p for p in first.items() if p[1] <= element), key=lambda p: p[1])[0]
         return FmuError(
             f"{component.name}.{name}: must be the same in all runs side by side, and an interval "
             "must be whole nanoseconds"

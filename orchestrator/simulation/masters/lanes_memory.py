@@ -93,8 +93,8 @@ def in_order(
             # A vectorised sort; infinite values come last.
             ordered = squares[index][: filled[index]].transpose(1, 2, 0).copy()
             ordered.sort(axis=-1)
-            found = np.take_along_axis(ordered, at[index][None], axis=-1)
-            order[index] = np.where(counts[index][:, None] > 0, np.sqrt(found), np.nan)
+            selected = np.take_along_axis(ordered, at[index][None], axis=-1)
+            order[index] = np.where(counts[index][:, None] > 0, np.sqrt(selected), np.nan)
     return order
 
 
@@ -111,6 +111,6 @@ def starts_of(component: PlannedComponent, engine: Engine) -> Floats:
         if port.causality in ("parameter", "input") and port.start is not None:
             values[first[port.name] : first[port.name] + port.size] = port.start
     for setting in component.settings:
-        place = first[setting.port.name]
-        values[place : place + setting.port.size] = setting.values
+        start = first[setting.port.name]
+        values[start : start + setting.port.size] = setting.values
     return values

@@ -173,11 +173,11 @@ class _Program:
         }
         self._newest = {
             name: rows[0]
-            for name, rows in _places(
+            for name, rows in _allocated(
                 [c for c in plan.columns if c.name in used], 1, np.zeros
             ).items()
         }
-        history = _places(columns, len(self.instants), watch().array)
+        history = _allocated(columns, len(self.instants), watch().array)
         components = [
             self._component(component, instance, plan.start_ns)
             for component, instance in zip(plan.components, instances, strict=True)
@@ -305,20 +305,20 @@ class _Program:
             raise label.instance.failure(label.function, self.run.status, now_ns)
 
 
-def _places(
+def _allocated(
     columns: Sequence[Column], rows: int, memory: Callable[..., Vector]
 ) -> dict[str, Vector]:
     """Memory for each column; columns of one type are contiguous within a row."""
-    places: dict[str, Vector] = {}
+    arrays: dict[str, Vector] = {}
     for kind, dtype in DTYPES.items():
         group = [c for c in columns if c.type == kind]
         block = memory((rows, sum(c.stop - c.start for c in group)), dtype)
         start = 0
         for c in group:
             size = c.stop - c.start
-            places[c.name] = block[:, start : start + size]
+            arrays[c.name] = block[:, start : start + size]
             start += size
-    return places
+    return arrays
 
 
 def _address(array: Vector) -> int:

@@ -63,7 +63,7 @@ def execute(
     history = {
         kind: watch().array((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()
     }
-    made = Record(
+    result = Record(
         time_ns=instants,
         values={
             c.name: history[c.type][:, c.start : c.stop].reshape(-1, *c.shape) for c in columns
@@ -73,7 +73,7 @@ def execute(
     recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
     with ExitStack() as stack:
         runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
-        watch().begin(made, ())
+        watch().begin(result, ())
         _loop(plan, runners, recorded, progress)
         for (_, runner), component in zip(runners, plan.components, strict=True):
             try:
@@ -82,7 +82,7 @@ def execute(
                 watch().late(component.name, error)
     if progress is not None:
         progress(1.0)
-    return made
+    return result
 
 
 def _loop(
@@ -242,8 +242,8 @@ class _FmuRunner:
 
         self._gets = []
         for r in component.reads:
-            place = vectors[r.type][r.start : r.stop]
-            get = instance.getter(r.type, r.references, place)
+            outputs = vectors[r.type][r.start : r.stop]
+            get = instance.getter(r.type, r.references, outputs)
             self._gets.append((named("Get", r.type, get), r.type))
         self._sets = []
         for w in component.writes:
@@ -283,10 +283,10 @@ class _PythonRunner:
         assert not isinstance(component.source, Fmu)
         self._name = component.name
         self._step_ns = component.interval_ns
-        self._places = {
-            name: place
+        self._targets = {
+            name: target
             for read in component.reads
-            for name, place in _views(read, vectors[read.type]).items()
+            for name, target in _views(read, vectors[read.type]).items()
         }
         values = {
             port.name: np.array(port.start, DTYPES[port.type])
@@ -339,29 +339,29 @@ class _PythonRunner:
             raise self._failure(
                 f"{where}: must return its outputs in a mapping, got {instance(outputs)}"
             )
-        if outputs.keys() != self._places.keys():
-            odd = ", ".join(sorted(map(str, outputs.keys() ^ self._places.keys())))
+        if outputs.keys() != self._targets.keys():
+            odd = ", ".join(sorted(map(str, outputs.keys() ^ self._targets.keys())))
             raise self._failure(
                 f"{where}: must return each of its outputs, got too few or too many: {odd}"
             )
         arrays = {}
-        for name, place in self._places.items():
+        for name, target in self._targets.items():
             with self._named(f"at {text_of(now)}"):
                 value = np.asarray(outputs[name])
-            if not np.can_cast(value.dtype, place.dtype, "same_kind"):
+            if not np.can_cast(value.dtype, target.dtype, "same_kind"):
                 raise self._failure(
-                    f"{where}: {name} must be {place.dtype}, got {value.dtype}"
+                    f"{where}: {name} must be {target.dtype}, got {value.dtype}"
                 )
-            if value.shape != place.shape:
+            if value.shape != target.shape:
                 raise self._failure(
-                    f"{where}: {name} must have the shape {place.shape}, got {value.shape}"
+                    f"{where}: {name} must have the shape {target.shape}, got {value.shape}"
                 )
             arrays[name] = value
         return arrays
 
     def read(self, now: int) -> None:
-        for name, place in self._places.items():
-            place[...] = self._outputs[name]
+        for name, target in self._targets.items():
+            target[...] = self._outputs[name]
 
     def write(self, now: int) -> None:
         for vector, index, values in self._sources:
@@ -381,8 +381,8 @@ class _PythonRunner:
 
 def _views(read: Read, vector: Vector) -> dict[str, Vector]:
     """View of each output in the vector, in its shape."""
-    places, start = {}, read.start
+    views, start = {}, read.start
     for port in read.ports:
-        places[port.name] = vector[start : start + port.size].reshape(port.shape)
+        views[port.name] = vector[start : start + port.size].reshape(port.shape)
         start += port.size
-    return places
+    return views
