@@ -180,7 +180,7 @@ class _Batch:
             for c in self.plan.components
             if c.name in self.receivers
         ]
-        return span // min(ticks, default=span) + 1
+        return span // max(min(ticks, default=span), 1) + 1
 
     @property
     def room_bytes(self) -> int:
