@@ -14,14 +14,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, one_line
-from ..results.definitions import PERCENTAGES, TRUTH
-from ..results.responses import PERCENTILES, value_of
+from ..results.definitions import PERCENTAGES, TRUTH, percentile_column
 from ..results.responses import Run as Observed
+from ..results.responses import value_of
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
 from ..simulation.isolation import Children
 from ..simulation.masters import lanes, native
-from ..simulation.masters.lanes_driver import SUMS
+from ..simulation.masters.lanes_driver import LENGTHS, SUMS
 from ..simulation.plan import Plan
 from ..simulation.process import patience, strangers
 from ..simulation.record import Record
@@ -29,8 +29,6 @@ from ..simulation.system import System
 from .campaign import Campaign, Group, Point, Run
 
 Floats = NDArray[np.float64]
-PERCENTILE_NAMES = list(PERCENTILES)
-"""Names of the percentiles, in the order of `lanes.Outcome.order`."""
 _NEEDED = ("update_count", "epoch", "position")
 
 
@@ -105,13 +103,16 @@ def _side_by_side(
     seeds = np.array([r.seed for r in runs])
     variations: dict[str, Any] = {f"{name}.seed": seeds for name in campaign.seeded}
     variations |= {name: values[at] for name, values in group.values.items()}
+    asked = [response.name for response in campaign.study.asked]
+    lengths = [n for n in LENGTHS if any(name.startswith(f"{n}_") for name in asked)]
     try:
         outcome = lanes.execute(
             group.plan,
             variations,
             handovers=campaign.handovers,
             settling_ns=campaign.study.settling_ns,
-            percentages=PERCENTAGES if campaign.study.asked else (),
+            percentages=PERCENTAGES if lengths else (),
+            lengths=lengths,
             threads=workers,
             progress=progress,
         )
@@ -126,9 +127,10 @@ def _side_by_side(
         return sums, extra, [e for a in alone for e in a[2]]
     _, extra, errors = _nothing(campaign, len(runs))
     sums = np.stack([outcome.sums[label] for label in campaign.receivers], axis=1)
-    if campaign.study.asked:
+    if lengths:
         order = np.stack([outcome.order[label] for label in campaign.receivers], axis=1)
-        at = [PERCENTILE_NAMES.index(r.name) for r in campaign.study.asked]
+        names = [f"{n}_{percentile_column(p)}" for n in lengths for p in PERCENTAGES]
+        at = [names.index(r.name) for r in campaign.study.asked]
         extra = order.reshape(*order.shape[:2], -1)[:, :, at]
     # The other masters name the error and stop at it, and a record contains the whole truth.
     doubtful = sums[:, :, [SUMS.index("broken"), SUMS.index("unjudged")]] > 0

@@ -190,10 +190,12 @@ static inline void add(real *sum, mask condition, real value)
 }
 
 /* Judge a receiver's outputs at an instant. squares: space for the LENGTHS squared errors of this
- * instant's estimates, or NULL; infinite where a lane has none. Returns whether there is any. */
-static int reduce(const struct plan *p, const struct receiver *r, const real *v,
-                  const struct memory *m, real *counted, double settled, double late,
-                  real hold_ns, real *s, double *squares)
+ * instant's estimates, or NULL; infinite where a lane has none. Returns whether there is any.
+ * Inlined, so that the usual case has no code for them. */
+__attribute__((always_inline)) static inline int
+judge(const struct plan *p, const struct receiver *r, const real *v, const struct memory *m,
+      real *counted, double settled, double late, real hold_ns, real *s,
+      double *squares)
 {
     const real count = v[r->update_count], one = r_set1(1.0), zero = r_set1(0.0);
     const mask valid = r->valid >= 0 ? m_true(v[r->valid]) : m_lt(zero, count);
@@ -297,7 +299,7 @@ static int reduce(const struct plan *p, const struct receiver *r, const real *v,
     }
     if (squares == NULL || !m_any(use))
         return 0;
-    const real none = r_set1(__builtin_inf());
+    const real none = r_set1(__builtin_inf()); /* sorted last */
     r_store(squares + LENGTH_ABSOLUTE_HORIZONTAL * LANES,
             r_blend(use, e[0] * e[0] + e[1] * e[1], none));
     r_store(squares + LENGTH_ABSOLUTE_TOTAL * LANES, r_blend(use, square, none));
@@ -305,6 +307,20 @@ static int reduce(const struct plan *p, const struct receiver *r, const real *v,
             r_blend(use, relative[0] * relative[0] + relative[1] * relative[1], none));
     r_store(squares + LENGTH_RELATIVE_TOTAL * LANES, r_blend(use, relative_square, none));
     return 1;
+}
+
+static void reduce(const struct plan *p, const struct receiver *r, const real *v,
+                   const struct memory *m, real *counted, double settled, double late,
+                   real hold_ns, real *s)
+{
+    judge(p, r, v, m, counted, settled, late, hold_ns, s, NULL);
+}
+
+static int reduce_and_keep(const struct plan *p, const struct receiver *r, const real *v,
+                           const struct memory *m, real *counted, double settled, double late,
+                           real hold_ns, real *s, double *squares)
+{
+    return judge(p, r, v, m, counted, settled, late, hold_ns, s, squares);
 }
 
 #if LANES == 1
@@ -384,14 +400,18 @@ API int64_t PASTE(sblcosim_drive_, LANES)(const struct plan *p, void *const *blo
                     r_set1(last ? 0.0 : (double)(p->instants_ns[row + 1] - now));
                 remember(&memory, p->truth, shown, row, now);
                 for (int r = 0; r < p->n_receivers; r++) {
-                    const int64_t of = g * p->n_receivers + r;
-                    double *const row_of = squares
-                        ? squares + (of * room + filled[of]) * LENGTHS * LANES : NULL;
-                    if (squares && filled[of] == room)
+                    const real *const v = shown[p->receivers[r].component];
+                    if (!squares) {
+                        reduce(p, &p->receivers[r], v, &memory, &counted[r], settled, late, hold,
+                               total[r]);
+                        continue;
+                    }
+                    const int64_t index = g * p->n_receivers + r;
+                    double *const to = squares + (index * room + filled[index]) * LENGTHS * LANES;
+                    if (filled[index] == room)
                         return -2;
-                    if (reduce(p, &p->receivers[r], shown[p->receivers[r].component], &memory,
-                               &counted[r], settled, late, hold, total[r], row_of))
-                        filled[of]++;
+                    filled[index] += reduce_and_keep(p, &p->receivers[r], v, &memory, &counted[r],
+                                                     settled, late, hold, total[r], to);
                 }
             }
             if (record)

@@ -40,7 +40,7 @@ from .lanes_driver import (
     loaded_driver,
     unsupported,
 )
-from .lanes_memory import Memory, first_elements, in_order, starts_of
+from .lanes_memory import Memory, first_elements, in_order, receivers_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 ROOM_BYTES = 128 * 2**20
@@ -59,7 +59,7 @@ class Outcome:
         system has no target and platform to judge the receivers by.
     order
         By receiver, if requested: order statistics of the lengths of the errors [m], shape (runs,
-        len(LENGTHS), percentages); NaN without an estimate.
+        len(lengths), percentages); NaN without an estimate.
     values, time_ns, intervals_ns
         If requested: recorded variables, (runs, instants, *shape), at these times; see `Record`.
     """
@@ -87,6 +87,7 @@ def execute(
     record: Sequence[str] = (),
     settling_ns: int = 0,
     percentages: Sequence[int] = (),
+    lengths: Sequence[str] = LENGTHS,
     lanes: int = 0,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
@@ -108,6 +109,8 @@ def execute(
     percentages
         1 to 100: requested order statistics x₍⌈p n / 100⌉₎ of the lengths of the errors, over n
         estimates. Long runs then use fewer lanes, as their errors must be kept.
+    lengths
+        Which lengths, of `LENGTHS`.
     lanes
         Simulations side by side: 1, 2, 4, 8, or 0 for the best choice on this processor.
     threads
@@ -129,7 +132,7 @@ def execute(
         if not percentages or batch.lanes == 1 or batch.room_bytes <= ROOM_BYTES:
             break
         lanes = batch.lanes // 2
-    batch.percentages = tuple(percentages)
+    batch.percentages, batch.lengths = tuple(percentages), tuple(lengths)
     return batch.run(threads or os.cpu_count() or 1, progress)
 
 
@@ -165,11 +168,12 @@ class _Batch:
             for c, engine in zip(plan.components, self.engines, strict=True)
         ]
         self.runs, self.varied = self._varied(variations)
-        self.receivers = _receivers(plan)
+        self.receivers = receivers_of(plan)
         if len(self.receivers) > MAX_RECEIVERS:
             raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
         self._translate(handovers, record, settling_ns)
         self.percentages: tuple[int, ...] = ()
+        self.lengths: tuple[str, ...] = LENGTHS
 
     @property
     def room(self) -> int:
@@ -181,6 +185,13 @@ class _Batch:
             if c.name in self.receivers
         ]
         return span // max(min(ticks, default=span), 1) + 1
+
+    @property
+    def at_once(self) -> int:
+        """Groups per call of the driver."""
+        if not self.percentages:
+            return _GROUPS_PER_CALL
+        return max(1, min(_GROUPS_PER_CALL, ROOM_BYTES // max(self.room_bytes, 1)))
 
     @property
     def room_bytes(self) -> int:
@@ -306,11 +317,9 @@ class _Batch:
         sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
         width = sum(count for _, _, count in self.spans)
         history = np.empty((groups if width else 0, len(self.instants), width, self.lanes))
-        order = np.empty((groups, len(self.receivers), len(LENGTHS), self.lanes,
-                          len(self.percentages)))
-        at_once = _GROUPS_PER_CALL
-        if self.percentages:
-            at_once = max(1, min(at_once, ROOM_BYTES // max(self.room_bytes, 1)))
+        shape = (len(self.receivers), len(self.lengths), self.lanes, len(self.percentages))
+        order = np.empty((groups, *shape))
+        at_once = self.at_once
         cancel = ctypes.c_int32(0)
         counters: list[ctypes.c_int64] = []
         local = threading.local()
@@ -340,7 +349,9 @@ class _Batch:
                 raise FmuError("a receiver must not give more estimates than it has updates")
             if squares.size:
                 counts = sums[first:last, :, SUMS.index("estimates")].astype(np.int64)
-                order[first:last] = in_order(squares, filled, counts, self.percentages)
+                order[first:last] = in_order(
+                    squares, filled, counts, self.percentages, self.lengths
+                )
 
         with ThreadPoolExecutor(threads) as pool:
             try:
@@ -420,29 +431,6 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
     if kind == "Float64":
         return np.ascontiguousarray(values)
     return values.astype(np.bool_ if kind == "Boolean" else np.int32)
-
-
-def _receivers(plan: Plan) -> list[str]:
-    """Receivers to judge; none unless the system has a target and a platform."""
-    if not {"target", "platform"} <= {c.name for c in plan.components}:
-        return []
-    return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
-
-
-def remembered(plan: Plan) -> int:
-    """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
-
-    An estimate refers to the newest sample before its update, which may be one sampling time old,
-    and is visible one update later. An epoch between two instants of the target needs the earlier
-    one too.
-    """
-    receivers = _receivers(plan)
-    longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
-    updates = [longest[name] for name in receivers]
-    samples = [longest[name] for name in longest if name not in receivers]
-    instants = plan.instants
-    behind = 2 * max(updates, default=0) + max(samples, default=0)
-    return int(min(behind // np.diff(instants).min() + 2, len(instants)))
 
 
 __all__ = ["Outcome", "execute", "unsupported"]

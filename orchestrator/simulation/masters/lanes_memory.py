@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plan import PlannedComponent
+from ..plan import Plan, PlannedComponent
 from .lanes_driver import LENGTHS, MOMENT, Engine, Floats
 
 
@@ -66,6 +66,7 @@ def in_order(
     filled: NDArray[np.int64],
     counts: NDArray[np.int64],
     percentages: Sequence[int],
+    lengths: Sequence[str] = LENGTHS,
 ) -> Floats:
     """Order statistics of the lengths of the errors of some groups.
 
@@ -82,20 +83,48 @@ def in_order(
     Returns
     -------
     Floats
-        Lengths [m]; shape (groups, receivers, len(LENGTHS), lanes, len(percentages)); NaN without
+        Lengths [m]; shape (groups, receivers, len(lengths), lanes, len(percentages)); NaN without
         an estimate.
     """
-    shape = (*filled.shape, len(LENGTHS), counts.shape[-1], len(percentages))
-    order = np.full(shape, np.nan)
+    lanes = counts.shape[-1]
+    order = np.full((*filled.shape, len(lengths), lanes, len(percentages)), np.nan)
+    rows = [LENGTHS.index(length) for length in lengths]
+    space = np.empty(len(rows) * lanes * int(filled.max(initial=0)))
     at = np.maximum(-(-counts[..., None] * np.array(percentages) // 100) - 1, 0)
     for index in np.ndindex(filled.shape):
         if filled[index]:
-            # A vectorised sort; infinite values come last.
-            ordered = squares[index][: filled[index]].transpose(1, 2, 0).copy()
-            ordered.sort(axis=-1)
+            count = int(filled[index])
+            ordered = space[: len(rows) * lanes * count].reshape(len(rows), lanes, count)
+            for values, row in zip(ordered, rows, strict=True):
+                np.copyto(values, squares[index][:count, row].T)
+            # Doubles that are not negative are in the order of their bits; integers sort quicker.
+            ordered.view(np.int64).sort(axis=-1)
             selected = np.take_along_axis(ordered, at[index][None], axis=-1)
             order[index] = np.where(counts[index][:, None] > 0, np.sqrt(selected), np.nan)
     return order
+
+
+def receivers_of(plan: Plan) -> list[str]:
+    """Receivers to judge; none unless the system has a target and a platform."""
+    if not {"target", "platform"} <= {c.name for c in plan.components}:
+        return []
+    return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
+
+
+def remembered(plan: Plan) -> int:
+    """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
+
+    An estimate refers to the newest sample before its update, which may be one sampling time old,
+    and is visible one update later. An epoch between two instants of the target needs the earlier
+    one too.
+    """
+    receivers = receivers_of(plan)
+    longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
+    updates = [longest[name] for name in receivers]
+    samples = [longest[name] for name in longest if name not in receivers]
+    instants = plan.instants
+    behind = 2 * max(updates, default=0) + max(samples, default=0)
+    return int(min(behind // np.diff(instants).min() + 2, len(instants)))
 
 
 def first_elements(component: PlannedComponent) -> dict[str, int]:
