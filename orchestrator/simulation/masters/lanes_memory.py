@@ -87,9 +87,10 @@ def in_order(
         an estimate.
     """
     lanes = counts.shape[-1]
-    order = np.full((*filled.shape, len(lengths), lanes, len(percentages)), np.nan)
+    order = np.zeros((*filled.shape, len(lengths), lanes, len(percentages)))
     rows = [LENGTHS.index(length) for length in lengths]
     space = np.empty(len(rows) * lanes * int(filled.max(initial=0)))
+    lane = np.arange(lanes)[:, None]
     at = np.maximum(-(-counts[..., None] * np.array(percentages) // 100) - 1, 0)
     for index in np.ndindex(filled.shape):
         if filled[index]:
@@ -99,9 +100,10 @@ def in_order(
                 np.copyto(values, squares[index][:count, row].T)
             # Doubles that are not negative are in the order of their bits; integers sort quicker.
             ordered.view(np.int64).sort(axis=-1)
-            selected = np.take_along_axis(ordered, at[index][None], axis=-1)
-            order[index] = np.where(counts[index][:, None] > 0, np.sqrt(selected), np.nan)
-    return order
+            order[index] = ordered[:, lane, at[index]]
+    some = counts[:, :, None, :, None] > 0
+    lengths_m: Floats = np.where(some, np.sqrt(order), np.nan)
+    return lengths_m
 
 
 def receivers_of(plan: Plan) -> list[str]:
