@@ -219,8 +219,10 @@ def _number(text: str, kind: str) -> Number:
 def _array(base: str, members: Sequence[Port]) -> Port | None:
     """The array that scalars ``base[i,j]`` make up; None if they do not."""
     indices = [split(port.name)[1] for port in members]
-    alike = {(port.causality, port.type, port.unit, len(port.shape)) for port in members}
+    alike = {(port.causality, port.type, port.unit) for port in members}
     if not all(indices) or len({len(i) for i in indices}) > 1 or len(alike) > 1:
+        return None
+    if any(port.shape for port in members):  # arrays of FMI 3 with such names
         return None
     if min(map(min, indices)) < 1:
         return None

@@ -276,27 +276,29 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
 SANITIZED = """
 from dataclasses import replace
 import numpy as np
-from sblcosim.fmus import compiler
+from sblcosim.fmus.build import compiler
 checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 compiler.FLAGS = (*(f for f in compiler.FLAGS if f != "-O2"), "-O1", *checks)
 compiler.LINK_FLAGS = (*compiler.LINK_FLAGS, *checks)
 import sblcosim
-from sblcosim import lanes
-from sblcosim.simulation.plan import resolve
-from sblcosim.results.sums import SUMS
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.masters.lanes_driver import SUMS
+from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
 scenario = sblcosim.load("harbour-random", {"time.duration_s": 6.0})
-plan = resolve(scenario.system(("ekf", "sequential")))
+plan = resolve(connect(scenario, ("ekf", "sequential")))
 seeds = {f"{name}.seed": np.arange(1, 12) for name in ("target", "platform", "acoustics")}
 for number in (1, 2, 0):
     outcome = lanes.execute(
         plan, seeds, record=["ekf.position", "raw.nis_degrees"], lanes=number, threads=2,
+        percentages=(50, 100),
         handovers=[Connection("target.position", "ekf.prior_position")],
     )
     assert np.isfinite(outcome.values["ekf.position"]).all()
 # Depth at 0.2, 0.4 … s, the target at 0.3, 0.6 … s: epochs between its instants.
 scenario = scenario.override({"time.sampling_time_s": 0.3, "time.duration_s": 15.0})
-system = scenario.system(("ekf", "sequential"))
+system = connect(scenario, ("ekf", "sequential"))
 target = system.components["target"]
 target = replace(target, parameters={**target.parameters, "sampling_time": 0.2})
 plan = resolve(replace(system, components={**system.components, "target": target}))

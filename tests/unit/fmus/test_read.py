@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import subprocess
@@ -16,7 +17,7 @@ from sblcosim.fmus.conformance.receiver_contract import check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.read import archive, description
 from sblcosim.fmus.read.archive import opened
-from sblcosim.fmus.read.ports import read
+from sblcosim.fmus.read.ports import Port, _array, read
 
 BROKEN = Path(__file__).with_name("broken_fmus.py")
 XML = "modelDescription.xml"
@@ -284,3 +285,18 @@ def test_what_is_just_within_the_bounds_is_read_in_a_gigabyte(tmp_path: Path) ->
         "resource.setrlimit(resource.RLIMIT_DATA, (10**9, 10**9)); read(Path(sys.argv[1]))"
     )
     subprocess.run([sys.executable, "-c", code, path], check=True)
+
+
+@pytest.mark.parametrize("size", [0, 1, 3])
+def test_arrays_with_names_of_elements_do_not_make_up_another_array(size: int) -> None:
+    def port(index: int, shape: tuple[int, ...]) -> Port:
+        count = math.prod(shape)
+        return Port(
+            f"x[{index}]", "output", "Float64", shape, min=(0.0,) * count, max=(1.0,) * count,
+            references=(index,), variables=(f"x[{index}]",),
+        )  # fmt: skip
+
+    assert _array("x", [port(1, (size,)), port(2, (size,))]) is None
+    scalars = _array("x", [port(2, ()), port(1, ())])
+    assert scalars is not None
+    assert scalars.references == (1, 2)
