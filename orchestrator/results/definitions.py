@@ -44,6 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from ..simulation.masters.lanes_memory import order_index
 from ..simulation.record import Estimates, Record
 
 Floats = NDArray[np.float64]
@@ -166,6 +167,11 @@ def chosen(judged: Judged, which: Flags) -> Judged:
     return Judged(kept, **own)
 
 
+def horizontal_square(x: Floats, y: Floats) -> Floats:
+    """Square of the horizontal length [m²], summed in the order of the C."""
+    return x * x + y * y
+
+
 def length_squares(judged: Judged) -> dict[str, Floats]:
     """Squared lengths of the errors [m²], by the names in `LENGTHS`; shape (m,)."""
     squares = {}
@@ -173,7 +179,7 @@ def length_squares(judged: Judged) -> dict[str, Floats]:
         ("absolute", judged.error, judged.square),
         ("relative", judged.relative, judged.relative_square),
     ):
-        squares[f"{frame}_horizontal"] = error[:, 0] * error[:, 0] + error[:, 1] * error[:, 1]
+        squares[f"{frame}_horizontal"] = horizontal_square(error[:, 0], error[:, 1])
         squares[f"{frame}_total"] = total
     return squares
 
@@ -201,7 +207,7 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
     n = len(values)
     if n == 0:
         return np.full(len(percentages), np.nan)
-    statistics: Floats = np.sort(values)[[-(-p * n // 100) - 1 for p in percentages]]
+    statistics: Floats = np.sort(values)[order_index(n, percentages)]
     return statistics
 
 

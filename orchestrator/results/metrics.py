@@ -23,6 +23,7 @@ from .definitions import (
     Judged,
     Nanoseconds,
     chi_square_band,
+    horizontal_square,
     in_order,
     inconsistent,
     judge,
@@ -174,7 +175,8 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         for frame in FRAMES:
             x, y = (estimates[error_column(frame, axis)].to_numpy() for axis in ("x", "y"))
             total = estimates[error_column(frame, "total")].to_numpy()
-            for length, values in (("horizontal", np.sqrt(x * x + y * y)), ("total", total)):
+            horizontal = np.sqrt(horizontal_square(x, y))
+            for length, values in (("horizontal", horizontal), ("total", total)):
                 rows[receiver, frame, length] = order_statistics(values, PERCENTAGES)
     columns = [percentile_column(p) for p in PERCENTAGES]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)

@@ -61,6 +61,13 @@ class Memory:
         return address + -address % 64
 
 
+def order_index(
+    count: int | NDArray[np.int64], percentages: Sequence[int]
+) -> NDArray[np.int64]:
+    """Index of the order statistics x₍⌈p n / 100⌉₎ among n sorted values; -1 without any value."""
+    return -(-count * np.array(percentages, np.int64) // 100) - 1
+
+
 def in_order(
     squares: Floats,
     filled: NDArray[np.int64],
@@ -91,7 +98,7 @@ def in_order(
     rows = [LENGTHS.index(length) for length in lengths]
     space = np.empty(len(rows) * lanes * int(filled.max(initial=0)))
     lane = np.arange(lanes)[:, None]
-    at = np.maximum(-(-counts[..., None] * np.array(percentages) // 100) - 1, 0)
+    at = np.maximum(order_index(counts[..., None], percentages), 0)
     for index in np.ndindex(filled.shape):
         if filled[index]:
             count = int(filled[index])
