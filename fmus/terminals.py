@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 from sblcosim.models.declaration import TerminalKind, Variable
-from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, ports
+from sblcosim.models.ports import DEPTH, ESTIMATE, PING_POSE, RECEPTION, SYSTEM, ports
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 """Name of the file in an FMU."""
@@ -16,8 +16,10 @@ TERMINAL_KIND = "org.sblcosim."
 
 PORTS: Mapping[TerminalKind, tuple[Variable, ...]] = {
     "reception": ports(RECEPTION, "input"),
+    "pose": ports(PING_POSE, "input"),
     "depth": ports(DEPTH, "input"),
     "estimate": ports(ESTIMATE, "output"),
+    "system": ports(SYSTEM, "output"),
 }
 """The ports of a receiver, by the kind of terminal they belong to."""
 

@@ -16,7 +16,7 @@ Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
 Variability = Literal["fixed", "continuous", "discrete"]
 Number = float | int | bool
-TerminalKind = Literal["reception", "depth", "estimate"]
+TerminalKind = Literal["reception", "pose", "depth", "estimate", "system"]
 
 INT32_MAX = 2**31 - 1
 
@@ -43,6 +43,7 @@ UNITS: Mapping[str, Unit] = {
         Unit("m", "m"),
         Unit("s", "s"),
         Unit("m/s", "m_s"),
+        Unit("m2/s", "m2_s"),
         Unit("m2/s3", "m2_s3"),
         Unit("rad", "deg"),
         Unit("rad/s", "deg_s"),

@@ -18,6 +18,10 @@ BEACON_POSITIONS = (
     output("reported_beacon_position", "Positions that the beacons broadcast, NED: true ones plus "
            "the errors of GPS, IMU and installation", "m", shape=(BEACONS, 3)),
 )
+REPORTED_POSE = (
+    output("reported_position", "Position of the reference point by GPS, NED", "m", shape=(3,)),
+    output("reported_attitude", "Roll, pitch, yaw by IMU", "rad", shape=(3,)),
+)
 DEPTH = (
     output("depth", "Newest reading of the depth sensor; 0 before the first", "m",
            variability="discrete"),
@@ -35,6 +39,14 @@ RECEPTION = (
     output("packet_beacon_position", "Positions of all beacons in the newest received packet, NED",
            "m", shape=(BEACONS, 3), variability="discrete"),
 )
+PING_POSE = (
+    output("ping_platform_position", "Where the platform said it was in the newest received packet "
+           "of each beacon, NED", "m", shape=(BEACONS, 3), variability="discrete"),
+    output("ping_platform_attitude", "Roll, pitch, yaw that the platform said it had in that "
+           "packet", "rad", shape=(BEACONS, 3), variability="discrete"),
+    output("arrival_epoch", "Time at which that packet arrived; the start time before the first",
+           "s", shape=(BEACONS,), variability="discrete"),
+)
 ESTIMATE = (
     output("valid", "Whether there has been a fix", type="Boolean", start=False),
     output("update_count", "Number of valid estimates so far", type="Int32", start=0),
@@ -50,6 +62,19 @@ ESTIMATE = (
     output("nis", "Normalised innovation squared of the newest update", variability="discrete"),
     output("nis_degrees", "Number of scalar measurements in that update", type="Int32", start=0),
 )
+SYSTEM = (
+    output("relative_position", "Estimated position of the receiver minus that of the platform, "
+           "NED", "m", shape=(3,), variability="discrete"),
+    output("relative_covariance", "Covariance of that difference, in m2", shape=(3, 3),
+           variability="discrete"),
+    output("platform_position", "Estimated position of the platform's reference point, NED", "m",
+           shape=(3,), variability="discrete"),
+    output("clock_offset", "Estimated receiver's clock minus the beacons'", "s",
+           variability="discrete"),
+    output("sound_speed", "Estimated speed of sound", "m/s", variability="discrete"),
+    output("restart_count", "Number of times the receiver has started anew", type="Int32", start=0),
+)
+"""What a receiver may say of the system around it."""
 REQUIRED_ESTIMATE = ("epoch", "position", "update_count")
 """Outputs that every receiver must have. The others are optional, but their meaning is fixed."""
 

@@ -1,11 +1,11 @@
 """Does an FMU honour the plug contract of a receiver?
 
-The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION` and
-`DEPTH` as inputs, `ESTIMATE` as outputs) each one that the FMU declares has the port's name,
-causality, type, shape and unit. Further outputs and ports left out are fine. An array is an FMI 3
-array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where the FMU has terminals of our
-kinds, these say which variable is which port; elsewhere the names do. CasADi is not loaded, and the
-FMU's binary only on demand.
+The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION`,
+`PING_POSE` and `DEPTH` as inputs, `ESTIMATE` and `SYSTEM` as outputs) each one that the FMU
+declares has the port's name, causality, type, shape and unit. Further outputs and ports left out
+are fine. An array is an FMI 3 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where
+the FMU has terminals of our kinds, these say which variable is which port; elsewhere the names do.
+CasADi is not loaded, and the FMU's binary only on demand.
 """
 
 from __future__ import annotations

@@ -30,6 +30,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "reception_count": ca.SX.zeros(BEACONS),
         "ping_beacon_position": ca.SX.zeros(BEACONS, 3),
         "packet_beacon_position": ca.SX.zeros(BEACONS, 3),
+        "ping_platform_position": ca.SX.zeros(BEACONS, 3),
+        "ping_platform_attitude": ca.SX.zeros(BEACONS, 3),
+        "arrival_epoch": ca.repmat(t, BEACONS, 1),
     }
 
 
@@ -92,7 +95,8 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         p.clock_offset + p.clock_drift * (t - x.start)
         + p.processing_delay - p.processing_delay_correction
     )
-    measured = p.assumed_sound_speed * (true_range / p.sound_speed + delay)
+    travel_time = true_range / p.sound_speed
+    measured = p.assumed_sound_speed * (travel_time + delay)
     for error in RANGE_ERRORS:
         measured = measured + error(p, w)
     received = w.loss >= p.loss_probability * _UNIFORMS
@@ -114,6 +118,9 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         "packet_beacon_position": ca.if_else(
             received, u.reported_beacon_position, x.packet_beacon_position
         ),
+        "ping_platform_position": latch(u.reported_position.T, x.ping_platform_position),
+        "ping_platform_attitude": latch(u.reported_attitude.T, x.ping_platform_attitude),
+        "arrival_epoch": latch(t + travel_time, x.arrival_epoch),
     }
 
 

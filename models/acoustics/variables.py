@@ -12,7 +12,16 @@ from ..declaration import (
     switch,
     tick_interval,
 )
-from ..ports import BEACON_POSITIONS, BEACONS, MOTION, RECEPTION, ports, terminal
+from ..ports import (
+    BEACON_POSITIONS,
+    BEACONS,
+    MOTION,
+    PING_POSE,
+    RECEPTION,
+    REPORTED_POSE,
+    ports,
+    terminal,
+)
 
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 
@@ -51,11 +60,15 @@ COMPONENT = Component(
                   min=0.0, max=1.0),
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
+        *ports(REPORTED_POSE, "input"),
         *ports(RECEPTION, "output"),
         output("true_range", "Length of the sound's path for each range", "m", shape=(BEACONS,),
                variability="discrete"),
+        *ports(PING_POSE, "output"),
     ),
     terminals=(
         terminal("reception", "reception", "Newest reception from each beacon", RECEPTION),
+        terminal("pose", "pose", "The platform's pose in the packets of those receptions",
+                 PING_POSE),
     ),
 )

@@ -16,7 +16,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
-from ..ports import BEACON_POSITIONS, BEACONS, ports
+from ..ports import BEACON_POSITIONS, BEACONS, REPORTED_POSE, ports
 
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
@@ -134,7 +134,6 @@ COMPONENT = Component(
         output("position", "True position of the reference point, NED", "m", shape=(3,)),
         output("attitude", "True roll, pitch, yaw", "rad", shape=(3,)),
         *ports(BEACON_POSITIONS, "output"),
-        output("reported_position", "Position of the reference point by GPS, NED", "m", shape=(3,)),
-        output("reported_attitude", "Roll, pitch, yaw by IMU", "rad", shape=(3,)),
+        *ports(REPORTED_POSE, "output"),
     ),
 )

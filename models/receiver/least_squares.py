@@ -13,7 +13,7 @@ from .measurements import DEPTH, Samples, predicted
 PASSES = 20
 """At most this many passes of `improve` per fix."""
 FIRST_DAMPING = 1e-6
-_CLOSE = 1e-7
+CLOSE = 1e-7
 """A step below this many m ends the iteration."""
 
 
@@ -136,7 +136,7 @@ def improve(position: Any, damping: Any, s: Samples, weight: Any) -> Pass:
     return Pass(
         position=position + ca.if_else(better, step, 0),
         damping=damping * ca.if_else(better, 0.01, 100),
-        done=ca.sumsqr(step) < _CLOSE**2,
+        done=ca.sumsqr(step) < CLOSE**2,
         information=information,
         cost=ca.fmin(here, there),
     )

@@ -65,6 +65,13 @@ def initial(t: Any) -> Values:
 
 def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     """Read the inputs; ``x.seen`` is the mark of the samples already used."""
+    return with_beacons(x, u, ca.if_else(
+        p.beacon_position_source == _OWN_PACKET, u.ping_beacon_position, u.packet_beacon_position
+    ))
+
+
+def with_beacons(x: Symbols, u: Symbols, beacons: Any) -> Samples:
+    """The same with given positions of the beacons, (4, 3)."""
     epoch = ca.vertcat(u.range_epoch, u.depth_epoch)
     mark = ca.vertcat(u.reception_count, u.depth_epoch)
     heard = ca.vertcat(u.reception_count > 0, u.depth_epoch > x.start)
@@ -72,10 +79,7 @@ def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     return Samples(
         z=ca.vertcat(u.range, u.depth),
         epoch=epoch,
-        beacons=ca.if_else(
-            p.beacon_position_source == _OWN_PACKET,
-            u.ping_beacon_position, u.packet_beacon_position,
-        ),
+        beacons=beacons,
         mark=mark,
         heard=heard,
         new=new,

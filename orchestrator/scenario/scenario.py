@@ -20,6 +20,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
 from . import effects
+from .assumptions import assumed
 from .messages import is_table, lines
 from .overrides import Overrides, clear_for_presets, pairs, without_none
 from .reading import check_values, parse, read_text, shown
@@ -41,6 +42,7 @@ from .schema import (
     preset,
     rows,
     toml,
+    within,
 )
 
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
@@ -107,11 +109,12 @@ class Scenario(Table):
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": "ekf"})
         update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
-        levels = {"range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m}
-        derived = {
-            key: max(level, receiver.variables[key].min or 0.0) for key, level in levels.items()
-        }
-        derived["update_interval_s"] = update
+        derived = {**self.assumptions(), "update_interval_s": update}
+        if receiver.type is None:
+            derived = {
+                k: v for k, v in derived.items()
+                if receiver.variables[k].name in SHARED_PARAMETERS
+            }
         if receiver.prior == TRUE:
             derived["initialisation"] = "prior"
         if receiver.type in RECEIVERS:
@@ -168,6 +171,15 @@ class Scenario(Table):
     def _tables(self, *names: str) -> Iterator[tuple[str, Any]]:
         for name in names or ("target", "platform", "acoustics", "receiver"):
             yield name, getattr(self, name)
+
+    def assumptions(self) -> dict[str, Any]:
+        """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system."""
+        variables = self.receiver.variables
+        levels = {
+            "range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m,
+            **assumed(self.target, self.platform, self.acoustics),
+        }
+        return {key: within(variables[key], level) for key, level in levels.items()}
 
     def given(self) -> dict[str, Any]:
         """The keys that were given explicitly, as nested tables; the rest follows from them."""

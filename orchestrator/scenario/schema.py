@@ -82,6 +82,17 @@ def in_file_units(variable: Variable, value: float) -> float:
     return float(f"{math.degrees(value):.12g}")
 
 
+def within(variable: Variable, value: Any) -> Any:
+    """A value of a scenario file, or the nearest that the declaration allows."""
+    low, high = (
+        end if bound is None else in_file_units(variable, bound)
+        for end, bound in ((-math.inf, variable.min), (math.inf, variable.max))
+    )
+    if variable.shape:
+        return tuple(min(max(v, low), high) for v in value)
+    return min(max(value, low), high)
+
+
 def in_si(variable: Variable, value: Any) -> Any:
     """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
     if variable.shape:

@@ -10,13 +10,21 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, cast
 
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Variable
-from sblcosim.models.ports import BEACON_POSITIONS, DEPTH, MOTION, RECEPTION
+from sblcosim.models.ports import (
+    BEACON_POSITIONS,
+    DEPTH,
+    MOTION,
+    PING_POSE,
+    RECEPTION,
+    REPORTED_POSE,
+)
 
 from ..errors import (
     ConfigurationError,
@@ -167,14 +175,16 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
     return replaced
 
 
-def _ours(name: str, table: Any, fmi: int) -> _Part:
+def _ours(
+    name: str, table: Any, fmi: int, assumptions: Mapping[str, Any] = MappingProxyType({})
+) -> _Part:
     from sblcosim.fmus.build.factory import build
 
     component = COMPONENTS[name]
     spec = ComponentSpec(
         build(name, cast(Literal[2, 3], fmi)),  # `build` refuses anything else
         nanoseconds(table.interval_s),
-        _values(component.of("parameter"), table),
+        _values(component.of("parameter"), table, assumptions),
     )
     return _Part(spec, frozenset(v.name for v in component))
 
@@ -182,7 +192,7 @@ def _ours(name: str, table: Any, fmi: int) -> _Part:
 def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part:
     table = scenario.receiver
     if isinstance(source, str):
-        return _ours(source, table, fmi)
+        return _ours(source, table, fmi, scenario.assumptions())
     _check_contract(label, source)
     own = table.fmu is not None and source == Path(table.fmu)
     return _foreign("receiver", table, source, own, scenario.where)
@@ -249,7 +259,7 @@ def _check_contract(label: str, source: Source) -> None:
 
 def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:
     for label, part in parts.items():
-        ports = {v.name for v in (*RECEPTION, *DEPTH)} - part.names
+        ports = {v.name for v in (*RECEPTION, *PING_POSE, *DEPTH)} - part.names
         for name in sorted(part.foreign_inputs):
             if f"{label}.{name}" not in fed:
                 warnings.warn(
@@ -286,9 +296,15 @@ def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[s
         yield f"{named}: {'has' if len(keys) == 1 else 'have'} no effect, as {why}"
 
 
-def _values(variables: Iterable[Variable], table: Any) -> dict[str, Value]:
-    """Values of some parameters in a table: FMI names and SI values."""
-    values = {v.name: (v, getattr(table, v.key)) for v in variables}
+def _values(
+    variables: Iterable[Variable], table: Any,
+    assumptions: Mapping[str, Any] = MappingProxyType({}),
+) -> dict[str, Value]:
+    """Values of some parameters in a table, else what is assumed: FMI names and SI values."""
+    values = {}
+    for v in variables:
+        value = getattr(table, v.key)
+        values[v.name] = (v, assumptions.get(v.key) if value is None else value)
     return {name: in_si(v, value) for name, (v, value) in values.items() if value is not None}
 
 
@@ -433,8 +449,15 @@ def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterat
         yield Connection(f"target.{variable.name}", f"acoustics.target_{variable.name}")
     for variable in BEACON_POSITIONS:
         yield Connection(f"platform.{variable.name}", f"acoustics.{variable.name}")
+    for variable in REPORTED_POSE:
+        if {variable.name} <= parts["platform"].names & parts["acoustics"].names:
+            yield Connection(f"platform.{variable.name}", f"acoustics.{variable.name}")
+    sensors = (("acoustics", (*RECEPTION, *PING_POSE)), ("target", DEPTH))
     for label in receivers:
-        for source, variables in (("acoustics", RECEPTION), ("target", DEPTH)):
+        for source, variables in sensors:
             for variable in variables:
-                if variable.name in parts[label].names:
+                optional = variable in PING_POSE
+                if variable.name in parts[label].names and (
+                    not optional or variable.name in parts[source].names
+                ):
                     yield Connection(f"{source}.{variable.name}", f"{label}.{variable.name}")

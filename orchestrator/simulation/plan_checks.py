@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from sblcosim.fmus.host.nanoseconds import text_of
 from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models.ports import RECEPTION
+from sblcosim.models.ports import PING_POSE, RECEPTION
 
 from ..errors import ConfigurationError
 from .plan import Plan, PlannedComponent
@@ -16,7 +16,7 @@ MEMORY_SHARE = 0.25
 """Largest share of the machine's memory for a record. The table made from it takes as much again,
 and so does writing the table."""
 
-_RECEPTION = frozenset(v.name for v in RECEPTION)
+_RECEPTION = frozenset(v.name for v in (*RECEPTION, *PING_POSE))
 
 
 def check_size(plan: Plan, memory: int | None = None) -> None:

@@ -1,0 +1,140 @@
+"""What a short baseline does not see: a turn of the diver's track about the platform.
+
+y = x − p, horizontal; e_r = y/|y|, and e_t is e_r turned by 90°. Corrections along e_t are taken
+along the arc, and the spread along it bends ranges and shifts the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from .least_squares import symmetric
+from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
+
+_NORTH_EAST = list(POSITION[:2])
+_SPEEDS = list(VELOCITY[:2])
+_PLATFORM = list(PLATFORM)
+_SHORTEST = 1.0
+"""Nearer to the platform than this many m, there is no arc."""
+_WIDEST = 2.0
+"""Largest variance of the bearing [rad²]: beyond, it is nowhere."""
+_J = ca.SX([[0, -1], [1, 0]])
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """The diver as seen from the platform.
+
+    Attributes
+    ----------
+    y, radius
+        x − p, (2, 1), and its length, at least `_SHORTEST` [m].
+    radial, tangential
+        e_r and e_t, (2, 1).
+    far
+        Whether there is an arc at all: 0 or 1.
+    spread, depth
+        Variances of the bearing, at most `_WIDEST` [rad²], and of the distance [m²].
+    """
+
+    y: Any
+    radius: Any
+    radial: Any
+    tangential: Any
+    far: Any
+    spread: Any
+    depth: Any
+
+
+def about(mean: Any, P: Any) -> Arc:
+    """The arc of a state and its covariance."""
+    y = mean[_NORTH_EAST] - mean[_PLATFORM]
+    length = ca.sqrt(ca.sumsqr(y))
+    radius = ca.fmax(length, _SHORTEST)
+    radial = y / radius
+    tangential = ca.vertcat(-radial[1], radial[0])
+    P_yy = relative(P)
+    return Arc(
+        y, radius, radial, tangential,
+        far=length > _SHORTEST,
+        spread=ca.fmin(_form(tangential, P_yy) / radius**2, _WIDEST),
+        depth=_form(radial, P_yy),
+    )
+
+
+def relative(P: Any) -> Any:
+    """Covariance of y, (2, 2)."""
+    cross = P[_NORTH_EAST, _PLATFORM]
+    return P[_NORTH_EAST, _NORTH_EAST] - cross - cross.T + P[_PLATFORM, _PLATFORM]
+
+
+def _form(v: Any, matrix: Any) -> Any:
+    return (
+        v[0] ** 2 * matrix[0, 0] + 2 * v[0] * v[1] * matrix[0, 1] + v[1] ** 2 * matrix[1, 1]
+    )
+
+
+def bend(arc: Arc, u: Sequence[Any], arm: Sequence[Any], distance: Any) -> Any:
+    """Mean of what a range has beyond its linear part, as the bearing spreads [m].
+
+    Turning about the platform leaves the distance to its centre as it is; only the arm of the
+    beacon bends the range. Twice the square of this is the variance of that part.
+    """
+    first = (u[0] * arc.tangential[0] + u[1] * arc.tangential[1]) * arc.radius
+    second = (arc.y[0] * arm[0] + arc.y[1] * arm[1] - first**2) / distance
+    return ca.if_else(arc.far, 0.5 * second * arc.spread, 0)
+
+
+def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:
+    """Take a correction d of all states along the arc; the covariance turns with it."""
+    y = mean[_NORTH_EAST] - mean[_PLATFORM]
+    length = ca.sqrt(ca.sumsqr(y))
+    radius = ca.fmax(length, _SHORTEST)
+    radial = y / radius
+    tangential = ca.vertcat(-radial[1], radial[0])
+    d_y = d[_NORTH_EAST] - d[_PLATFORM]
+    out, turn = ca.dot(radial, d_y), ca.dot(tangential, d_y) / radius
+    on_arc = (length > _SHORTEST) * (out > -radius / 2) * (ca.fabs(turn) < 1)
+    c, s = ca.cos(turn), ca.sin(turn)
+    M = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+    v = mean[_SPEEDS]
+    xi = d[_SPEEDS] - turn * (_J @ v)
+    curved = ca.SX(mean + d)
+    curved[_NORTH_EAST] = mean[_PLATFORM] + d[_PLATFORM] + M @ (y + out * radial)
+    curved[_SPEEDS] = M @ (v + xi)
+
+    G = M @ (radial @ radial.T + (radius + out) / radius * (tangential @ tangential.T))
+    lag = (M @ (_J @ xi)) @ tangential.T / radius
+    eye = ca.SX.eye(2)
+    A = ca.SX.eye(STATES)
+    for rows, columns, block, without in (
+        (_NORTH_EAST, _NORTH_EAST, G, eye),
+        (_NORTH_EAST, _PLATFORM, eye - G, ca.SX.zeros(2, 2)),
+        (_SPEEDS, _SPEEDS, M, eye),
+        (_SPEEDS, _NORTH_EAST, lag, ca.SX.zeros(2, 2)),
+        (_SPEEDS, _PLATFORM, -lag, ca.SX.zeros(2, 2)),
+    ):
+        A[rows, columns] = ca.if_else(on_arc, block, without)
+    return ca.if_else(on_arc, curved, mean + d), symmetric(A @ P @ A.T)
+
+
+def moments(arc: Arc, P: Any) -> tuple[Any, Any]:
+    """How far the mean of the banana lies from its crest, (2, 1), and what its covariance has more.
+
+    The bearing is normal with the variance s that the distance does not explain; the mean of
+    y turned by such an angle is ``y exp(-s/2)``.
+    """
+    s = arc.far * arc.spread * ca.fmin(
+        ca.fmax(1 - arc.depth / ca.fmax(arc.spread * arc.radius**2, 1e-12), 0), 1
+    )
+    once, twice = ca.exp(-s / 2), ca.exp(-2 * s)
+    along = 0.5 * (1 + twice) - ca.exp(-s)
+    across = 0.5 * (1 - twice) - s
+    more = arc.radius**2 * (
+        along * (arc.radial @ arc.radial.T) + across * (arc.tangential @ arc.tangential.T)
+    )
+    return arc.y * (once - 1), more

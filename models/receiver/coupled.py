@@ -1,0 +1,322 @@
+"""A Kalman filter of the diver, the platform and the errors of their sensors, together.
+
+Every sample is used once, at its own epoch. Ranges may be late; corrections follow the arc about
+the platform; a filter that is wrong starts anew.
+"""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt
+from typing import Any
+
+import casadi as ca
+
+from ..declaration import number_of
+from ..equations import Equations, Loop, Symbols, Values
+from ..ports import BEACONS
+from . import arc, estimate, least_squares, measurements, pose, start, surroundings
+from .estimate import pack, unpack
+from .least_squares import symmetric
+from .measurements import DEPTH, MEASUREMENTS, with_beacons
+from .surroundings import (
+    CLOCK,
+    HEADING,
+    PLATFORM,
+    POSITION,
+    SPEED,
+    STATES,
+    VELOCITY,
+    Measurement,
+)
+from .variables import INITIALISATION
+
+_PRIOR = number_of(INITIALISATION, "prior")
+_FAR_STD = 30.0
+"""Of the platform about its first packet [m]; more makes no difference."""
+_ANYWHERE = 10.0
+"""Of a heading before the first packet [rad]."""
+_WRONG, _REACH = 1e-4, 50.0
+"""Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
+_LIMIT = 12.0
+"""Score at which the filter starts anew."""
+_ACCEPTED = 1.1
+"""What a range that fits takes back from the score."""
+_ERFC = (
+    -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
+    1.48851587, -0.82215223, 0.17087277,
+)
+"""erfc(a) = t exp(-a² + poly(t)), t = 1/(1 + a/2), to 1.2e-7 of itself (W. H. Press et al.,
+Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
+
+
+def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    stds = ca.SX.zeros(STATES)
+    for i, std in surroundings.prior_stds(p).items():
+        stds[i] = std
+    for i in POSITION:
+        stds[i] = p.prior_position_std
+    for i in VELOCITY:
+        stds[i] = p.prior_velocity_std
+    mean = ca.SX.zeros(STATES)
+    mean[list(POSITION)] = p.prior_position
+    mean[list(VELOCITY)] = p.prior_velocity
+    return {
+        **measurements.initial(t),
+        **estimate.initial(t),
+        "ready": p.initialisation == _PRIOR,
+        "located": 0,
+        "mean": mean,
+        "covariance": pack(ca.diag(stds**2)),
+        "platform_down": 0,
+        "arm": ca.SX.zeros(BEACONS, 3),
+        "score": 0,
+        "restarts": 0,
+        "passes": 0,
+        "damping": 0,
+    }
+
+
+def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
+    s = with_beacons(x, u, u.ping_beacon_position)
+    update = s.any_new * x.ready
+    first = s.any_new * s.enough * (x.ready == 0)
+    return {
+        "ready": x.ready + first,
+        "update_count": x.update_count + update + first,
+        "nis": ca.if_else(update, 0, x.nis),
+        "nis_degrees": ca.if_else(update, 0, x.nis_degrees),
+        "passes": least_squares.PASSES * first,
+        "damping": least_squares.FIRST_DAMPING,
+    }
+
+
+def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    return with_beacons(x, u, u.ping_beacon_position).any_new
+
+
+def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The oldest sample; a depth and a packet of one epoch together, the depth first."""
+    s = with_beacons(x, u, u.ping_beacon_position)
+    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
+    oldest = ca.mmin(ca.vertcat(*pending))
+    depth = pending[DEPTH] <= oldest
+    which, packet, z = [], ca.SX(0), ca.SX(0)
+    for i in range(BEACONS):  # of equal epochs the first one
+        this = (pending[i] <= oldest) * (packet == 0)
+        which.append(this)
+        packet += this
+        z = ca.if_else(this, s.z[i], z)
+    chosen = ca.vertcat(*which)
+    newest = oldest >= ca.mmax(s.epoch[:BEACONS])
+    epoch = ca.fmax(oldest, x.epoch)
+    using = x.ready * (x.passes == 0)
+
+    mean, P = _predicted(p, x, epoch - x.epoch)
+    said = pose.read(p, u, s, chosen, newest)
+    mean, P, located = _located(p, mean, P, said, packet, x.located)
+
+    row = surroundings.depth(p, _elements(mean))
+    depth_used = depth * using
+    d, P, depth_nis = _update(P, ca.SX.zeros(STATES), row, s.z[DEPTH] - row.value, depth_used)
+    mean = mean + d
+
+    mean, P = _platform_updated(p, mean, P, said, packet * located)
+    ranged = packet * located * using
+    mean, P, share, range_nis = _range_updated(p, mean, P, said, z, ranged)
+
+    evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
+    score = ca.if_else(
+        ranged, ca.fmax(x.score + (1 - share) * evidence - _ACCEPTED * share, 0), x.score
+    )
+    speed = ca.sumsqr(mean[list(VELOCITY)])
+    wrong = ca.fmax(score > _LIMIT, speed > p.speed_limit**2) * using * s.enough
+    arms = _turned_arm(said)
+    return {
+        "seen": ca.if_else(
+            ca.vertcat(chosen, depth), s.mark, x.seen
+        ),
+        "epoch": epoch,
+        "mean": mean,
+        "covariance": pack(P),
+        "located": located,
+        "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
+        "arm": ca.vertcat(*(
+            ca.if_else(this, arms.T, x.arm[i, :]) for i, this in enumerate(which)
+        )),
+        "score": ca.if_else(wrong, 0, score),
+        "restarts": x.restarts + wrong,
+        "nis": x.nis + depth_nis + range_nis,
+        "nis_degrees": x.nis_degrees + depth_used + ranged * (share > 0.5),
+        "passes": ca.if_else(wrong, least_squares.PASSES, x.passes),
+        "damping": ca.if_else(wrong, least_squares.FIRST_DAMPING, x.damping),
+    }
+
+
+def _elements(mean: Any) -> list[Any]:
+    return [mean[i] for i in range(STATES)]
+
+
+def _turned_arm(said: pose.Packet) -> Any:
+    """The beacon's arm with the tilt of its packet, at a heading of 0, (3, 1)."""
+    at_zero = [ca.SX(0)] * STATES
+    arm = [said.arm[i] for i in range(3)]
+    return ca.vertcat(*surroundings.arm_of(ca, at_zero, said.pose, arm))
+
+
+def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any]:
+    """The state and its covariance a time dt [s] later."""
+    phi, noise = surroundings.transition(ca, p, dt)
+    Phi, Q = ca.SX.eye(STATES), ca.SX(STATES, STATES)
+    for (i, j), value in phi.items():
+        Phi[i, j] = value
+    for (i, j), value in noise.items():
+        Q[i, j] = Q[j, i] = value
+    P = unpack(x.covariance, STATES)
+    return Phi @ x.mean, symmetric(Phi @ P @ Phi.T + Q)
+
+
+def _located(
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
+) -> tuple[Any, Any, Any]:
+    """Put the platform where its first complete packet says it is."""
+    first = packet * said.complete * (located == 0)
+    own = ca.fmax(p.gps_std, surroundings.LEAST_GPS_STD) ** 2 / ca.fmax(
+        ca.sumsqr(p.beacon_offset[:, :2]) / BEACONS, 1e-6
+    )
+    variances = {
+        **dict.fromkeys(PLATFORM, _FAR_STD**2),
+        HEADING: ca.if_else(said.is_own, ca.fmin(own, 1), _ANYWHERE**2),
+    }
+    values = {
+        PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
+    }
+    mean, P = ca.SX(mean), ca.SX(P)
+    for i, variance in variances.items():
+        mean[i] = ca.if_else(first, values[i], mean[i])
+        for j in range(STATES):
+            P[i, j] = P[j, i] = ca.if_else(first, variance if i == j else 0, P[i, j])
+    return mean, P, ca.fmax(located, first)
+
+
+def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
+    """P H' and S = H P H' + R of a scalar measurement."""
+    H = ca.SX(STATES, 1)
+    for i, value in row.row.items():
+        H[i] = value
+    c = P @ H
+    return c, ca.dot(H, c) + row.variance
+
+
+def _update(
+    P: Any, d: Any, row: Measurement, innovation: Any, weight: Any
+) -> tuple[Any, Any, Any]:
+    """Add a linear scalar measurement to a correction d that has not been taken yet.
+
+    Returns
+    -------
+    d, P, nis
+        With the measurement, where weight is 1.
+    """
+    c, S = _gain(P, row)
+    rest = innovation - sum(value * d[i] for i, value in row.row.items())
+    share = weight / S
+    return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2
+
+
+def _platform_updated(
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
+) -> tuple[Any, Any]:
+    """What a packet says of the platform, taken as one correction."""
+    x = _elements(mean)
+    d = ca.SX.zeros(STATES)
+    for i, row in enumerate(surroundings.places(ca, p, x, [said.body[0], said.body[1]])):
+        d, P, _ = _update(P, d, row, said.place[i] - row.value, weight)
+    row = surroundings.heading(ca, p, x)
+    off = said.heading - row.value
+    wrapped = off - 2 * pi * ca.floor((off + pi) / (2 * pi))
+    d, P, _ = _update(P, d, row, wrapped, weight * (said.is_own == 0))
+    return arc.retract(mean, P, d)
+
+
+def _range_updated(
+    p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
+) -> tuple[Any, Any, Any, Any]:
+    """A range, which may be late; along the arc, with its second order.
+
+    Returns
+    -------
+    mean, P, share, nis
+        ``share`` is the probability that the range is not late.
+    """
+    row = surroundings.range_(
+        ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
+    )
+    bent = arc.bend(arc.about(mean, P), row.u, row.arm, row.distance)
+    c, S = _gain(P, Measurement(row.value, row.row, row.variance + 2 * bent**2))
+    innovation = z - row.value - bent
+    share = _punctual(p, innovation, S)
+    kept = weight * share
+    K = c / S
+    d = kept * innovation * K
+    widened = kept * (1 - share) * innovation**2
+    P = symmetric(P + (widened - kept * S) * (K @ K.T))
+    mean, P = arc.retract(mean, P, d)
+    return mean, P, share, kept * innovation**2 / S
+
+
+def _punctual(p: Symbols, innovation: Any, S: Any) -> Any:
+    """Probability that a range is not late, from its innovation of variance S.
+
+    A late one has an excess of exponential distribution with the mean m; all three densities have
+    the factor exp(-ν²/2S) where that is not the small one.
+    """
+    chance, m = p.outlier_probability, p.outlier_mean
+    root = ca.sqrt(S)
+    a = (root / m - innovation / root) / sqrt(2)
+    t = 1 / (1 + 0.5 * ca.fabs(a))
+    poly = ca.SX(_ERFC[-1])
+    for coefficient in reversed(_ERFC[:-1]):
+        poly = poly * t + coefficient
+    normal = -0.5 * innovation**2 / S
+    exponential = ca.fmin(0.5 * S / m**2 - innovation / m, 0)
+    early = t * ca.exp(poly + normal)  # a >= 0: a² cancels
+    late = ca.exp(exponential) * 2 - t * ca.exp(poly + normal)
+    density = chance / (2 * m) * ca.if_else(a >= 0, early, late) + _WRONG / _REACH
+    punctual = (1 - chance) / (sqrt(2 * pi) * root) * ca.exp(normal)
+    return punctual / (punctual + density)
+
+
+def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    P = unpack(x.covariance, STATES)
+    seen = arc.about(x.mean, P)
+    shift, more = arc.moments(seen, P)
+    order = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
+    mean = x.mean[order]
+    covariance = P[order, order]
+    relative = ca.SX.zeros(3, 3)
+    relative[:2, :2] = arc.relative(P) + more
+    crossing = P[list(POSITION[:2]), 2] - P[list(PLATFORM), 2]
+    relative[:2, 2], relative[2, :2] = crossing, crossing.T
+    relative[2, 2] = P[2, 2] + p.gps_vertical_std**2
+    horizontal = [0, 2]
+    mean[horizontal] += shift
+    covariance[horizontal, horizontal] += more + p.gps_bias_std**2 * ca.SX.eye(2)
+    platform = ca.vertcat(x.mean[list(PLATFORM)], x.platform_down)
+    there = x.update_count > 0
+    return {
+        **estimate.outputs(x, mean, covariance),
+        "relative_position": ca.if_else(there, mean[[0, 2, 4]] - platform, 0),
+        "relative_covariance": ca.if_else(there, relative, 0),
+        "platform_position": platform,
+        "clock_offset": x.mean[CLOCK] / p.assumed_sound_speed,
+        "sound_speed": p.assumed_sound_speed / (1 + x.mean[SPEED]),
+        "restart_count": x.restarts,
+    }
+
+
+EQUATIONS = Equations(
+    initial=_initial,
+    tick=_tick,
+    output=_output,
+    iterate=(Loop("process", _unprocessed, _process), start.anew()),
+)

@@ -1,0 +1,226 @@
+"""The model of `coupled`: the diver, the platform, and the errors of their sensors.
+
+Formulas on scalars, written once for two worlds: ``m`` is the module ``casadi`` for the component,
+``numpy`` for bounds and smoothers, where a scalar may also be an array. ``p`` has the parameters of
+`sblcosim.models.receiver.variables.COUPLED` as attributes, and ``x`` is a sequence of `STATES`
+scalars. A row of H is a mapping from the indices of states to derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+POSITION, VELOCITY = (0, 1, 2), (3, 4, 5)
+"""x [m] and v [m/s] of the diver, NED."""
+PLATFORM, PLATFORM_VELOCITY, GPS_ERROR = (6, 7), (8, 9), (10, 11)
+"""p [m], w [m/s] and g [m]: the platform, north and east, and the coloured error of its GPS."""
+HEADING, HEADING_RATE, HEADING_ERROR = 12, 13, 14
+"""ψ [rad], its rate [rad/s], and e_ψ [rad]: the coloured error of the IMU's heading."""
+CLOCK, SPEED, DEPTH_BIAS = 15, 16, 17
+"""β [m]: the clock's offset times c₀; κ = c₀/c − 1; d [m]: error of the depth sensor."""
+STATES = 18
+LEAST_GPS_STD = 0.01
+"""What a GPS is never better than [m]: packets are rounded."""
+LEAST_HEADING_STD = 1e-3
+"""The same of a heading [rad]."""
+
+Row = Mapping[int, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """A scalar measurement at a state.
+
+    Attributes
+    ----------
+    value
+        h(x), in m or rad.
+    row
+        ∂h/∂x by the index of the state.
+    variance
+        Of its white noise.
+    """
+
+    value: Any
+    row: Row
+    variance: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """What a packet says of the platform, as far as the filter does not estimate it.
+
+    Attributes
+    ----------
+    down
+        Reported position of the reference point, down [m].
+    roll, pitch
+        Best estimates from the reported ones [rad]; see `tilt`.
+    tilt_variance
+        Of each of them [rad²].
+    """
+
+    down: Any
+    roll: Any
+    pitch: Any
+    tilt_variance: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Range(Measurement):
+    """A range, with what its second order needs.
+
+    Attributes
+    ----------
+    u
+        (1 + κ) o/ρ: derivative with respect to the diver's position.
+    arm
+        ℓ, from the platform's reference point to the beacon, NED [m].
+    distance
+        ρ [m].
+    """
+
+    u: Sequence[Any]
+    arm: Sequence[Any]
+    distance: Any
+
+
+def prior_stds(p: Any) -> dict[int, Any]:
+    """Standard deviations of those states that have one before any measurement."""
+    return {
+        **dict.fromkeys(PLATFORM_VELOCITY, p.platform_velocity_std),
+        **dict.fromkeys(GPS_ERROR, p.gps_markov_std),
+        HEADING_RATE: p.heading_rate_std,
+        HEADING_ERROR: p.imu_heading_error_std,
+        CLOCK: p.clock_std,
+        SPEED: p.sound_speed_std,
+        DEPTH_BIAS: p.depth_bias_std,
+    }
+
+
+def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
+    """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
+    phi: dict[tuple[int, int], Any] = {}
+    Q: dict[tuple[int, int], Any] = {}
+    q, dt2 = p.acceleration_psd, dt * dt
+    for i, j in zip(POSITION, VELOCITY, strict=True):  # white acceleration
+        phi[i, j] = dt
+        Q[i, i], Q[i, j], Q[j, j] = q * dt2 * dt / 3, q * dt2 / 2, q * dt
+    for pairs, std, tau in (
+        (zip(PLATFORM, PLATFORM_VELOCITY, strict=True), p.platform_velocity_std,
+         p.platform_velocity_time),
+        (((HEADING, HEADING_RATE),), p.heading_rate_std, p.heading_rate_time),
+    ):
+        # Ornstein-Uhlenbeck: the rate is a Gauss-Markov process, gone = 1 - exp(-dt/tau).
+        gone = 1 - m.exp(-dt / tau)
+        far = tau * gone
+        noise = 2 * std**2 / tau
+        for i, j in pairs:
+            phi[i, j], phi[j, j] = far, 1 - gone
+            Q[i, i] = noise * tau**2 * m.fmax(dt - far - far * gone / 2, 0)
+            Q[i, j] = noise * far**2 / 2
+            Q[j, j] = noise * far * (1 - gone / 2)
+    for states, std, tau in (
+        (GPS_ERROR, p.gps_markov_std, p.gps_correlation_time),
+        ((HEADING_ERROR,), p.imu_heading_error_std, p.imu_heading_error_time),
+    ):
+        decay = m.exp(-dt / tau)
+        for i in states:
+            phi[i, i], Q[i, i] = decay, std**2 * (1 - decay**2)
+    Q[CLOCK, CLOCK] = p.clock_walk_psd * dt
+    return phi, Q
+
+
+def depth(p: Any, x: Sequence[Any]) -> Measurement:
+    """A reading of the depth sensor."""
+    return Measurement(x[2] + x[DEPTH_BIAS], {2: 1, DEPTH_BIAS: 1}, p.depth_std**2)
+
+
+def heading(m: Any, p: Any, x: Sequence[Any]) -> Measurement:
+    """A reported heading; innovations must be wrapped."""
+    std = m.fmax(p.imu_heading_std, LEAST_HEADING_STD)
+    return Measurement(x[HEADING] + x[HEADING_ERROR], {HEADING: 1, HEADING_ERROR: 1}, std**2)
+
+
+def places(m: Any, p: Any, x: Sequence[Any], body: Sequence[Any]) -> tuple[Measurement, ...]:
+    """Reported north and east of a point of the platform.
+
+    Parameters
+    ----------
+    body
+        The point, north and east at a heading of 0 [m]; (0, 0) for the reference point.
+    """
+    angle = x[HEADING] + x[HEADING_ERROR]
+    c, s = m.cos(angle), m.sin(angle)
+    arm = (c * body[0] - s * body[1], s * body[0] + c * body[1])
+    variance = m.fmax(p.gps_std, LEAST_GPS_STD) ** 2
+    return tuple(
+        Measurement(
+            x[PLATFORM[i]] + x[GPS_ERROR[i]] + arm[i],
+            {PLATFORM[i]: 1, GPS_ERROR[i]: 1, HEADING: turn, HEADING_ERROR: turn},
+            variance,
+        )
+        for i, turn in enumerate((-arm[1], arm[0]))
+    )
+
+
+def tilt(p: Any, reported: Any) -> tuple[Any, Any]:
+    """Best estimate of a roll or a pitch from the reported one, and its variance [rad²]."""
+    own, white = p.tilt_std**2, p.imu_tilt_std**2
+    trust = own / (own + white + 1e-12)
+    return trust * reported, trust * white
+
+
+def arm_of(m: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """ℓ = R_z(ψ) R_y(pitch) R_x(roll) b, NED [m]."""
+    return _arms(m, x, pose, body)[0]
+
+
+def _arms(
+    m: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]
+) -> tuple[tuple[Any, Any, Any], ...]:
+    """ℓ and its derivatives with respect to roll and pitch."""
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (m.cos(a), m.sin(a)) for a in (pose.roll, pose.pitch, x[HEADING])
+    )
+    lateral, lower = body[1] * cr - body[2] * sr, body[1] * sr + body[2] * cr
+    tilted = (body[0] * cp + lower * sp, lateral, lower * cp - body[0] * sp)
+    by_roll, by_pitch = (lateral * sp, -lower, lateral * cp), (tilted[2], 0, -tilted[0])
+    return tuple(
+        (cy * v[0] - sy * v[1], sy * v[0] + cy * v[1], v[2]) for v in (tilted, by_roll, by_pitch)
+    )
+
+
+def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) -> Range:
+    """A range to a beacon.
+
+    Parameters
+    ----------
+    body
+        Nominal position of the beacon in the body frame [m].
+    """
+    arm, by_roll, by_pitch = _arms(m, x, pose, body)
+    o = (x[0] - x[PLATFORM[0]] - arm[0], x[1] - x[PLATFORM[1]] - arm[1],
+         x[2] - pose.down - arm[2])
+    distance = m.sqrt(m.fmax(o[0] * o[0] + o[1] * o[1] + o[2] * o[2], 1e-12))
+    stretch = 1 + x[SPEED]
+    per_metre = stretch / distance
+    u = tuple(per_metre * a for a in o)
+
+    slope = sum((u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) ** 2 for v in (by_roll, by_pitch))
+    return Range(
+        value=stretch * distance + x[CLOCK],
+        row={
+            **dict(enumerate(u)),
+            **{i: -u[n] for n, i in enumerate(PLATFORM)},
+            HEADING: u[0] * arm[1] - u[1] * arm[0],
+            CLOCK: 1,
+            SPEED: distance,
+        },
+        variance=p.range_std**2 + pose.tilt_variance * slope + u[2] ** 2 * p.gps_vertical_std**2,
+        u=u,
+        arm=arm,
+        distance=distance,
+    )

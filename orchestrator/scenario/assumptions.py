@@ -1,0 +1,90 @@
+"""What a receiver may assume of the system: parameters of `coupled` from a scenario's own values.
+
+The table in ``models/receiver/README.md`` says which comes from which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot, pi, sqrt
+from typing import Any
+
+from sblcosim.models.ports import BEACONS
+
+_DRIFT_MEMORY = 100.0
+"""A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
+does."""
+_LEAST_OUTLIER_PROBABILITY = 0.01
+
+
+def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
+    """Keys of ``[receiver]`` and their values, in the units of a scenario file.
+
+    Parameters
+    ----------
+    target, platform, acoustics
+        Tables of the scenario, complete.
+    """
+    swing, swing_time = _motion(platform, ("surge", "sway"))
+    turning, turning_time = _motion(platform, ("yaw",))
+    roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
+    slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
+                 platform.imu_heading_step_deg)
+    markov = platform.imu_heading_markov_std_deg
+    speed = acoustics.assumed_sound_speed_m_s
+    delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
+    outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
+    n, e, _ = platform.gps_antenna_offset_m
+    values = {
+        "beacon_offset_m": _cross(platform.arm_length_m, platform.beacon_depth_m),
+        "gps_std_m": platform.gps_horizontal_std_m,
+        "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
+        "gps_correlation_time_s": platform.gps_correlation_time_s,
+        "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / sqrt(2), e / sqrt(2)),
+        "gps_vertical_std_m": hypot(
+            platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
+            platform.gps_vertical_bias_std_m,
+        ),
+        "platform_velocity_std_m_s": swing,
+        "platform_velocity_time_s": swing_time,
+        "heading_rate_std_deg_s": turning,
+        "heading_rate_time_s": turning_time,
+        "tilt_std_deg": hypot(roll, pitch) / 2,
+        "imu_heading_std_deg": platform.imu_heading_std_deg,
+        "imu_heading_error_std_deg": hypot(slow, markov),
+        # What never changes outlasts what does.
+        "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
+        "imu_tilt_std_deg": hypot(
+            platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
+            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
+        ),
+        "outlier_probability": max(
+            acoustics.outlier_probability if outliers else 0.0, _LEAST_OUTLIER_PROBABILITY
+        ),
+        "outlier_mean_m": acoustics.outlier_mean_m if outliers else None,
+        "assumed_sound_speed_m_s": speed,
+        "clock_std_m": abs(acoustics.clock_offset_s + delay) * speed,
+        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (acoustics.clock_drift_s_s * speed) ** 2,
+        "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
+        "depth_bias_std_m": abs(target.depth_bias_m),
+    }
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _cross(arm: float, depth: float) -> tuple[float, ...]:
+    arms = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    assert len(arms) == BEACONS
+    return tuple(v for x, y in arms for v in (arm * x, arm * y, depth))
+
+
+def _motion(platform: Any, axes: Sequence[str]) -> tuple[float, float | None]:
+    """RMS rate per axis of some sinusoids, and the correlation time that goes with it [s]."""
+    place = rate = 0.0
+    for axis in axes:
+        unit = "deg" if axis in ("roll", "pitch", "yaw") else "m"
+        amplitude = getattr(platform, f"{axis}_amplitude_{unit}")
+        place += amplitude**2 / 2
+        rate += (2 * pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude) ** 2 / 2
+    if rate == 0.0:
+        return 0.0, None
+    return sqrt(rate / len(axes)), sqrt(place / rate)
