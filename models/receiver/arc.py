@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from .least_squares import symmetric
-from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
+from .surroundings import HEADING, PLATFORM, POSITION, STATES, VELOCITY
 
 _NORTH_EAST = list(POSITION[:2])
 _SPEEDS = list(VELOCITY[:2])
@@ -39,6 +39,8 @@ class Arc:
         Whether there is an arc at all: 0 or 1.
     spread, depth
         Variances of the bearing, at most `_WIDEST` [rad²], and of the distance [m²].
+    turned
+        The same of the bearing less the platform's heading, which is what bends a range.
     """
 
     y: Any
@@ -48,6 +50,7 @@ class Arc:
     far: Any
     spread: Any
     depth: Any
+    turned: Any
 
 
 def about(mean: Any, P: Any) -> Arc:
@@ -58,11 +61,17 @@ def about(mean: Any, P: Any) -> Arc:
     radial = y / radius
     tangential = ca.vertcat(-radial[1], radial[0])
     P_yy = relative(P)
+    P_yh = P[_NORTH_EAST, HEADING] - P[_PLATFORM, HEADING]
     return Arc(
         y, radius, radial, tangential,
         far=length > _SHORTEST,
         spread=ca.fmin(_form(tangential, P_yy) / radius**2, _WIDEST),
         depth=_form(radial, P_yy),
+        turned=ca.fmin(
+            _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius
+            + P[HEADING, HEADING],
+            _WIDEST,
+        ),
     )
 
 
@@ -79,14 +88,14 @@ def _form(v: Any, matrix: Any) -> Any:
 
 
 def bend(arc: Arc, u: Sequence[Any], arm: Sequence[Any], distance: Any) -> Any:
-    """Mean of what a range has beyond its linear part, as the bearing spreads [m].
+    """Mean of what a range has beyond its linear part, as bearing and heading spread [m].
 
     Turning about the platform leaves the distance to its centre as it is; only the arm of the
     beacon bends the range. Twice the square of this is the variance of that part.
     """
     first = (u[0] * arc.tangential[0] + u[1] * arc.tangential[1]) * arc.radius
     second = (arc.y[0] * arm[0] + arc.y[1] * arm[1] - first**2) / distance
-    return ca.if_else(arc.far, 0.5 * second * arc.spread, 0)
+    return ca.if_else(arc.far, 0.5 * second * arc.turned, 0)
 
 
 def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:

@@ -21,6 +21,7 @@ from .measurements import DEPTH, MEASUREMENTS, with_beacons
 from .surroundings import (
     CLOCK,
     HEADING,
+    HEADING_ERROR,
     PLATFORM,
     POSITION,
     SPEED,
@@ -35,6 +36,8 @@ _FAR_STD = 30.0
 """Of the platform about its first packet [m]; more makes no difference."""
 _ANYWHERE = 10.0
 """Of a heading before the first packet [rad]."""
+_UNIFORM = pi**2 / 3
+"""Variance of a heading of which nothing is known [rad²]."""
 _WRONG, _REACH = 1e-4, 50.0
 """Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
 _LIMIT = 12.0
@@ -185,7 +188,7 @@ def _located(
     )
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
-        HEADING: ca.if_else(said.is_own, ca.fmin(own, 1), _ANYWHERE**2),
+        HEADING: ca.if_else(said.is_own, ca.fmin(own, _UNIFORM), _ANYWHERE**2),
     }
     values = {
         PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
@@ -229,7 +232,9 @@ def _platform_updated(
     """What a packet says of the platform, taken as one correction."""
     x = _elements(mean)
     d = ca.SX.zeros(STATES)
-    for i, row in enumerate(surroundings.places(ca, p, x, [said.body[0], said.body[1]])):
+    body = [said.body[0], said.body[1]]
+    spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
+    for i, row in enumerate(surroundings.places(ca, p, x, body, spread)):
         d, P, _ = _update(P, d, row, said.place[i] - row.value, weight)
     row = surroundings.heading(ca, p, x)
     off = said.heading - row.value
