@@ -256,9 +256,9 @@ def _range_updated(
     row = surroundings.range_(
         ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
     )
-    bent = arc.bend(arc.about(mean, P), row.u, row.arm, row.distance)
-    c, S = _gain(P, Measurement(row.value, row.row, row.variance + 2 * bent**2))
-    innovation = z - row.value - bent
+    bent = arc.bent(arc.about(mean, P), row)
+    c, S = _gain(P, bent)
+    innovation = z - bent.value
     share = _punctual(p, innovation, S)
     kept = weight * share
     K = c / S
