@@ -36,8 +36,6 @@ _FAR_STD = 30.0
 """Of the platform about its first packet [m]; more makes no difference."""
 _ANYWHERE = 10.0
 """Of a heading before the first packet [rad]."""
-_UNIFORM = pi**2 / 3
-"""Variance of a heading of which nothing is known [rad²]."""
 _WRONG, _REACH = 1e-4, 50.0
 """Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
 _LIMIT = 12.0
@@ -72,6 +70,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
         "arm": ca.SX.zeros(BEACONS, 3),
+        "place_total": ca.SX.zeros(BEACONS, 2),
+        "place_count": ca.SX.zeros(BEACONS),
         "score": 0,
         "restarts": 0,
         "passes": 0,
@@ -115,8 +115,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     using = x.ready * (x.passes == 0)
 
     mean, P = _predicted(p, x, epoch - x.epoch)
-    said = pose.read(p, u, s, chosen, newest)
-    mean, P, located = _located(p, mean, P, said, packet, x.located)
+    said = pose.read(p, x, u, s, chosen, newest)
+    mean, P, located = _located(mean, P, said, packet, x.located)
 
     row = surroundings.depth(p, _elements(mean))
     depth_used = depth * using
@@ -146,6 +146,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "arm": ca.vertcat(*(
             ca.if_else(this, arms.T, x.arm[i, :]) for i, this in enumerate(which)
         )),
+        "place_total": said.total,
+        "place_count": said.count,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
         "nis": x.nis + depth_nis + range_nis,
@@ -179,16 +181,13 @@ def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any]:
 
 
 def _located(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
+    mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
 ) -> tuple[Any, Any, Any]:
     """Put the platform where its first complete packet says it is."""
     first = packet * said.complete * (located == 0)
-    own = ca.fmax(p.gps_std, surroundings.LEAST_GPS_STD) ** 2 / ca.fmax(
-        ca.sumsqr(p.beacon_offset[:, :2]) / BEACONS, 1e-6
-    )
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
-        HEADING: ca.if_else(said.is_own, ca.fmin(own, _UNIFORM), _ANYWHERE**2),
+        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2),
     }
     values = {
         PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
