@@ -391,7 +391,8 @@ class _Batch:
         )
 
     def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
-        by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
+        flat = (len(sums) * self.lanes, *sums.shape[1:3])
+        by_run = np.moveaxis(sums, 3, 1).reshape(flat)[: self.runs]
         lengths = [LENGTHS.index(length) for length in self.lengths]
         ordered = order[:, :, :, lengths].transpose(0, 4, 1, 3, 2)
         ordered = ordered.reshape(len(order) * self.lanes, *ordered.shape[2:])[: self.runs]
