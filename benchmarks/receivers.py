@@ -84,7 +84,9 @@ def code_size(receiver: str, *flags: str) -> str:
         return "-"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        sources = {**engine_sources(load(receiver)), **c_files(("lanes.c", "lanes.h")), **FREESTANDING}
+        sources = {
+            **engine_sources(load(receiver)), **c_files(("lanes.c", "lanes.h")), **FREESTANDING,
+        }
         for file, text in sources.items():
             (folder / file).write_bytes(text)
         command = [
