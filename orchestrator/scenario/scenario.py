@@ -45,6 +45,8 @@ from .schema import (
     within,
 )
 
+DEFAULT_RECEIVER = "coupled"
+"""Receiver of a scenario that names none."""
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
@@ -107,7 +109,7 @@ class Scenario(Table):
     def _complete_receiver(self) -> None:
         receiver = self.receiver
         if receiver.type is None and receiver.fmu is None:
-            receiver.fill({"type": "ekf"})
+            receiver.fill({"type": DEFAULT_RECEIVER})
         update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
         derived = {**self.assumptions(), "update_interval_s": update}
         if receiver.type is None:
