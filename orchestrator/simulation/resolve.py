@@ -21,6 +21,7 @@ from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
 from .system import ComponentSpec, Connection, PythonComponent, System
+from .user_code import PythonSource, raised_at
 
 
 def resolve(system: System, *, again: bool = False) -> Plan:
@@ -160,6 +161,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
             f"{where}: must be a class or function that makes the component, got {instance(maker)}"
         )
     name = getattr(maker, "__qualname__", instance(maker))
+    maker = maker.maker if isinstance(maker, PythonSource) else maker
     try:
         inspect.signature(maker).bind()
     except TypeError as error:
@@ -173,7 +175,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
     except (Exception, SystemExit) as error:
         raise ConfigurationError(
             f"{where}: must make the component, got {type(error).__name__} from {name}: "
-            f"{one_line(error)}"
+            f"{one_line(error)}{raised_at(error)}"
         ) from error
     missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
     if missing:
