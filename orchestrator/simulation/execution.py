@@ -68,25 +68,26 @@ def execute(
         master = "native" if not needs_python(plan) and native.available() else "python"
     process.check_patience(step_timeout)
     rest = without_sinks(plan)
-    if master != "python" and len(rest.components) < len(plan.components):
-        columns = [c.name for c in python.chosen(plan, record)]
-        wanted = {*columns, *_sources(plan)}
-        played = execute(
-            rest,
-            None if progress is None else lambda share: progress(share / 2),
-            [c.name for c in rest.columns if c.name in wanted],
-            master=master,
-            step_timeout=step_timeout,
-            children=children,
-            apart=apart,
-        )
-        whole = python.execute(
-            plan,
-            None if progress is None else lambda share: progress((1 + share) / 2),
-            columns,
-            played,
-        )
-        return replace(whole, failures=played.failures)
+    if master == "python" or len(rest.components) == len(plan.components):
+        return _all(plan, progress, record, master, step_timeout, children, apart)
+    wanted = {c.name for c in python.chosen(plan, record)} | _sources(plan)
+    names = [c.name for c in rest.columns if c.name in wanted]
+    first = None if progress is None else lambda share: progress(share / 2)
+    second = None if progress is None else lambda share: progress((1 + share) / 2)
+    played = _all(rest, first, names, master, step_timeout, children, apart)
+    return replace(python.execute(plan, second, record, played), failures=played.failures)
+
+
+def _all(
+    plan: Plan,
+    progress: Callable[[float], None] | None,
+    record: Sequence[str] | None,
+    master: str,
+    step_timeout: float | None,
+    children: Children | None,
+    apart: bool,
+) -> Record:
+    """Run all components of a plan with one master."""
     if master == "lanes":
         _refuse_timeout(master, step_timeout)
         return _one_lane(plan, progress, record)

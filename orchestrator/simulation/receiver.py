@@ -138,22 +138,27 @@ class Receiver:
         """
         raise ConfigurationError(f"{type(self).__name__}: must have a method update, got none")
 
-    @staticmethod
-    def fix(samples: Iterable[Sample]) -> Floats | None:
-        """Least-squares position from the newest range of each beacon and the newest depth.
+    def fix(self, samples: Iterable[Sample]) -> Floats | None:
+        """Position by least squares, to begin with.
+
+        Parameters
+        ----------
+        samples
+            The newest range to each beacon and the newest depth count, of these and earlier calls.
 
         Returns
         -------
         position
             NED [m]; None with fewer than three beacons or without a depth.
         """
-        newest = {s.beacon if isinstance(s, Range) else None: s for s in samples}
-        depth = newest.pop(None, None)
-        ranges = [newest[b] for b in sorted(newest)]  # type: ignore[type-var]
+        newest = self._plug.newest
+        newest |= {s.beacon if isinstance(s, Range) else -1: s for s in samples}
+        ranges = [s for _, s in sorted(newest.items()) if isinstance(s, Range)]
+        depth = newest.get(-1)
         if not isinstance(depth, Depth) or len(ranges) < 3:
             return None
-        beacons = np.array([r.beacon_position for r in ranges])  # type: ignore[union-attr]
-        lengths = np.array([r.range for r in ranges])  # type: ignore[union-attr]
+        beacons = np.array([r.beacon_position for r in ranges])
+        lengths = np.array([r.range for r in ranges])
 
         def residuals(x: Floats) -> Floats:
             return np.append(np.linalg.norm(x - beacons, axis=1) - lengths, x[2] - depth.depth)
@@ -281,6 +286,7 @@ class _Plug:
         self._start_ns, self._tick_ns = start_ns, tick_ns
         self._counts: Any = 0
         self._depth_epoch = start_ns / SECOND
+        self.newest: dict[int, Sample] = {}
         self.outputs: dict[str, Any] = {v.name: np.zeros(v.shape) for v in outputs}
         self.outputs |= {v.name: 0 for v in outputs if v.type == "Int32"} | {"valid": False}
 

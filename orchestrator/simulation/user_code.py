@@ -16,9 +16,10 @@ from typing import Any
 
 import cloudpickle
 
-from ..errors import ConfigurationError, instance, nearest, one_line, quoted
+from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
 
 _FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
+_LONGEST = 240  # characters of an exception's text
 _METHODS = ("variables", "initialise", "do_step")
 _KNOWN_BY_NAME = {"numpy", "scipy", "pandas", "sblcosim", "builtins"}
 """Packages whose functions and classes are what they are called."""
@@ -169,8 +170,7 @@ def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
         return _module(path.absolute(), source), hashlib.sha256(source).hexdigest()
     except (Exception, SystemExit) as error:
         raise ConfigurationError(
-            f"{where} must be importable, got {type(error).__name__}: {one_line(error)}"
-            f"{raised_at(error)}"
+            f"{where} must be importable, got {raised(error)}"
         ) from error
 
 
@@ -187,18 +187,19 @@ def _module(path: Path, source: bytes) -> ModuleType:
     return module
 
 
-def raised_at(error: BaseException) -> str:
-    """File, line and function of the user's code that raised, in brackets; empty if unknown."""
+def raised(error: BaseException, name: str = "") -> str:
+    """An exception of the user's code for a message: type, text, class, file and line."""
     frames = [
         (frame.f_code, line)
         for frame, line in traceback.walk_tb(error.__traceback__)
         if frame.f_globals.get("__name__", "").partition(".")[0] != "sblcosim"
     ]
-    users = [(c, line) for c, line in frames if c.co_filename == frames[0][0].co_filename]
-    if not users:
-        return ""
-    code, line = users[-1]
-    return f" ({Path(code.co_filename).name}, line {line}, in {code.co_qualname})"
+    text = f"{type(error).__name__}: {shortened(one_line(error), _LONGEST)}"
+    if not frames:
+        return text
+    file = frames[0][0].co_filename  # below it are the libraries that it calls
+    line = [line for code, line in frames if code.co_filename == file][-1]
+    return f"{text} ({f'{name} in ' if name else ''}{Path(file).name}, line {line})"
 
 
 # --- Identity and transport ----------------------------------------------------------------------

@@ -26,7 +26,7 @@ from ..plan import Column, Plan, PlannedComponent, Read
 from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
-from ..user_code import raised_at
+from ..user_code import raised
 
 PROGRESS_INTERVAL = 0.1
 """Minimum time between two progress reports [s]."""
@@ -317,6 +317,7 @@ class _PythonRunner:
     def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
         assert not isinstance(component.source, Fmu)
         self._name = component.name
+        self._class = getattr(component.source, "__name__", component.origin)
         self._step_ns = component.interval_ns
         self._targets = {
             name: target
@@ -360,8 +361,8 @@ class _PythonRunner:
             if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence
                 raise self._failure(f"{self._name} {when}: {one_line(error)}") from error
             raise self._failure(
-                f"{self._name} {when}: must not raise an exception, got {type(error).__name__}: "
-                f"{one_line(error)}{raised_at(error)}"
+                f"{self._name} {when}: must not raise an exception, got "
+                f"{raised(error, self._class)}"
             ) from error
 
     def _failure(self, message: str) -> SblcosimError:
