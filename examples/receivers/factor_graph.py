@@ -21,11 +21,14 @@ def factor(noise, function, *keys):
 
 
 def measured(x, s):
+    jacobian = np.zeros((1, 6))
     if isinstance(s, Depth):
-        return x[[4]] - s.depth, np.eye(6)[[4]]
+        jacobian[0, 4] = 1.0
+        return x[4:5] - s.depth, jacobian
     line = x[::2] - s.beacon_position
     length = np.linalg.norm(line)
-    return np.array([length - s.range]), np.kron(line / length, [[1.0, 0.0]])
+    jacobian[0, ::2] = line / length
+    return np.array([length - s.range]), jacobian
 
 
 class FactorGraph(Receiver):

@@ -17,9 +17,9 @@ NEEDS = {
     "factor_graph": "gtsam", "particle_filter": "numpy", "stone_soup": "stonesoup",
     "ukf": "filterpy",
 }  # fmt: skip
-WORST_M = {"harbour-square": (1.47, 0.32), "paper-scenario-1": (0.32, 0.35)}
-"""By scenario: RMS of the total error, absolute and relative to the platform. The raw fix has 1.51
-and 0.45 m in the first, 0.49 and 0.47 m in the second."""
+WORST_M = {"harbour-square": (0.80, 0.32), "paper-scenario-1": (0.32, 0.35)}
+"""By scenario: RMS of the total error in 40 s, absolute and relative to the platform. The raw fix
+has 0.85 and 0.49 m in the first, 0.51 and 0.48 m in the second."""
 RANDOM = """
 import numpy as np
 import sblcosim
@@ -74,7 +74,7 @@ def test_every_master_gives_the_same_bits(master: str, keys: dict[str, Any], ran
     receivers = {"mine": random, "ekf": "ekf"}
     reference = sblcosim.run("harbour-square", receivers, overrides, master="python")
     assert_same(sblcosim.run("harbour-square", receivers, overrides, master=master), reference)
-    assert (reference.record.values["mine.update_count"][-1] > 0) == ("acoustics" not in str(keys))
+    assert reference.record.values["mine.update_count"][-1] > 20
 
 
 def test_its_random_numbers_follow_from_the_seed(random: str) -> None:
@@ -122,7 +122,7 @@ def study_run(folder: Path, run_id: str) -> sblcosim.Result:
 @pytest.mark.parametrize("scenario", WORST_M)
 @pytest.mark.parametrize("name", NEEDS)
 def test_an_example_tracks_the_diver(name: str, scenario: str) -> None:
-    result = sblcosim.run(scenario, example(name))
+    result = sblcosim.run(scenario, example(name), {"time.duration_s": 40.0})
     assert not result.failures
     for frame, worst_m in zip(("absolute", "relative"), WORST_M[scenario], strict=True):
         mine, raw = (result.errors.loc[r, frame, "total"].rms_m for r in result.receivers)
