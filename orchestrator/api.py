@@ -135,7 +135,7 @@ def _executor(
             progress,
             master=master,
             step_timeout=step_timeout if timed else None,
-            apart=apart and needs_python(left),
+            apart=apart and (master == "python" or needs_python(left)),
         )
 
     return executed
