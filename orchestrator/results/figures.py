@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-from ..scenario.wiring import RAW
+from ..scenario.sources import RAW
 from ..style import LINES, MARKERS, Theme, ThemeName, new_figure, use
 from .definitions import AXES, Floats, recorded
 from .metrics import error_column

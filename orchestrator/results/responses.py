@@ -14,15 +14,12 @@ A user's own function can be a response too::
 
 from __future__ import annotations
 
-import hashlib
 import inspect
-import sys
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any
 
 import cloudpickle
@@ -32,6 +29,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..simulation.record import Record
+from ..simulation.user_code import by_value, fingerprint, run_file
 from .definitions import (
     AXES,
     FRAMES,
@@ -127,7 +125,7 @@ class Response:
         if self.shipped:
             return _of_name, (self.name,)
         # By value: a worker may have neither the file nor the module.
-        return _unpacked, (_by_value(self.definition), self.name, self.origin, self.sha256)
+        return _unpacked, (by_value(self.definition), self.name, self.origin, self.sha256)
 
     def __repr__(self) -> str:
         return f"<response {self.name}{f' from {self.origin}' if self.origin else ''}>"
@@ -285,19 +283,9 @@ def of_function(function: Callable[[Run], Any]) -> Response:
         unavailable.
     """
     name = _checked_name(getattr(function, "__name__", ""), function)
-    digest = hashlib.sha256()
-    try:
-        for part in _parts(function, set()):
-            digest.update(part + b"\0")
-    except (OSError, TypeError):
-        raise ConfigurationError(
-            f"responses: {name} must be a function from a file or a notebook, so that a run is "
-            "known by its source, got none"
-        ) from None
+    sha256 = fingerprint(function, "responses", name)
     origin = f"{function.__module__}:{name}"
-    return Response(
-        name, readable(name), function, False, origin=origin, sha256=digest.hexdigest()
-    )
+    return Response(name, readable(name), function, False, origin=origin, sha256=sha256)
 
 
 def of_file(text: str, folder: Path) -> Response:
@@ -311,23 +299,8 @@ def of_file(text: str, folder: Path) -> Response:
         There is no such file or function, or the file cannot be run.
     """
     file, _, name = text.rpartition(":")
-    path = folder / file
     where = f"responses: {quoted(text)}"
-    if not path.is_file() or path.suffix != ".py":
-        close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
-        raise ConfigurationError(
-            f"{where} must be FILE.py:FUNCTION, got no Python file {quoted(file)}{close}"
-        )
-    source = path.read_bytes()
-    # Not among sys.modules: what is in it is then sent to other processes by value.
-    module = ModuleType(path.stem)
-    module.__file__ = str(path)
-    try:
-        exec(compile(source, path, "exec"), vars(module))
-    except (Exception, SystemExit) as error:
-        raise ConfigurationError(
-            f"{where} must be importable, got {type(error).__name__}: {one_line(error)}"
-        ) from error
+    module, sha256 = run_file(folder / file, f"{where} must be FILE.py:FUNCTION, got", where)
     functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
     if name not in functions:
         raise ConfigurationError(
@@ -336,7 +309,6 @@ def of_file(text: str, folder: Path) -> Response:
         )
     function = functions[name]
     _checked_name(function.__name__, function)
-    sha256 = hashlib.sha256(source).hexdigest()
     return Response(name, readable(name), function, False, origin=text, sha256=sha256)
 
 
@@ -348,31 +320,6 @@ def _checked_name(name: str, function: object) -> str:
     if name in RESPONSES:
         raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
     return name
-
-
-def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
-    """All that says what a function does: sources, values and names of modules."""
-    if id(thing) in seen:
-        return
-    if inspect.ismodule(thing):
-        yield thing.__name__.encode()
-    elif inspect.isfunction(thing) and thing.__module__.partition(".")[0] not in _KNOWN_BY_NAME:
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        used = inspect.getclosurevars(thing)
-        for name, value in sorted({**used.globals, **used.nonlocals}.items()):
-            yield name.encode()
-            yield from _parts(value, seen)
-        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
-            yield from _parts(value, seen)
-    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
-        yield f"{thing.__module__}.{thing.__qualname__}".encode()
-    else:
-        yield cloudpickle.dumps(thing)
-
-
-_KNOWN_BY_NAME = ("numpy", "scipy", "pandas", "sblcosim")
-"""Packages whose functions are what they are called."""
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:
@@ -418,19 +365,6 @@ def readable(name: str) -> str:
 
 def _of_name(name: str) -> Response:
     return RESPONSES[name]
-
-
-def _by_value(function: Callable[[Run], Any]) -> bytes:
-    module = sys.modules.get(function.__module__)
-    known = module is not None and module.__name__ != "__main__"
-    if known:
-        cloudpickle.register_pickle_by_value(module)
-    try:
-        packed: bytes = cloudpickle.dumps(function)
-    finally:
-        if known:
-            cloudpickle.unregister_pickle_by_value(module)
-    return packed
 
 
 def _unpacked(packed: bytes, name: str, origin: str, sha256: str) -> Response:

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from .. import artifacts, style
-from ..scenario.wiring import RAW
+from ..scenario.sources import RAW
 from . import figures as plots
 from . import metrics
 from .catalogue import Figure, by_name, jobs

@@ -50,7 +50,7 @@ DEFAULT_RECEIVER = "coupled"
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
-"""A receiver's name, an FMU file, or a callable that makes a Python component."""
+"""A receiver's name, an FMU file, ``file.py:Class``, or a callable that makes a component."""
 Receivers = Source | Sequence[Source] | Mapping[str, Source]
 """One or more receivers; a mapping gives them labels."""
 
@@ -136,7 +136,7 @@ class Scenario(Table):
                         f"got {getattr(table, key)!r}"
                     )
         for name, table in self._tables():
-            if table.fmu is None and table.parameters:
+            if table.fmu is None and table.parameters and name != "receiver":
                 yield f"[{name}] parameters: must come with fmu, the FMU that has them"
             tick = "update_interval_s" if name == "receiver" else "sampling_time_s"
             whole = getattr(receiver if name == "receiver" else self.acoustics, tick)

@@ -542,7 +542,7 @@ def test_a_run_of_other_fmus_is_not_replayed(
     table = small().run(tmp_path / "out")
     original = campaign.digest_of
     monkeypatch.setattr(replay, "digest_of", lambda *args: original(*args)[::-1])
-    with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
+    with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         replay.replay(tmp_path / "out", table["run_id"][0])
 
 
