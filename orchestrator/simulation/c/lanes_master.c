@@ -14,6 +14,7 @@
 #define SECOND INT64_C(1000000000)
 #define MOST_SECONDS 9e9 /* largest time that fits into int64 nanoseconds */
 #define PIVOT 1e-14      /* smallest usable pivot, as a share of its diagonal element */
+#define COMPARED 16      /* instants that are compared with an epoch in all lanes at once */
 
 /* Elements of one component's outputs that become another's inputs (or, before the start,
  * parameters). Indices count all values of a component. */
@@ -109,6 +110,25 @@ static int is_own(const struct plan *p, int row)
 }
 
 enum knowledge { OUTSIDE, UNKNOWN, KNOWN };
+/* The newest instant of a range that is not after a time, or the one before the range. The stride
+ * doubles, so that an epoch that lags far costs little more than a new one. */
+static int not_after(const int64_t *t, int oldest, int newest, int64_t ns)
+{
+    int found = newest, after = newest + 1;
+    for (int stride = 1; found >= oldest && t[found] > ns; stride *= 2) {
+        after = found;
+        found = stride <= found - oldest ? found - stride : oldest - 1;
+    }
+    while (after - found > 1) {
+        const int middle = found + (after - found) / 2;
+        if (t[middle] > ns)
+            after = middle;
+        else
+            found = middle;
+    }
+    return found;
+}
+
 
 /* The truth at any epoch, for one lane. */
 struct sight {
@@ -128,9 +148,7 @@ static enum knowledge look_up(const struct plan *p, const struct memory *m, int 
     const int64_t whole = (int64_t)epoch;
     const double rest = (epoch - (double)whole) * 1e9;
     int64_t ns = whole * SECOND + (int64_t)((rest + 0x1.8p52) - 0x1.8p52);
-    int held = m->row;
-    while (held >= oldest && t[held] > ns)
-        held--;
+    int held = not_after(t, oldest, m->row, ns);
     if (held >= oldest && (double)t[held] / 1e9 == epoch)
         ns = t[held];
     else if (held < m->row && (double)t[held + 1] / 1e9 == epoch)
@@ -210,7 +228,8 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
     real position[3], platform_error[3], platform[3];
     for (int i = 0; i < 3; i++)
         position[i] = platform_error[i] = platform[i] = zero;
-    for (int age = 1, at = m->next; age <= m->count && m_any(missing); age++) {
+    const int compared = m->count < COMPARED ? m->count : COMPARED;
+    for (int age = 1, at = m->next; age <= compared && m_any(missing); age++) {
         at = at > 0 ? at - 1 : m->size - 1;
         const struct moment *const moment = &m->moments[at];
         const mask here = missing & m_eq(epoch, moment->time);
