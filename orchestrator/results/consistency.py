@@ -52,8 +52,8 @@ NEES_COLUMNS = {
 }
 """Column of the NEES that a covariance is judged by, by frame."""
 COVARIANCES = {
-    "absolute": "its covariance",
-    "own_relative": "its relative covariance",
+    "absolute": "covariance",
+    "own_relative": "covariance relative to the platform",
 }
 """What the verdict is of, by frame."""
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import FmuError, check_choice
+from ..errors import ConfigurationError, FmuError, check_choice
 from ..simulation.record import NEVER
 from .definitions import (
     AXES,
@@ -210,6 +210,26 @@ def error_column(frame: str, axis: str) -> str:
 def frames_of(track: pd.DataFrame) -> list[str]:
     """The frames in which a receiver has errors, from its `track`."""
     return [frame for frame in FRAMES if error_column(frame, "total") in track]
+
+
+def with_errors(
+    tracks: Mapping[str, pd.DataFrame], frame: str
+) -> Mapping[str, pd.DataFrame]:
+    """What `track` returns, of the receivers that have errors in a frame.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame, or no receiver has errors in it.
+    """
+    column = error_column(frame, "total")
+    some = {receiver: track for receiver, track in tracks.items() if column in track}
+    if not some:
+        raise ConfigurationError(
+            f"frame: must be one in which a receiver has errors, got {frame!r}, which takes an "
+            f"output {OWN_PORT}"
+        )
+    return some
 
 
 def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:

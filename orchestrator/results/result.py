@@ -357,7 +357,7 @@ class Result:
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
         for frame, verdict in self.consistency[receiver].items():
-            lines.append(f"  {COVARIANCES[frame]} {verdict}")
+            lines.append(f"  {COVARIANCES[frame]}: {verdict}")
         if pd.isna(row.inconsistent):
             claims = f"{receiver}.covariance" in self.record.values
             why = "its covariance is never positive definite" if claims else "no covariance"

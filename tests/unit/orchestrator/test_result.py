@@ -131,10 +131,10 @@ def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(resu
 
 
 def test_one_run_is_said_to_be_no_proof_of_a_covariance(result):
-    words = "  its covariance looks optimistic by a factor of 5.77; one run cannot tell, for "
+    words = "  covariance: looks optimistic by a factor of 5.77; one run cannot tell, for "
     assert words in str(result)
     right = make_record({"ekf": np.array([[np.sqrt(0.75), 0, 0]])})
-    assert "  its covariance looks right; one run cannot tell" in str(run_of(("ekf",), right))
+    assert "  covariance: looks right; one run cannot tell" in str(run_of(("ekf",), right))
     assert "one run cannot tell" not in str(run_of(("ekf",), make_record(optional_ports=False)))
 
 
@@ -176,7 +176,7 @@ def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, resu
     assert totals[0][-3:] == ["3.000", "3.000", "0.000"]
     assert totals[1][-3:] == ["–", "–", "–"]
     assert "mean own relative NEES of the position 3.00" in text
-    assert "its relative covariance looks right; one run" in text
+    assert "covariance relative to the platform: looks right; one run" in text
     assert text.count("by the receiver's own account") == 1
     page = html.unescape(with_own._repr_html_())
     assert "relative to the platform as it reports itself" in page
