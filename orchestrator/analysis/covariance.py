@@ -83,7 +83,8 @@ def summary(verdicts: pd.DataFrame) -> pd.DataFrame:
 def sentences(verdicts: pd.DataFrame) -> dict[str, list[str]]:
     """What is said of each receiver: a sentence for each of its covariances."""
     said: dict[str, list[str]] = {}
-    for row in summary(verdicts).to_dict(orient="records"):
+    rows: list[dict[Any, Any]] = summary(verdicts).to_dict(orient="records")
+    for row in rows:
         mine = verdicts[
             (verdicts["receiver"] == row["receiver"]) & (verdicts["frame"] == row["frame"])
         ]
@@ -92,7 +93,7 @@ def sentences(verdicts: pd.DataFrame) -> dict[str, list[str]]:
     return said
 
 
-def _over_points(row: dict[str, Any], mine: pd.DataFrame) -> str:
+def _over_points(row: dict[Any, Any], mine: pd.DataFrame) -> str:
     points = row["points"]
     if (mine["verdict"] == "one run").all():
         low, high = mine["factor"].min(), mine["factor"].max()

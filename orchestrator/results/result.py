@@ -190,11 +190,12 @@ class Result:
 
         See `sblcosim.results.consistency`; of several runs, a study says more.
         """
+        nees = {name: self._judged[column].astype(float) for name, column in NEES_COLUMNS.items()}
         return {
             receiver: {
-                frame: of_runs([self._judged.loc[receiver, column]])
-                for frame, column in NEES_COLUMNS.items()
-                if pd.notna(self._judged.loc[receiver, column])
+                frame: of_runs(values[[receiver]])
+                for frame, values in nees.items()
+                if values[[receiver]].notna().all()
             }
             for receiver in self.receivers
         }

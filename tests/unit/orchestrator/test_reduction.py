@@ -363,7 +363,7 @@ def test_the_lag_of_a_receiver_is_remembered_the_largest_of_all_runs(
     plain = lanes.remembered(plan)
     given = {} if runs is None else {"sequential.lag": runs}
     found = lanes.remembered(lagging(plan, "sequential", start, setting), given)
-    assert found == min(plain + round(seconds / 0.3), len(plan.instants))
+    assert found == min(plain + int(10 * seconds) // 3, len(plan.instants))
     # a parameter of that name that is no receiver's means something else
     assert lanes.remembered(lagging(plan, "target", start, setting), {}) == plain
 
