@@ -297,7 +297,7 @@ def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
 ) -> None:
     if short:
-        monkeypatch.setattr(lanes, "remembered", lambda plan: 2)
+        monkeypatch.setattr(lanes, "remembered", lambda plan, variations: 2)
     made = small(
         receivers=["ekf", "multilateration"], factors={"arm": ARM}, replicates=1,
         fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
@@ -451,7 +451,7 @@ def test_components_that_are_not_ours_run_one_by_one(
 ) -> None:
     small().run(tmp_path / "lanes")
     for module in (lanes, lanes_driver):
-        monkeypatch.setattr(module, "unsupported", lambda plan: "ekf")
+        monkeypatch.setattr(module, "unsupported", lambda plan, variations: "ekf")
     monkeypatch.setattr(runner, "_PART", 1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
