@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
-from ..results.responses import of_file, of_function, of_origin
+from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
