@@ -21,12 +21,14 @@ from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
 from ..scenario.wiring import RAW
 from ..style import LINES, MARKERS, Theme, ThemeName, new_figure, use
+from . import possible
 from .definitions import AXES, Floats, recorded
 from .metrics import error_column
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
+    from ..limits.verdict import Limits
     from ..simulation.record import Record
 
 Tracks = Mapping[str, pd.DataFrame]
@@ -159,11 +161,13 @@ def plot_errors(
     tracks: Tracks,
     axes: Sequence[Axes] | None = None,
     frame: str = "absolute",
+    reference: Limits | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
     """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
     Four axes over the whole run. `frame` is ``absolute`` or ``relative`` (to the platform).
+    `reference` is what was possible: ±2σ, and the RMS of the total.
     """
     with use(theme, axes) as look:
         own = axes is None
@@ -187,6 +191,7 @@ def plot_errors(
                 ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
                 ax.set_ylabel(f"Error in {axis} [m]")
             limits[column] = (-top, top)
+        possible.draw(axes, reference, frame, look)
         _time_axis(axes, record)
         _title(
             axes[0],

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from .. import artifacts, style
 from ..scenario.wiring import RAW
 from . import figures as plots
-from . import metrics
+from . import metrics, possible
 from .catalogue import Figure, by_name, jobs
 from .definitions import AXES, FRAMES, PERCENTAGES, judge
 from .description import RunDescription
@@ -22,6 +22,7 @@ from .description import RunDescription
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
+    from ..limits.verdict import Limits, Verdict
     from ..simulation.record import Record
 
 _STATISTICS = ("mean_m", "rms_m", "std_m")
@@ -55,7 +56,8 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
     Figure("path_xyz", plots.plot_path_3d, lambda run: (run.record, run.estimates)),
     Figure("axes", plots.plot_axes, lambda run: (run.record, run.estimates)),
-    Figure("errors", plots.plot_errors, lambda run: (run.record, run.estimates)),
+    Figure("errors", plots.plot_errors,
+           lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
     Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
 )
 """The figures in the folder of a run."""
@@ -178,6 +180,16 @@ class Result:
         """`summary` of the receivers that reached the end."""
         return metrics.summary(self.record, self.estimates, self.update_interval_ns)
 
+    @cached_property
+    def limits(self) -> Limits | None:
+        """What was possible in this run; None unless all but the receivers are our components."""
+        return possible.limits_of(self.description, self.record, self.receivers)
+
+    @cached_property
+    def verdicts(self) -> dict[str, Verdict]:
+        """What was possible at the epochs of each receiver's estimates; empty without `limits`."""
+        return possible.verdicts(self.limits, self.record, self.receivers)
+
     @property
     def problems(self) -> list[str]:
         """A line for each receiver, except the raw fix, that has failed or has no estimate."""
@@ -213,7 +225,7 @@ class Result:
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
         """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
-        return plots.plot_errors(self.record, self.estimates, axes, frame, theme)
+        return plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
@@ -297,6 +309,7 @@ class Result:
                 "errors": errors,
                 "percentiles": percentiles,
                 "summary": self.summary.to_dict(orient="index"),
+                "limits": {name: v.to_json() for name, v in self.verdicts.items()},
             }
         )
         return result
@@ -322,6 +335,8 @@ class Result:
                 )
                 lines.append(f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}")
         lines += ["", *self._within(width)]
+        if self.verdicts:
+            lines += ["", *possible.lines(self.verdicts, self.errors)]
         for receiver in self.receivers:
             lines += ["", *self._about(receiver)]
         return "\n".join([*lines, "", *self._notes()])
@@ -394,13 +409,15 @@ class Result:
         """Explanations of the printed numbers."""
         raw = [_RAW_NOTE] if RAW in self.receivers else []
         claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
-        return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
+        noted = [*possible.notes(self.verdicts), *raw]
+        return [*_NOTES, *noted, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
         wide = pd.concat(
             {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
         )
-        lines = [line for name in self.receivers for line in self._about(name)]
+        lines = [*possible.lines(self.verdicts, self.errors)]
+        lines += [line for name in self.receivers for line in self._about(name)]
         failed = [f"failed: {message}" for message in self.failures.values()]
         notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
