@@ -103,8 +103,8 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
                              for f in (fix_cross, fix_radial))
     heading = (reach * c.heading_noise_std) ** 2 / c.beacons
     q = c.acceleration_psd
-    across = steady_variance(q, (fix_cross**2 + heading) * c.round)
-    along = steady_variance(q, fix_radial**2 * c.round)
+    across = steady_variance(q, _density(fix_cross**2 + heading, c.round))
+    along = steady_variance(q, _density(fix_radial**2, c.round))
     depth = steady_variance(q, np.full_like(reach, c.depth_std**2 * c.slot))
     turned = (reach * c.heading_std) ** 2
     relative = across + along + depth
@@ -117,6 +117,11 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
         fix_cross=fix_cross,
         fix_radial=fix_radial,
     )
+
+
+def _density(R: Floats, interval: float) -> Floats:
+    """R T, and 0 where R is, however long T."""
+    return np.where(R > 0, np.where(R > 0, R, 1.0) * interval, 0.0)
 
 
 def steady_variance(q: float, density: Floats) -> Floats:

@@ -191,7 +191,8 @@ def plot_errors(
                 ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
                 ax.set_ylabel(f"Error in {axis} [m]")
             limits[column] = (-top, top)
-        possible.draw(axes, reference, frame, look)
+        since_s = min((t["epoch_s"].min() for t in tracks.values() if len(t)), default=np.inf)
+        possible.draw(axes, reference, frame, since_s, look)
         _time_axis(axes, record)
         _title(
             axes[0],

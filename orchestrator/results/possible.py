@@ -30,7 +30,7 @@ _NOTES = {
 }
 _COVARIANCE = {"absolute": "absolute", "own_relative": "relative"}
 """Frames of errors, and the covariance of `Limits` that goes with each."""
-BAND_ALPHA = 0.25
+FILL_ALPHA = 0.1
 
 
 def limits_of(
@@ -66,16 +66,28 @@ def notes(possible: Mapping[str, Verdict]) -> list[str]:
     return []
 
 
-def draw(axes: Sequence[Axes], limits: Limits | None, frame: str, look: Theme) -> None:
-    """Bands of ±2σ for north, east and down, and √trace for the total, behind all else."""
+def draw(
+    axes: Sequence[Axes], limits: Limits | None, frame: str, since_s: float, look: Theme
+) -> None:
+    """±2σ for north, east and down, and √trace for the total, behind all else; no ring.
+
+    Parameters
+    ----------
+    since_s
+        Epoch of the first estimate of all [s]: before it there is nothing to compare with.
+    """
     if limits is None or frame not in _COVARIANCE:
         return
-    P = getattr(limits, _COVARIANCE[frame])
-    t, variances = limits.epoch_ns / 1e9, np.diagonal(P, axis1=1, axis2=2)
-    for ax, variance in zip(axes, variances.T, strict=False):
-        band = 2 * np.sqrt(np.fmax(variance, 0))
-        ax.fill_between(t, -band, band, color=look.soft, alpha=BAND_ALPHA, lw=0, zorder=0.5,
-                        label=f"{limits.kind} ±2σ, RMS")
-    total = np.sqrt(np.fmax(variances.sum(axis=1), 0))
-    axes[-1].fill_between(t, 0, total, color=look.soft, alpha=BAND_ALPHA, lw=0, zorder=0.5,
-                          label=f"{limits.kind} ±2σ, RMS")
+    t = limits.epoch_ns / 1e9
+    shown = t >= since_s
+    P = getattr(limits, _COVARIANCE[frame])[shown]
+    variances = np.fmax(np.diagonal(P, axis1=1, axis2=2), 0)
+    variances[limits.ring[shown]] = np.nan
+    bands = [(-2 * np.sqrt(v), 2 * np.sqrt(v)) for v in variances.T]
+    bands.append((np.zeros(len(P)), np.sqrt(variances.sum(axis=1))))
+    name = f"{limits.kind}: ±2σ, RMS"
+    for ax, (low, high) in zip(axes, bands, strict=True):
+        ax.fill_between(t[shown], low, high, color=look.soft, alpha=FILL_ALPHA, lw=0, zorder=0.5,
+                        label=name)
+        for edge in (low, high) if ax is not axes[-1] else (high,):
+            ax.plot(t[shown], edge, color=look.soft, lw=0.9, ls=(0, (1, 1)), zorder=3, label=name)
