@@ -18,7 +18,7 @@ from ..results.catalogue import Figure, by_name, jobs
 from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
-from . import factorial
+from . import factorial, possible
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
@@ -65,6 +65,7 @@ def save(
         study,
         int(table["error"].notna().sum()),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        possible.tables(study, table),
     )
     plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
@@ -85,11 +86,14 @@ class _Source:
         Number of runs that failed.
     again
         How to reproduce.
+    possible
+        What is possible at its points.
     """
 
     study: Study
     failed: int
     again: Section
+    possible: list[Block]
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
@@ -163,7 +167,7 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            Section("Tables", "tables", factorial.tables(findings)),
+            Section("Tables", "tables", [*factorial.tables(findings), *source.possible]),
             Section("Figures", "figures", _pictures(findings, folder)),
             Section("Method", "method", how),
             source.again,
@@ -266,7 +270,8 @@ def _means_page(
         Section("Summary", "summary",
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
         Section("Tables", "tables", [
-            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))]),
+            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study)),
+            *source.possible]),
     ]
     units = {study.labels[name]: u for name, u in study.units.items()}
     subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)

@@ -7,13 +7,19 @@ import warnings
 from collections.abc import Mapping
 from functools import cache
 from math import sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import limits
+from sblcosim.report import possible
+from sblcosim.report.page import Table
+from sblcosim.report.study import save
 from sblcosim.results.result import Result
+from sblcosim.scenario.scenario import load
 
 PAPER, DIVE = "paper-scenario-1", "realistic-dive"
 RTK = {"platform.gps_horizontal_std_m": 0.02, "platform.gps_horizontal_markov_std_m": 0.0}
@@ -213,3 +219,51 @@ def test_it_is_quick(scenario: str, most_s: float) -> None:
         limits.reference(result.record, result.scenario)
         spent.append(time.thread_time() - start)
     assert min(spent) < most_s
+
+
+STUDY = {
+    "name": "possible", "scenario": DIVE, "receivers": ["multilateration"], "replicates": 2,
+    "fixed": {"time": {"duration_s": 40.0}}, "settling_time_s": 10.0,
+    "factors": {"arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}},
+}
+
+
+def test_the_report_of_a_study_has_it_for_its_points(tmp_path: Path) -> None:
+    study = sblcosim.study.load(STUDY)
+    table = study.run(tmp_path / "runs")
+    (shown,) = possible.tables(study, table)
+    assert isinstance(shown, Table)
+    assert [row[0] for row in shown.rows] == ["arm 0.4 m", "arm 3 m"]
+    for number, row in enumerate(shown.rows, 1):
+        scenario = study.base.override(study.overrides(number) | {"seed": study.seed + number - 1})
+        result = sblcosim.run(scenario)
+        epochs = result.record.estimates("raw").epoch_ns
+        expected = limits.reference(result.record, scenario).verdict(epochs[epochs >= 10**10])
+        assert expected is not None
+        assert row[2:] == (f"{expected.absolute_rms:.3g}", f"{expected.relative_rms:.3g}")
+        mean = table[table["point"] == number]["multilateration.absolute_total_rms_m"].mean()
+        assert row[1] == f"{mean:.3g}"
+    save(tmp_path / "runs", tmp_path / "report")
+    page = (tmp_path / "report" / "report.html").read_text("utf-8")
+    assert "What is possible" in page
+    assert shown.rows[1][2] in page
+
+
+def test_of_many_points_the_best_and_the_worst_are_looked_at() -> None:
+    means = pd.Series([3.0, 1.0, np.nan, 9.0], index=[1, 2, 3, 40])
+    assert possible._chosen(possible.MOST_POINTS + 1, means) == [2, 40]
+    assert possible._chosen(3, means) == [1, 2, 3]
+    assert possible._chosen(possible.MOST_POINTS + 1, None) == []
+
+
+def test_what_cannot_be_run_has_none() -> None:
+    broken = load(DIVE, {"platform.fmu": "/nowhere/platform.fmu"})
+    assert possible.of_scenario(broken) is None
+
+
+def test_a_point_without_accuracy_says_none() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = possible.of_scenario(load(PAPER, HOPELESS))
+    assert found is not None
+    assert possible.cells(found) == ("none", "none")
