@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from .path import path_psd
     from .run import reference
     from .steady import ClosedForm, Conditions, closed_form
-    from .verdict import Limits, Verdict
+    from .verdict import Limits, Possible
 
 __all__ = [
-    "ClosedForm", "Conditions", "Dilution", "Limits", "Verdict", "closed_form", "conditions",
+    "ClosedForm", "Conditions", "Dilution", "Limits", "Possible", "closed_form", "conditions",
     "cross", "fisher_factor", "hdop", "path_psd", "reference",
 ]  # fmt: skip
 
@@ -29,7 +29,7 @@ __getattr__, __dir__ = lazy.names(
     __name__,
     {
         "ClosedForm": "steady", "Conditions": "steady", "Dilution": "geometry",
-        "Limits": "verdict", "Verdict": "verdict", "closed_form": "steady",
+        "Limits": "verdict", "Possible": "verdict", "closed_form": "steady",
         "conditions": "parameters", "cross": "geometry", "fisher_factor": "fisher",
         "hdop": "geometry", "path_psd": "path", "reference": "run",
     },

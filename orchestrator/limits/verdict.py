@@ -69,12 +69,12 @@ class Limits:
         found = np.searchsorted(self.epoch_ns, epoch_ns, side="right") - 1
         return np.fmax(found, 0)
 
-    def verdict(self, epoch_ns: Integers | None = None) -> Verdict | None:
+    def verdict(self, epoch_ns: Integers | None = None) -> Possible | None:
         """What is possible at some epochs [ns], those of a receiver's estimates; None: at all.
 
         Returns
         -------
-        Verdict
+        Possible
             None without any epoch, or without finite numbers.
         """
         which = np.arange(len(self.epoch_ns)) if epoch_ns is None else self.at(epoch_ns)
@@ -83,7 +83,7 @@ class Limits:
         absolute, relative = rms(self.absolute[which]), rms(self.relative[which])
         if not (isfinite(absolute) and isfinite(relative)):
             return None
-        return Verdict(
+        return Possible(
             kind=self.kind,
             absolute_rms=absolute,
             relative_rms=relative,
@@ -94,7 +94,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Possible:
     """What is possible at the epochs of a receiver.
 
     Attributes

@@ -17,7 +17,7 @@ from ..analysis.sentences import quantity
 from ..api import run
 from ..errors import SblcosimError
 from ..limits.run import of_run
-from ..limits.verdict import Verdict
+from ..limits.verdict import Possible
 from ..scenario.scenario import Scenario
 from ..study.study import Study
 from .formats import number
@@ -37,7 +37,7 @@ _NOTE = (
 )
 
 
-def of_scenario(scenario: Scenario, since_ns: int = 0) -> Verdict | None:
+def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
     """What is possible in a run; None if its surroundings are not ours, or cannot be run.
 
     Parameters
@@ -82,7 +82,7 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     return [Table("What is possible", head, rows, (), _NOTE)]
 
 
-def cells(verdict: Verdict) -> tuple[str, str]:
+def cells(verdict: Possible) -> tuple[str, str]:
     """Absolute and relative, as cells of a table."""
     if not verdict.accuracy:
         return "none", "none"

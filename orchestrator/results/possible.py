@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..limits.run import of_run
-from ..limits.verdict import Limits, Verdict
+from ..limits.verdict import Limits, Possible
 from ..style import Theme
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def limits_of(
 
 def verdicts(
     limits: Limits | None, record: Record, receivers: Sequence[str]
-) -> dict[str, Verdict]:
+) -> dict[str, Possible]:
     """What was possible at the epochs of each receiver's estimates."""
     if limits is None:
         return {}
@@ -52,14 +52,14 @@ def verdicts(
     return {name: verdict for name, verdict in found.items() if verdict is not None}
 
 
-def lines(possible: Mapping[str, Verdict], errors: Any) -> Iterator[str]:
+def lines(possible: Mapping[str, Possible], errors: Any) -> Iterator[str]:
     """A line for each receiver, from the table of errors."""
     for name, verdict in possible.items():
         reached = errors.loc[(name, "absolute", "total"), "rms_m"]
         yield f"{name}: {reached:.2f} m RMS, {verdict}"
 
 
-def notes(possible: Mapping[str, Verdict]) -> list[str]:
+def notes(possible: Mapping[str, Possible]) -> list[str]:
     """What these lines mean."""
     for verdict in possible.values():
         return [line.format(q=verdict.acceleration_psd) for line in _NOTES[verdict.kind]]

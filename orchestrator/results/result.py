@@ -22,7 +22,7 @@ from .description import RunDescription
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
-    from ..limits.verdict import Limits, Verdict
+    from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
 
 _STATISTICS = ("mean_m", "rms_m", "std_m")
@@ -186,7 +186,7 @@ class Result:
         return possible.limits_of(self.description, self.record, self.receivers)
 
     @cached_property
-    def verdicts(self) -> dict[str, Verdict]:
+    def verdicts(self) -> dict[str, Possible]:
         """What was possible at the epochs of each receiver's estimates; empty without `limits`."""
         return possible.verdicts(self.limits, self.record, self.receivers)
 

@@ -54,7 +54,7 @@ def run(scenario: str, changes: Mapping[str, Any], seed: int = 1) -> Result:
     return _run(scenario, (*changes.items(), ("seed", seed)))
 
 
-def reference(result: Result, q: float | None = None) -> limits.Verdict:
+def reference(result: Result, q: float | None = None) -> limits.Possible:
     """At all epochs since three beacons were heard."""
     found = limits.reference(result.record, result.scenario, acceleration_psd=q)
     heard = (result.record.values["acoustics.reception_count"] > 0).sum(axis=1) >= 3
