@@ -20,7 +20,7 @@ from ..results.definitions import FRAME_WORDS
 from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
-from . import factorial
+from . import factorial, possible
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
@@ -68,6 +68,7 @@ def save(
         int(table["error"].notna().sum()),
         covariance.by_point(table, list(study.factors)),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        possible.tables(study, table),
     )
     plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
@@ -90,12 +91,15 @@ class _Source:
         On the receivers' covariances, by point.
     again
         How to reproduce.
+    possible
+        What is possible at its points.
     """
 
     study: Study
     failed: int
     verdicts: pd.DataFrame
     again: Section
+    possible: list[Block]
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
@@ -202,7 +206,9 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            Section("Tables", "tables", [*factorial.tables(findings), *_covariances(source)]),
+            Section("Tables", "tables", [
+                *factorial.tables(findings), *_covariances(source), *source.possible,
+            ]),
             Section("Figures", "figures", _pictures(findings, folder)),
             Section("Method", "method", how),
             source.again,
@@ -306,7 +312,7 @@ def _means_page(
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
         Section("Tables", "tables", [
             Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study)),
-            *_covariances(source)]),
+            *_covariances(source), *source.possible]),
     ]
     units = {study.labels[name]: u for name, u in study.units.items()}
     subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)

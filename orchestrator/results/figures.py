@@ -21,12 +21,14 @@ from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
 from ..scenario.sources import RAW
 from ..style import LINES, MARKERS, Theme, ThemeName, new_figure, use
+from . import possible
 from .definitions import AXES, FRAME_WORDS, Floats, recorded
 from .metrics import error_column, with_errors
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
+    from ..limits.verdict import Limits
     from ..simulation.record import Record
 
 Tracks = Mapping[str, pd.DataFrame]
@@ -159,12 +161,13 @@ def plot_errors(
     tracks: Tracks,
     axes: Sequence[Axes] | None = None,
     frame: str = "absolute",
+    reference: Limits | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
     """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
     Four axes over the whole run. `frame` is one of `definitions.FRAMES`; receivers without errors
-    in it are left out.
+    in it are left out. `reference` is what was possible: ±2σ, and the RMS of the total.
 
     Raises
     ------
@@ -195,6 +198,8 @@ def plot_errors(
                 ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
                 ax.set_ylabel(f"Error in {axis} [m]")
             limits[column] = (-top, top)
+        since_s = min((t["epoch_s"].min() for t in tracks.values() if len(t)), default=np.inf)
+        possible.draw(axes, reference, frame, since_s, look)
         _time_axis(axes, record)
         _title(
             axes[0],

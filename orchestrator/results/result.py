@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from .. import artifacts, style
 from ..scenario.sources import RAW
 from . import figures as plots
-from . import metrics, text
+from . import metrics, possible, text
 from .catalogue import Figure, by_name, jobs
 from .consistency import COVARIANCES, NEES_COLUMNS, Verdict, of_runs
 from .definitions import FRAME_WORDS, judge
@@ -23,6 +23,7 @@ from .description import RunDescription
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
+    from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
 
 _CONSISTENCY = {
@@ -61,7 +62,8 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
     Figure("path_xyz", plots.plot_path_3d, lambda run: (run.record, run.estimates)),
     Figure("axes", plots.plot_axes, lambda run: (run.record, run.estimates)),
-    Figure("errors", plots.plot_errors, lambda run: (run.record, run.estimates)),
+    Figure("errors", plots.plot_errors,
+           lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
     Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
 )
 """The figures in the folder of a run."""
@@ -200,6 +202,16 @@ class Result:
             for receiver in self.receivers
         }
 
+    @cached_property
+    def limits(self) -> Limits | None:
+        """What was possible in this run; None unless all but the receivers are our components."""
+        return possible.limits_of(self.description, self.record, self.receivers)
+
+    @cached_property
+    def verdicts(self) -> dict[str, Possible]:
+        """What was possible at the epochs of each receiver's estimates; empty without `limits`."""
+        return possible.verdicts(self.limits, self.record, self.receivers)
+
     @property
     def problems(self) -> list[str]:
         """A line for each receiver, except the raw fix, that has failed or has no estimate."""
@@ -235,7 +247,7 @@ class Result:
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
         """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
-        return plots.plot_errors(self.record, self.estimates, axes, frame, theme)
+        return plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
@@ -323,6 +335,7 @@ class Result:
                     for receiver, found in self.consistency.items()
                 },
                 "summary": self.summary.to_dict(orient="index"),
+                "limits": {name: v.to_json() for name, v in self.verdicts.items()},
             }
         )
         return result
@@ -338,6 +351,8 @@ class Result:
             "",
             *text.percentiles(self.percentiles, self.receivers, width),
         ]
+        if self.verdicts:
+            lines += ["", *possible.lines(self.verdicts, self.errors)]
         for receiver in self.receivers:
             lines += ["", *self._about(receiver)]
         return "\n".join([*lines, "", *self._notes()])
@@ -395,7 +410,8 @@ class Result:
         raw = [_RAW_NOTE] if RAW in self.receivers else []
         claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
         own = _OWN_NOTES if "own_relative" in text.frames_in(self.errors) else ()
-        return [*_NOTES, *own, *raw, *(_CONSISTENCY_NOTES if claims else ())]
+        noted = [*own, *possible.notes(self.verdicts), *raw]
+        return [*_NOTES, *noted, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
         wide = pd.concat(
@@ -406,7 +422,8 @@ class Result:
             axis=1,
         ).reindex(self.errors.xs("absolute", level="frame").index)
         within = self.percentiles.rename(index=FRAME_WORDS, level="frame")
-        lines = [line for name in self.receivers for line in self._about(name)]
+        lines = [*possible.lines(self.verdicts, self.errors)]
+        lines += [line for name in self.receivers for line in self._about(name)]
         failed = [f"failed: {message}" for message in self.failures.values()]
         notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
