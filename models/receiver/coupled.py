@@ -189,18 +189,24 @@ def _located(
 ) -> tuple[Any, Any, Any]:
     """Put the platform where its first complete packet says it is."""
     first = packet * said.complete * (located == 0)
+    # What turns own positions is ψ + e_ψ.
+    apart = ca.if_else(said.is_own, P[HEADING_ERROR, HEADING_ERROR], 0)
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
-        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2),
+        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2) + apart,
     }
     values = {
-        PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
+        PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1],
+        HEADING: said.first_heading - ca.if_else(said.is_own, mean[HEADING_ERROR], 0),
     }
     mean, P = ca.SX(mean), ca.SX(P)
     for i, variance in variances.items():
         mean[i] = ca.if_else(first, values[i], mean[i])
         for j in range(STATES):
             P[i, j] = P[j, i] = ca.if_else(first, variance if i == j else 0, P[i, j])
+    P[HEADING, HEADING_ERROR] = P[HEADING_ERROR, HEADING] = ca.if_else(
+        first, -apart, P[HEADING, HEADING_ERROR]
+    )
     return mean, P, ca.fmax(located, first)
 
 
