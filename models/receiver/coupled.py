@@ -216,7 +216,7 @@ def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
     for i, value in row.row.items():
         H[i] = value
     c = P @ H
-    return c, ca.dot(H, c) + row.variance
+    return c, ca.fmax(ca.dot(H, c), 0) + row.variance
 
 
 def _update(

@@ -29,6 +29,7 @@ from .surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    sounding_variance,
 )
 
 _FAR_STD = 30.0
@@ -155,7 +156,8 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
     variances = ca.vertcat(
-        ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2 + p.depth_bias_std**2
+        ca.repmat(sounding_variance(p.range_std), BEACONS, 1),
+        sounding_variance(p.depth_std) + p.depth_bias_std**2,
     )
     weight = least_squares.weights(s, variances + motion**2)
 
@@ -192,9 +194,8 @@ def _joined(
     degrees = ca.fmax(ca.sum1(s.heard[:BEACONS]) - 2, 1)
     # Samples that disagree count less; that the diver is near does not.
     near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
-    cofactors, determinant = adjugate(
-        (fix.information - near) / ca.fmax(fix.cost / degrees, 1) + near
-    )
+    doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
+    cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
@@ -221,7 +222,7 @@ def _joined(
     # Errors: of the offset -lean' of the position's and what its own residuals leave; of the
     # position by the sensor's bias, which is in the depth reading; of clock and speed by their
     # parts of the offset.
-    by_bias = -own[:, 2] * depth_weight * p.depth_bias_std**2
+    by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T
     column = -own @ fix.lean
     learnt = fix.alone + ca.dot(fix.lean, own @ fix.lean) - offset.variance
