@@ -82,14 +82,10 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     s = with_beacons(x, u, u.ping_beacon_position)
     update = s.any_new * x.ready
-    first = s.any_new * s.enough * (x.ready == 0)
     return {
-        "ready": x.ready + first,
-        "update_count": x.update_count + update + first,
+        "update_count": x.update_count + update,
         "nis": ca.if_else(update, 0, x.nis),
         "nis_degrees": ca.if_else(update, 0, x.nis_degrees),
-        "passes": least_squares.PASSES * first,
-        "damping": least_squares.FIRST_DAMPING,
     }
 
 
@@ -98,7 +94,10 @@ def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 
 
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
-    """The oldest sample; a depth and a packet of one epoch together, the depth first."""
+    """The oldest sample; a depth and a packet of one epoch together, the depth first.
+
+    The first fix waits for the platform, and for the last of the new samples.
+    """
     s = with_beacons(x, u, u.ping_beacon_position)
     pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
     oldest = ca.mmin(ca.vertcat(*pending))
@@ -127,34 +126,39 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     ranged = packet * located * using
     mean, P, share, range_nis = _range_updated(p, mean, P, said, z, ranged)
 
-    evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
-    score = ca.if_else(
-        ranged, ca.fmax(x.score + (1 - share) * evidence - _ACCEPTED * share, 0), x.score
-    )
-    speed = ca.sumsqr(mean[list(VELOCITY)])
-    wrong = ca.fmax(score > _LIMIT, speed > p.speed_limit**2) * using * s.enough
-    arms = _turned_arm(said)
+    score = _score(p, x.score, share, ranged)
+    too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
+    known = s.enough * located
+    wrong = ca.fmax(score > _LIMIT, too_fast) * using * known
+    first = (x.ready == 0) * known * (ca.sum1(s.new) <= packet + depth)
+    anew = ca.fmax(first, wrong)
+    arm = _turned_arm(said)
     return {
-        "seen": ca.if_else(
-            ca.vertcat(chosen, depth), s.mark, x.seen
-        ),
+        "ready": x.ready + first,
+        "update_count": x.update_count + first,
+        "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
         "epoch": epoch,
         "mean": mean,
         "covariance": pack(P),
         "located": located,
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
-        "arm": ca.vertcat(*(
-            ca.if_else(this, arms.T, x.arm[i, :]) for i, this in enumerate(which)
-        )),
+        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, BEACONS, 1), x.arm),
         "place_total": said.total,
         "place_count": said.count,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
         "nis": x.nis + depth_nis + range_nis,
         "nis_degrees": x.nis_degrees + depth_used + ranged * (share > 0.5),
-        "passes": ca.if_else(wrong, least_squares.PASSES, x.passes),
-        "damping": ca.if_else(wrong, least_squares.FIRST_DAMPING, x.damping),
+        "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
+        "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
+
+
+def _score(p: Symbols, score: Any, share: Any, ranged: Any) -> Any:
+    """The score of ranges that do not fit (CUSUM), after one that is not late by `share`."""
+    evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
+    more = (1 - share) * evidence - _ACCEPTED * share
+    return ca.if_else(ranged, ca.fmax(score + more, 0), score)
 
 
 def _elements(mean: Any) -> list[Any]:
@@ -185,18 +189,24 @@ def _located(
 ) -> tuple[Any, Any, Any]:
     """Put the platform where its first complete packet says it is."""
     first = packet * said.complete * (located == 0)
+    # What turns own positions is ψ + e_ψ.
+    apart = ca.if_else(said.is_own, P[HEADING_ERROR, HEADING_ERROR], 0)
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
-        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2),
+        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2) + apart,
     }
     values = {
-        PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
+        PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1],
+        HEADING: said.first_heading - ca.if_else(said.is_own, mean[HEADING_ERROR], 0),
     }
     mean, P = ca.SX(mean), ca.SX(P)
     for i, variance in variances.items():
         mean[i] = ca.if_else(first, values[i], mean[i])
         for j in range(STATES):
             P[i, j] = P[j, i] = ca.if_else(first, variance if i == j else 0, P[i, j])
+    P[HEADING, HEADING_ERROR] = P[HEADING_ERROR, HEADING] = ca.if_else(
+        first, -apart, P[HEADING, HEADING_ERROR]
+    )
     return mean, P, ca.fmax(located, first)
 
 
@@ -206,7 +216,7 @@ def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
     for i, value in row.row.items():
         H[i] = value
     c = P @ H
-    return c, ca.dot(H, c) + row.variance
+    return c, ca.fmax(ca.dot(H, c), 0) + row.variance
 
 
 def _update(

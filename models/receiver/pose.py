@@ -140,8 +140,11 @@ def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any
         p.beacon_offset,
         ca.if_else(all_there, 1, count > 0),
     )
-    square = ca.sum2(p.beacon_offset[:, :2] ** 2)
-    variance = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2 / ca.fmax(ca.dot(square, count), 1e-12)
+    heard = ca.sum1(count)
+    arms = p.beacon_offset[:, :2]
+    center = (count.T @ arms) / ca.fmax(heard, 1)
+    square = ca.dot(count, ca.sum2(arms**2)) - heard * ca.sumsqr(center)
+    variance = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2 / ca.fmax(square, 1e-12)
     position = ca.if_else(given, position, fitted)
     yaw = ca.if_else(given, attitude[2], ca.atan2(R[1, 0], R[0, 0]))
     roll = ca.if_else(given, attitude[0], ca.atan2(R[2, 1], R[2, 2]))
@@ -163,7 +166,7 @@ def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any
         first_heading=yaw,
         heading_variance=ca.fmin(variance, _UNKNOWN),
         complete=ca.fmax(is_own == 0, (ca.sum1(count > 0) >= 3) * ca.fmax(
-            variance < _KNOWN, ca.sum1(count) >= _ENOUGH
+            variance < _KNOWN, heard >= _ENOUGH
         )),
         total=total,
         count=count,

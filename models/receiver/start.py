@@ -1,13 +1,14 @@
 """How `coupled` starts, and starts anew: a fix from the latest receptions alone.
 
-The platform is where the filter has it, the diver unknown. The clock's offset is estimated with
-its prior, which is eliminated from the equations: with weights w, residuals e and its information
-1/σ_B², it is Σwe / W with W = Σw + 1/σ_B².
+The platform is where the filter has it, the diver unknown. What is common to all ranges, B = β + κρ
+at a distance ρ, is estimated with its prior and eliminated from the equations: with weights w,
+residuals e and its information 1/σ_B², it is Σwe / W with W = Σw + 1/σ_B². Clock and speed of sound
+then have their parts of it, σ_β²/σ_B² and σ_κ²ρ/σ_B².
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -28,10 +29,13 @@ from .surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    sounding_variance,
 )
 
 _FAR_STD = 30.0
 """Of the diver about the platform, north and east [m], where ranges say nothing."""
+_LEAST_OFFSET_STD = 1e-3
+"""What is common to all ranges is never better known than this [m]."""
 
 
 def anew() -> Loop:
@@ -55,9 +59,59 @@ def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     return replace(s, beacons=ca.vertcat(*rows))
 
 
-def _fit(
-    position: Any, platform: Any, s: Samples, weight: Any, prior: Any
-) -> tuple[Any, Any, Any, Any, Any]:
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """What is common to all ranges: the clock's offset, and the speed of sound at the diver.
+
+    Attributes
+    ----------
+    variance
+        Prior [m²].
+    clock, speed
+        Parts of the offset, once it is known, that are β [1] and κ [1/m].
+    """
+
+    variance: Any
+    clock: Any
+    speed: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A fix, linearised at a position.
+
+    Attributes
+    ----------
+    position
+        (3, 1) [m].
+    information, slope
+        Normal equations of the position.
+    cost
+        Weighted sum of squared residuals.
+    offset, alone
+        The common offset [m], and its variance if the position were known [m²].
+    lean
+        Derivative of the offset with respect to the position, negative, (3, 1).
+    """
+
+    position: Any
+    information: Any
+    slope: Any
+    cost: Any
+    offset: Any
+    alone: Any
+    lean: Any
+
+
+def _offset(p: Symbols, length: Any) -> Offset:
+    """The common offset of ranges of some length [m]: β + κ length."""
+    speed = p.sound_speed_std**2 * length
+    variance = p.clock_std**2 + speed * length + _LEAST_OFFSET_STD**2
+    share = reciprocal(variance)
+    return Offset(variance, p.clock_std**2 * share, speed * share)
+
+
+def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> Fix:
     """Linearise the fix at a position.
 
     Parameters
@@ -65,15 +119,9 @@ def _fit(
     platform
         Its position, (3, 1) [m].
     prior
-        Information on the clock [1/m²].
-
-    Returns
-    -------
-    information, slope, cost, clock, lean
-        Normal equations of the position; weighted sum of squared residuals; the clock's offset [m]
-        and its derivative with respect to the position, negative, (3, 1).
+        Information on the common offset [1/m²].
     """
-    total = ca.sum1(weight[:BEACONS]) + prior
+    alone = reciprocal(ca.sum1(weight[:BEACONS]) + prior)
     information, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3)
     cost, first, lean = ca.SX(0), ca.SX(0), ca.SX.zeros(3)
     for i in range(BEACONS):
@@ -88,13 +136,14 @@ def _fit(
     information[2, 2] += weight[DEPTH]
     slope[2] += weight[DEPTH] * residual
     cost += weight[DEPTH] * residual**2
-    share = reciprocal(total)
     near = ca.SX([1, 1, 0]) / _FAR_STD**2
     off = position - platform
-    return (
-        symmetric(information - share * (lean @ lean.T) + ca.diag(near)),
-        slope - share * first * lean - near * off,
-        cost - share * first**2 + ca.dot(near, off**2), share * first, share * lean,
+    return Fix(
+        position,
+        symmetric(information - alone * (lean @ lean.T) + ca.diag(near)),
+        slope - alone * first * lean - near * off,
+        cost - alone * first**2 + ca.dot(near, off**2),
+        alone * first, alone, alone * lean,
     )
 
 
@@ -103,31 +152,27 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     begins = x.passes == least_squares.PASSES
     position = ca.if_else(begins, least_squares.closed_form(s), x.mean[list(POSITION)])
     platform = ca.vertcat(x.mean[list(PLATFORM)], x.platform_down)
-    length = distance(position, platform.T)[0]
-    prior = reciprocal(p.clock_std**2 + (p.sound_speed_std * length) ** 2 + 1e-6)
+    offset = _offset(p, distance(position, platform.T)[0])
+    prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
     variances = ca.vertcat(
-        ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2 + p.depth_bias_std**2
+        ca.repmat(sounding_variance(p.range_std), BEACONS, 1),
+        sounding_variance(p.depth_std) + p.depth_bias_std**2,
     )
     weight = least_squares.weights(s, variances + motion**2)
 
-    information, slope, here, _, _ = _fit(position, platform, s, weight, prior)
-    damped = information + x.damping * ca.diag(ca.diag(information))
-    step = least_squares.inverse(damped) @ slope
-    tried = position + step
-    information_there, _, there, clock, lean = _fit(tried, platform, s, weight, prior)
-    better = there <= here
-    done = ca.sumsqr(step) < least_squares.CLOSE**2
-    last = ca.fmax(done, x.passes == 1)
-    _, _, _, clock_here, lean_here = _fit(position, platform, s, weight, prior)
-    position = ca.if_else(better, tried, position)
-    clock, lean = ca.if_else(better, clock, clock_here), ca.if_else(better, lean, lean_here)
-    mean, P = _joined(
-        p, x, s, position, ca.if_else(better, information_there, information),
-        clock, lean, prior, weight, ca.fmin(here, there),
-    )
+    here = _fit(position, platform, s, weight, prior)
+    damped = here.information + x.damping * ca.diag(ca.diag(here.information))
+    step = least_squares.inverse(damped) @ here.slope
+    there = _fit(position + step, platform, s, weight, prior)
+    better = there.cost <= here.cost
+    last = ca.fmax(ca.sumsqr(step) < least_squares.CLOSE**2, x.passes == 1)
+    fix = Fix(*(
+        ca.if_else(better, getattr(there, f.name), getattr(here, f.name)) for f in fields(Fix)
+    ))
+    mean, P = _joined(p, x, s, fix, offset, weight[DEPTH])
     moved = ca.SX(x.mean)
-    moved[list(POSITION)] = position
+    moved[list(POSITION)] = fix.position
     return {
         "mean": ca.if_else(last, mean, moved),
         "covariance": ca.if_else(last, P, x.covariance),
@@ -139,32 +184,30 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
 
 
 def _joined(
-    p: Symbols, x: Symbols, s: Samples, position: Any, information: Any, clock: Any, lean: Any,
-    prior: Any, weight: Any, cost: Any,
+    p: Symbols, x: Symbols, s: Samples, fix: Fix, offset: Offset, depth_weight: Any
 ) -> tuple[Any, Any]:
     """The diver of a fix, and the platform of the filter: mean and packed covariance.
 
     The diver goes where the platform goes and turns with its heading, beside the fix's own error.
     """
-    y = position[:2] - x.mean[list(PLATFORM)]
+    y = fix.position[:2] - x.mean[list(PLATFORM)]
     degrees = ca.fmax(ca.sum1(s.heard[:BEACONS]) - 2, 1)
     # Samples that disagree count less; that the diver is near does not.
     near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
-    cofactors, determinant = adjugate(
-        (information - near) / ca.fmax(cost / degrees, 1) + near
-    )
+    doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))
+    cofactors, determinant = adjugate(doubt * (fix.information - near) + near)
     own = cofactors / determinant
+    parts = {CLOCK: offset.clock, SPEED: offset.speed}
+    fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
+             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2}
     mean = ca.SX(x.mean)
-    mean[list(POSITION)] = position
-    fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2),
-             SPEED: p.sound_speed_std**2, DEPTH_BIAS: p.depth_bias_std**2}
+    mean[list(POSITION)] = fix.position
     for i in fresh:
-        mean[i] = 0
-    mean[CLOCK] = clock
+        mean[i] = parts.get(i, 0) * fix.offset
 
     P = ca.SX(unpack(x.covariance, STATES))
-    kept = [i for i in range(STATES) if i not in (*POSITION, *VELOCITY, CLOCK, SPEED, DEPTH_BIAS)]
-    for i in (*POSITION, *VELOCITY, CLOCK, SPEED, DEPTH_BIAS):
+    kept = [i for i in range(STATES) if i not in (*POSITION, *fresh)]
+    for i in (*POSITION, *fresh):
         for j in range(STATES):
             P[i, j] = P[j, i] = fresh.get(i, 0) if i == j else 0
     along = ca.SX(2, len(kept))  # the diver's north and east by the kept states
@@ -176,15 +219,16 @@ def _joined(
     P[list(POSITION[:2]), list(POSITION[:2])] += crossing @ along.T
     P[list(POSITION[:2]), kept] = crossing
     P[kept, list(POSITION[:2])] = crossing.T
-    # Errors: of the clock -lean' of the position's and what its own residuals leave; of the
-    # position by the sensor's bias, which is in the depth reading.
-    column = -own @ lean
-    P[list(POSITION), CLOCK], P[CLOCK, list(POSITION)] = column, column.T
-    P[CLOCK, CLOCK] = reciprocal(ca.sum1(weight[:BEACONS]) + prior) + ca.dot(lean, own @ lean)
-    by_bias = -own[:, 2] * weight[DEPTH] * p.depth_bias_std**2
+    # Errors: of the offset -lean' of the position's and what its own residuals leave; of the
+    # position by the sensor's bias, which is in the depth reading; of clock and speed by their
+    # parts of the offset.
+    by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T
-    by_clock = -ca.dot(lean, by_bias)
-    P[CLOCK, DEPTH_BIAS] = P[DEPTH_BIAS, CLOCK] = by_clock
+    column = -own @ fix.lean
+    learnt = fix.alone + ca.dot(fix.lean, own @ fix.lean) - offset.variance
+    for i, part in parts.items():
+        P[list(POSITION), i], P[i, list(POSITION)] = part * column, part * column.T
+        P[i, DEPTH_BIAS] = P[DEPTH_BIAS, i] = -part * ca.dot(fix.lean, by_bias)
+        for j, other in parts.items():
+            P[i, j] += part * other * learnt
     return mean, pack(symmetric(P))
-
-

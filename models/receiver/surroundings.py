@@ -25,6 +25,8 @@ LEAST_GPS_STD = 0.01
 """What a GPS is never better than [m]: packets are rounded."""
 LEAST_HEADING_STD = 1e-3
 """The same of a heading [rad]."""
+LEAST_SOUNDING_STD = 1e-3
+"""The same of a range and of a depth [m]; much less would drown in the rounding of P."""
 
 Row = Mapping[int, Any]
 
@@ -133,9 +135,15 @@ def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...
     return phi, Q
 
 
+def sounding_variance(std: Any) -> Any:
+    """Variance of a range or of a depth of a standard deviation, or of the least one [m²]."""
+    return (0.5 * (std + LEAST_SOUNDING_STD + abs(std - LEAST_SOUNDING_STD))) ** 2
+
+
 def depth(p: Any, x: Sequence[Any]) -> Measurement:
     """A reading of the depth sensor."""
-    return Measurement(x[2] + x[DEPTH_BIAS], {2: 1, DEPTH_BIAS: 1}, p.depth_std**2)
+    variance = sounding_variance(p.depth_std)
+    return Measurement(x[2] + x[DEPTH_BIAS], {2: 1, DEPTH_BIAS: 1}, variance)
 
 
 def heading(m: Any, p: Any, x: Sequence[Any]) -> Measurement:
@@ -228,7 +236,8 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
             CLOCK: 1,
             SPEED: distance,
         },
-        variance=p.range_std**2 + pose.tilt_variance * slope + u[2] ** 2 * p.gps_vertical_std**2,
+        variance=sounding_variance(p.range_std) + pose.tilt_variance * slope
+        + u[2] ** 2 * p.gps_vertical_std**2,
         u=u,
         arm=arm,
         distance=distance,

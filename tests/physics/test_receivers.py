@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coupled import Path, at_rest, cross, dive, straight
+from harness import Path, at_rest, cross, dive, straight
 from scipy.stats import chi2
 
 LINE = straight((15.0, 2.0, 5.0), (-0.3, 0.4, 0.05))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled import CROSS, NS
+from harness import CROSS, NS
 from sblcosim.models.loading import load
 from scipy.optimize import brentq
 from scipy.stats import binom, expon, halfnorm, kstest, norm

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled import CROSS, Dive, at_rest, dive, simultaneous, straight
+from harness import CROSS, Dive, at_rest, dive, simultaneous, straight
 from sblcosim.models.loading import load
 from sblcosim.models.receiver.least_squares import PASSES
 from scipy.optimize import least_squares

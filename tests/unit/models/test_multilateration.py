@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from coupled import CROSS, NS, at_rest, cross, dive, hear, simultaneous, straight
+from harness import CROSS, NS, at_rest, cross, dive, hear, simultaneous, straight
 from numpy.typing import NDArray
 from sblcosim.models.receiver.least_squares import (
     FIRST_DAMPING,

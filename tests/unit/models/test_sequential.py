@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled import CROSS, NS, Dive, at_rest, dive, hear, model, simultaneous, straight
+from harness import CROSS, NS, Dive, at_rest, dive, hear, model, simultaneous, straight
 from sblcosim.models import RECEIVERS
 from stepper import Stepper
 
