@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Share = Callable[[float, float], float]
 """Of an innovation [m] and its variance [m²]: the weight of the measurement, 0 to 1."""
 
@@ -55,7 +56,7 @@ class Moments:
     covariance: Floats
 
 
-def smooth(problem: Problem, share: Share | None = None, doubtful: Floats | None = None) -> Moments:
+def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None = None) -> Moments:
     """Mean and covariance of all states, given all measurements.
 
     Parameters

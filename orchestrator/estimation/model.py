@@ -123,16 +123,16 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
         return node, np.full(len(node), kind), H, residual, row.variance + 0 * residual
 
     node = np.searchsorted(epochs, samples.depth_ns)
-    yield part(0, node, surroundings.depth(p, trajectory[node].T), samples.depth)
+    yield part(0, node, surroundings.depth(p, [*trajectory[node].T]), samples.depth)
 
     node = np.searchsorted(epochs, samples.range_ns)
-    x, arm = trajectory[node].T, p.beacon_offset[samples.beacon].T
-    body = np.where(samples.has_pose, 0.0, arm[:2])
+    x, arm = [*trajectory[node].T], [*p.beacon_offset[samples.beacon].T]
+    body = [np.where(samples.has_pose, 0.0, arm[i]) for i in (0, 1)]
     for i, row in enumerate(surroundings.places(np, p, x, body)):
         yield part(1 + i, node, row, samples.position[:, i])
     said = samples.has_pose
     if said.any():
-        row = surroundings.heading(np, p, x[:, said])
+        row = surroundings.heading(np, p, [v[said] for v in x])
         yield part(3, node[said], row, samples.attitude[said, 2], wrapped=True)
     row = surroundings.range_(np, p, x, pose_of(p, samples), arm)
     yield part(_RANGE, node, row, samples.range)

@@ -2,14 +2,15 @@
 
 It carries the posterior itself, however it is bent: where it is no better than `coupled`, the data
 are to blame. Particles are what ranges are not linear in: the diver as seen from the platform,
-y = x − p, with depth, velocity, and the platform's velocity. The rest is linear given these and is
-carried along by Kalman filters, one per particle, whose covariances are equal for all where they do
-not depend on y (M. Montemerlo et al., FastSLAM; A. Doucet et al., Rao-Blackwellised particle
-filtering for dynamic Bayesian networks, 2000):
+y = x − p, and the depth. All the rest is linear given the path of these, and is carried along by a
+Kalman filter of each particle (A. Doucet, N. de Freitas, K. Murphy, S. Russell, Rao-Blackwellised
+particle filtering for dynamic Bayesian networks, UAI 2000). So what hardly changes does not die
+out. Those filters have one covariance for all, but for that of clock and sound speed:
 
-- p and the error g of the GPS, from reported positions and the prior of x = y + p;
-- β and κ of clock and sound speed, from the ranges;
-- the bias of the depth sensor;
+- (y, v, w, p, g) of an axis, north or east: velocities of diver and platform, the platform's
+  position and the error of its GPS. y is drawn when a range comes, and known from then on;
+- (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
+- (β, κ): clock and sound speed;
 - the heading as reported, from reported headings alone. Its white error counts as noise of the
   ranges. Its slow error turns the whole track about the platform, which nothing observes: it is
   only in the covariance.
@@ -27,6 +28,7 @@ import numpy as np
 from sblcosim.models.receiver import surroundings
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
+    DEPTH_BIAS,
     GPS_ERROR,
     HEADING,
     HEADING_ERROR,
@@ -53,54 +55,50 @@ from .samples import Samples
 LABEL = "particle_filter"
 _REACH = 4.0
 """Standard deviations to both sides of the first range between which particles begin."""
+_NORTH = [POSITION[0], VELOCITY[0], PLATFORM_VELOCITY[0], PLATFORM[0], GPS_ERROR[0]]
+"""x, v, w, p, g of the axis north, among the states; east has the same covariance."""
+_DOWN = [POSITION[2], VELOCITY[2], DEPTH_BIAS]
+_TURN = [HEADING, HEADING_RATE]
+_SEEN = np.eye(5)
+_SEEN[0, 3] = -1.0
+"""From (x, v, w, p, g) to (y, v, w, p, g)."""
+_PLACE = np.array([0.0, 0.0, 0.0, 1.0, 1.0])
+_READING = np.array([1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Particles, and what belongs to each; covariances without a particle's axis are common.
+    """Particles: a Gaussian each. Covariances but `P_clock` are the same for all.
 
     Attributes
     ----------
     log_weight
         Shape (n,).
-    y, z, v
-        x − p, north and east, (n, 2) [m]; depth, (n,) [m]; velocity of the diver, (n, 3) [m/s].
-    w
-        Velocity of the platform, (n, 2) [m/s].
-    p, g, P_pg
-        Means of the platform's position and of its GPS error, (n, 2) [m], and the covariance of
-        both, the same for north and east, (2, 2) [m²].
-    depth_bias, depth_variance
-        Mean, (n,) [m], and variance [m²].
+    flat, P_flat
+        Means of (y, v, w, p, g), north and east, (n, 2, 5), and the covariance, (5, 5).
+    down, P_down
+        Means of (z, v, d), (n, 3), and the covariance, (3, 3).
     clock, P_clock
         Means of β [m] and κ, (n, 2), and their covariances, (n, 2, 2).
-    heading, P_heading
-        Of the heading as reported and its rate, (2,), (2, 2) [rad].
+    turn, P_turn
+        Heading as reported and its rate, (2,), and the covariance, (2, 2).
     """
 
     log_weight: Floats
-    y: Floats
-    z: Floats
-    v: Floats
-    w: Floats
-    p: Floats
-    g: Floats
-    P_pg: Floats
-    depth_bias: Floats
-    depth_variance: float
+    flat: Floats
+    P_flat: Floats
+    down: Floats
+    P_down: Floats
     clock: Floats
     P_clock: Floats
-    heading: Floats
-    P_heading: Floats
+    turn: Floats
+    P_turn: Floats
 
     @property
     def weight(self) -> Floats:
         """Weights, with the sum 1; shape (n,)."""
         weight = np.exp(self.log_weight - self.log_weight.max())
         return np.asarray(weight / weight.sum())
-
-
-_EACH = ("y", "z", "v", "w", "p", "g", "depth_bias", "clock", "P_clock")
 
 
 def particle_filter(
@@ -164,39 +162,32 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
             "positions of beacons"
         )
     rng = np.random.default_rng(seed)
-    depths, pose = dict(zip(samples.depth_ns.tolist(), samples.depth, strict=True)), _poses(
-        p, samples
-    )
-    cloud: Cloud | None = None
-    then, depth = samples.start_ns, None
+    depths = dict(zip(samples.depth_ns.tolist(), samples.depth.tolist(), strict=True))
+    poses = _poses(p, samples)
+    cloud = begun(p, particles)
+    then, located, down = samples.start_ns, p.initialisation == model.PRIOR, 0.0
     first = outcome.first_ns(p, samples)
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
-        heard = np.flatnonzero(samples.range_ns == epoch)
-        depth = depths.get(epoch, depth)
-        if cloud is not None:
-            cloud = predicted(p, cloud, (epoch - then) / 1e9, rng)
-            if epoch in depths:
-                cloud = sounded(p, cloud, depths[epoch])
-        for i in heard:
-            if cloud is None:
-                if depth is None:
-                    break
-                cloud = begun(p, samples, i, depth, (particles, rng))
+        cloud = predicted(p, cloud, (epoch - then) / 1e9)
+        if epoch in depths:
+            cloud = sounded(p, cloud, depths[epoch])
+        for i in np.flatnonzero(samples.range_ns == epoch):
+            cloud = placed(p, cloud, samples.position[i], samples.attitude[i, 2])
+            body, down = [*p.beacon_offset[samples.beacon[i]]], float(samples.position[i, 2])
+            if located:
+                cloud = drawn(cloud, rng)
+            elif epoch >= samples.depth_ns[0]:
+                cloud, located = anywhere(p, cloud, poses[i], body, samples.range[i], rng), True
             else:
-                cloud = placed(p, cloud, samples.position[i], samples.attitude[i, 2])
-            cloud = ranged(p, cloud, pose[i], p.beacon_offset[samples.beacon[i]], samples.range[i])
+                continue
+            cloud = resampled(ranged(p, cloud, poses[i], body, samples.range[i]), rng)
         then = epoch
-        if cloud is None:
-            continue
-        if len(heard):
-            down = samples.position[heard[-1], 2]
-        if epoch >= first:
+        if located and epoch >= first:
             rows.append((epoch, *moments(p, cloud, down)))
-        cloud = resampled(cloud, rng)
     if not rows:
-        raise ConfigurationError("record: must have a range and a depth, for a first fix, got none")
-    return Estimates(np.array([r[0] for r in rows]), *map(np.array, list(zip(*rows))[1:]))
+        raise ConfigurationError("record: must have ranges and depths, for a first fix, got none")
+    return Estimates(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _poses(p: Any, samples: Samples) -> list[Pose]:
@@ -206,182 +197,148 @@ def _poses(p: Any, samples: Samples) -> list[Pose]:
     return [Pose(*row) for row in zip(*columns, strict=True)]
 
 
-def begun(
-    p: Any, samples: Samples, i: int, depth: float, chance: tuple[int, np.random.Generator]
-) -> Cloud:
-    """Particles at the first packet, before its range is used.
-
-    With a prior x is drawn from it, and then tells of p, as y = x − p is drawn; else the bearing
-    may be any, and the distance any that fits the range.
-    """
-    n, rng = chance
-    dt = float(samples.range_ns[i] - samples.start_ns) / 1e9
-    P_pg = _gaussian_update(
-        np.diag([model.FAR_STD**2, p.gps_markov_std**2]), np.array([1.0, 1.0]), _gps_variance(p)
-    )[1]
-    place = samples.position[i]
-    mean_p, mean_g = np.tile(place[:2], (n, 1)), np.zeros((n, 2))
-    bias, bias_variance = np.zeros(n), p.depth_bias_std**2
-    if p.initialisation == model.PRIOR:
-        x, v, mean, variance = _from_prior(p, dt, n, rng)
-        y = x[:, :2] - mean_p - np.sqrt(P_pg[0, 0]) * rng.standard_normal((n, 2))
-        gain, P_pg = _gaussian_update(P_pg, np.array([1.0, 0.0]), variance)
-        off = mean[:, :2] - y - mean_p
-        mean_p, mean_g, z = mean_p + gain[0] * off, mean_g + gain[1] * off, x[:, 2]
-    else:
-        own = p.depth_std**2 + bias_variance
-        z = depth + np.sqrt(own) * rng.standard_normal(n)
-        bias, bias_variance = bias_variance / own * (depth - z), bias_variance * p.depth_std**2 / own
-        v = p.prior_velocity_std * rng.standard_normal((n, 3))
-        y = _anywhere(p, samples, i, z, rng)
-    cloud = Cloud(
-        np.zeros(n), y, z, v, p.platform_velocity_std * rng.standard_normal((n, 2)),
-        mean_p, mean_g, P_pg, bias, bias_variance, np.zeros((n, 2)),
-        np.tile(np.diag([p.clock_std**2, p.sound_speed_std**2]), (n, 1, 1)),
-        np.array([samples.attitude[i, 2], 0.0]),
-        np.diag([_heading_variance(p), p.heading_rate_std**2]),
+def begun(p: Any, n: int) -> Cloud:
+    """Particles at the start, equal still."""
+    mean, std = model.prior(p, np.zeros(STATES))
+    flat = np.stack([mean[[i + axis for i in _NORTH]] for axis in (0, 1)]) @ _SEEN.T
+    return Cloud(
+        np.zeros(n),
+        np.tile(flat, (n, 1, 1)), _SEEN @ np.diag(std[_NORTH] ** 2) @ _SEEN.T,
+        np.tile(mean[_DOWN], (n, 1)), np.diag(std[_DOWN] ** 2),
+        np.zeros((n, 2)), np.tile(np.diag(std[[CLOCK, SPEED]] ** 2), (n, 1, 1)),
+        np.zeros(2), np.diag(std[_TURN] ** 2),
     )
-    return sounded(p, cloud, depth) if p.initialisation == model.PRIOR else cloud
 
 
-def _from_prior(
-    p: Any, dt: float, n: int, rng: np.random.Generator
-) -> tuple[Floats, Floats, Floats, float]:
-    """x and v a time after the start, and mean and variance of x given v."""
-    _, Q = surroundings.transition(np, p, dt)
-    speed, place = p.prior_velocity_std**2, p.prior_position_std**2
-    vv, xv = speed + Q[VELOCITY[0], VELOCITY[0]], speed * dt + Q[POSITION[0], VELOCITY[0]]
-    xx = place + speed * dt**2 + Q[POSITION[0], POSITION[0]]
-    dv = np.sqrt(vv) * rng.standard_normal((n, 3))
-    slope = xv / vv if vv > 0 else 0.0
-    mean = p.prior_position + p.prior_velocity * dt + slope * dv
-    variance = xx - slope * xv
-    x = mean + np.sqrt(variance) * rng.standard_normal((n, 3))
-    return x, p.prior_velocity + dv, mean, variance
-
-
-def _anywhere(p: Any, samples: Samples, i: int, z: Floats, rng: np.random.Generator) -> Floats:
-    """y about the beacon at any bearing, at distances about the range; shape (n, 2)."""
-    n, r = len(z), samples.range[i]
-    std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * r) ** 2)
-    slant = r + _REACH * std * rng.uniform(-1, 1, n)
-    arm = surroundings.arm_of(
-        np, _state(heading=samples.attitude[i, 2]), Pose(0.0, 0.0, 0.0, 0.0),
-        p.beacon_offset[samples.beacon[i]],
-    )
-    flat = np.sqrt(np.maximum(slant**2 - (z - samples.position[i, 2] - arm[2]) ** 2, 0))
-    bearing = rng.uniform(-np.pi, np.pi, n)
-    return np.asarray(np.column_stack([
-        arm[0] + flat * np.cos(bearing), arm[1] + flat * np.sin(bearing)
-    ]))
-
-
-def _state(**known: Any) -> list[Any]:
-    """The states of `surroundings`, 0 but for those given."""
-    x: list[Any] = [0.0] * STATES
-    x[HEADING] = known["heading"]
-    return x
-
-
-def _gps_variance(p: Any) -> float:
-    return float(max(p.gps_std, LEAST_GPS_STD) ** 2)
-
-
-def _heading_variance(p: Any) -> float:
-    return float(surroundings.heading(np, p, _state(heading=0.0)).variance)
-
-
-def _gaussian_update(P: Floats, h: Floats, R: float) -> tuple[Floats, Floats]:
-    """Gain and covariance of a scalar measurement."""
-    c = P @ h
-    S = float(h @ c) + R
-    gain = c / S if S > 0 else np.zeros_like(c)
-    return gain, P - np.outer(gain, c)
-
-
-def predicted(p: Any, cloud: Cloud, dt: float, rng: np.random.Generator) -> Cloud:
+def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     """The particles a time dt [s] later."""
-    phi, Q = surroundings.transition(np, p, dt)
-    n = len(cloud.z)
+    ones, upper = surroundings.transition(np, p, dt)
+    phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
+    for (i, j), value in ones.items():
+        phi[i, j] = value
+    for (i, j), value in upper.items():
+        Q[i, j] = Q[j, i] = value
+    # What is reported is the heading and its error together.
+    Q[HEADING, HEADING] += Q[HEADING_ERROR, HEADING_ERROR]
 
-    def drawn(i: int, j: int, axes: int) -> tuple[Floats, Floats]:
-        """Noise of a state and of its rate."""
-        a, b = rng.standard_normal((2, n, axes))
-        first = np.sqrt(Q[j, j])
-        slope = Q[i, j] / first if first > 0 else 0.0
-        rest = np.sqrt(max(Q[i, i] - slope**2, 0.0))
-        return slope * a + rest * b, first * a
+    def block(states: list[int]) -> tuple[Floats, Floats]:
+        return phi[np.ix_(states, states)], Q[np.ix_(states, states)]
 
-    moved, faster = drawn(POSITION[0], VELOCITY[0], 3)
-    x, v = cloud.v * dt + moved, cloud.v + faster
-    w, p_moved = cloud.w, np.zeros((n, 2))
-    if p.platform_velocity_std > 0:
-        i, j = PLATFORM[0], PLATFORM_VELOCITY[0]
-        swayed, w_noise = drawn(i, j, 2)
-        p_moved, w = phi[i, j] * w + swayed, phi[j, j] * w + w_noise
-    decay = phi[GPS_ERROR[0], GPS_ERROR[0]]
-    F = np.diag([1.0, decay])
-    turn = np.array([[1.0, phi[HEADING, HEADING_RATE]], [0.0, phi[HEADING_RATE, HEADING_RATE]]])
-    pair = [HEADING, HEADING_RATE]
-    noise = np.array([[Q[min(a, b), max(a, b)] for b in pair] for a in pair])
-    noise[0, 0] += Q[HEADING_ERROR, HEADING_ERROR]
+    F, N = block(_NORTH)
+    F, N = _SEEN @ F @ np.linalg.inv(_SEEN), _SEEN @ N @ _SEEN.T
+    D, M = block(_DOWN)
+    T, V = block(_TURN)
     P_clock = cloud.P_clock.copy()
     P_clock[:, 0, 0] += Q[CLOCK, CLOCK]
     return replace(
-        cloud, y=cloud.y + x[:, :2] - p_moved, z=cloud.z + x[:, 2], v=v, w=w, p=cloud.p + p_moved,
-        g=decay * cloud.g,
-        P_pg=F @ cloud.P_pg @ F + np.diag([0.0, Q[GPS_ERROR[0], GPS_ERROR[0]]]),
-        P_clock=P_clock, heading=turn @ cloud.heading,
-        P_heading=turn @ cloud.P_heading @ turn.T + noise,
+        cloud, flat=cloud.flat @ F.T, P_flat=F @ cloud.P_flat @ F.T + N,
+        down=cloud.down @ D.T, P_down=D @ cloud.P_down @ D.T + M, P_clock=P_clock,
+        turn=T @ cloud.turn, P_turn=T @ cloud.P_turn @ T.T + V,
     )
+
+
+def _gain(P: Floats, h: Floats, R: float) -> tuple[Floats, float, Floats]:
+    """Gain, variance of the innovation, and covariance after a scalar measurement."""
+    c = P @ h
+    S = float(h @ c) + R
+    return c / S, S, P - np.outer(c, c) / S
 
 
 def sounded(p: Any, cloud: Cloud, depth: float) -> Cloud:
     """A reading of the depth sensor."""
-    S = cloud.depth_variance + p.depth_std**2
-    off = depth - cloud.z - cloud.depth_bias
-    gain = cloud.depth_variance / S
+    K, S, P = _gain(cloud.P_down, _READING, p.depth_std**2)
+    off = depth - cloud.down @ _READING
     return replace(
         cloud, log_weight=cloud.log_weight - 0.5 * off**2 / S,
-        depth_bias=cloud.depth_bias + gain * off, depth_variance=(1 - gain) * cloud.depth_variance,
+        down=cloud.down + off[:, None] * K, P_down=P,
     )
 
 
 def placed(p: Any, cloud: Cloud, place: Floats, heading: float) -> Cloud:
     """Reported position and heading of the platform."""
-    both, R = np.array([1.0, 1.0]), _gps_variance(p)
-    S = float(cloud.P_pg.sum()) + R
-    gain, P_pg = _gaussian_update(cloud.P_pg, both, R)
-    off = place[:2] - cloud.p - cloud.g
-    turn, P_heading = _gaussian_update(cloud.P_heading, np.array([1.0, 0.0]), _heading_variance(p))
-    angle = heading - cloud.heading[0]
+    K, S, P = _gain(cloud.P_flat, _PLACE, max(p.gps_std, LEAST_GPS_STD) ** 2)
+    off = place[:2] - cloud.flat @ _PLACE
+    own = surroundings.heading(np, p, [0.0] * STATES).variance
+    k, _, P_turn = _gain(cloud.P_turn, np.array([1.0, 0.0]), own)
+    angle = heading - cloud.turn[0]
     angle -= 2 * np.pi * np.floor((angle + np.pi) / (2 * np.pi))
     return replace(
         cloud, log_weight=cloud.log_weight - 0.5 * (off**2).sum(axis=1) / S,
-        p=cloud.p + gain[0] * off, g=cloud.g + gain[1] * off, P_pg=P_pg,
-        heading=cloud.heading + turn * angle, P_heading=P_heading,
+        flat=cloud.flat + off[:, :, None] * K, P_flat=P,
+        turn=cloud.turn + k * angle, P_turn=P_turn,
     )
 
 
-def ranged(p: Any, cloud: Cloud, pose: Pose, body: Floats, z: float) -> Cloud:
+def drawn(cloud: Cloud, rng: np.random.Generator) -> Cloud:
+    """Draw y and z from each particle's Gaussian."""
+    n = len(cloud.down)
+    return _at(
+        cloud,
+        cloud.flat[:, :, 0] + np.sqrt(cloud.P_flat[0, 0]) * rng.standard_normal((n, 2)),
+        cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n),
+    )
+
+
+def _at(cloud: Cloud, y: Floats, z: Floats) -> Cloud:
+    """The particles with y and z known."""
+
+    def known(P: Floats) -> tuple[Floats, Floats]:
+        if not P[0, 0] > 0:
+            return np.eye(len(P))[0], P
+        slope = P[:, 0] / P[0, 0]
+        rest = P - np.outer(slope, P[0])
+        rest[0], rest[:, 0] = 0.0, 0.0
+        return slope, rest
+
+    K, P_flat = known(cloud.P_flat)
+    k, P_down = known(cloud.P_down)
+    return replace(
+        cloud, flat=cloud.flat + (y - cloud.flat[:, :, 0])[:, :, None] * K, P_flat=P_flat,
+        down=cloud.down + (z - cloud.down[:, 0])[:, None] * k, P_down=P_down,
+    )
+
+
+def anywhere(
+    p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float, rng: np.random.Generator
+) -> Cloud:
+    """Particles about a beacon, at any bearing and at the distances that may give its range."""
+    n = len(cloud.down)
+    depth = cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n)
+    std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2)
+    slant = z + _REACH * std * rng.uniform(-1, 1, n)
+    at = [0.0] * STATES
+    at[HEADING] = cloud.turn[0]
+    arm = surroundings.arm_of(np, at, pose, body)
+    far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))
+    bearing = rng.uniform(-np.pi, np.pi, n)
+    # Nothing is known of x, so y says nothing of the platform.
+    P = cloud.P_flat.copy()
+    P[0], P[:, 0] = 0.0, 0.0
+    free = replace(cloud, P_flat=P)
+    y = np.column_stack([arm[0] + far * np.cos(bearing), arm[1] + far * np.sin(bearing)])
+    return _at(free, y, depth)
+
+
+def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Cloud:
     """A range."""
-    x = _state(heading=cloud.heading[0])
-    x[0], x[1], x[2] = cloud.y[:, 0], cloud.y[:, 1], cloud.z
+    x: list[Any] = [0.0] * STATES
+    x[HEADING] = cloud.turn[0]
+    x[0], x[1], x[2] = cloud.flat[:, 0, 0], cloud.flat[:, 1, 0], cloud.down[:, 0]
     x[CLOCK], x[SPEED] = cloud.clock.T
     row = surroundings.range_(np, p, x, pose, body)
-    R = row.variance + row.row[HEADING] ** 2 * cloud.P_heading[0, 0]
+    R = row.variance + row.row[HEADING] ** 2 * cloud.P_turn[0, 0]
     off = z - row.value
     c = cloud.P_clock[:, :, 0] + cloud.P_clock[:, :, 1] * row.distance[:, None]
     S = c[:, 0] + c[:, 1] * row.distance + R
     punctual, other = late.log_densities(p, off, S)
     total = np.logaddexp(punctual, other)
     share = np.exp(punctual - total)
-    gain = c / S[:, None]
+    K = c / S[:, None]
     spread = share * (1 - share) * off**2 - share * S
     return replace(
         cloud, log_weight=cloud.log_weight + total,
-        clock=cloud.clock + (share * off)[:, None] * gain,
-        P_clock=cloud.P_clock + spread[:, None, None] * gain[:, :, None] * gain[:, None, :],
+        clock=cloud.clock + (share * off)[:, None] * K,
+        P_clock=cloud.P_clock + spread[:, None, None] * K[:, :, None] * K[:, None, :],
     )
 
 
@@ -394,30 +351,35 @@ def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
     edges = np.cumsum(weight)
     picks = (np.arange(n) + rng.uniform()) / n * edges[-1]
     kept = np.minimum(np.searchsorted(edges, picks, side="right"), n - 1)
-    taken = {name: getattr(cloud, name)[kept] for name in _EACH}
+    taken = {name: getattr(cloud, name)[kept] for name in ("flat", "down", "clock", "P_clock")}
     return replace(cloud, log_weight=np.zeros(n), **taken)
 
 
 def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
     """The fields of `Estimates` beside the epoch."""
-    weight = cloud.weight
-    relative = np.column_stack([cloud.y, cloud.z - down])
-    x = np.column_stack([cloud.y + cloud.p, cloud.z])
-    state = np.stack([x, cloud.v], axis=2).reshape(len(weight), 6)
+    weight, n = cloud.weight, len(cloud.log_weight)
+    y, v, place = cloud.flat[:, :, 0], cloud.flat[:, :, 1], cloud.flat[:, :, 3]
+    z, rate = cloud.down[:, :1], cloud.down[:, 1:2]
+    x, speed = np.hstack([y + place, z]), np.hstack([v, rate])
+    seen = np.hstack([y, z - down])
+    covariance = _covariance(weight, np.stack([x, speed], axis=2).reshape(n, 6))
+    relative = _covariance(weight, seen)
+    # Within each particle
+    T = np.array([[1.0, 0, 0, 1, 0], [0, 1, 0, 0, 0]])
+    for i in (0, 2):
+        covariance[i : i + 2, i : i + 2] += T @ cloud.P_flat @ T.T
+        covariance[i, i] += p.gps_bias_std**2
+    covariance[4:, 4:] += cloud.P_down[:2, :2]
+    relative += np.diag([cloud.P_flat[0, 0]] * 2 + [cloud.P_down[0, 0] + p.gps_vertical_std**2])
     # The slow error of the heading turns y; nothing tells it from a turn of the diver.
-    turned = p.imu_heading_error_std * (weight @ cloud.y)[::-1] * [-1, 1]
-    more = np.zeros((6, 6))
-    more[np.ix_([0, 2], [0, 2])] = np.outer(turned, turned)
-    more[[0, 2], [0, 2]] += cloud.P_pg[0, 0] + p.gps_bias_std**2
-    about = np.zeros((3, 3))
-    about[:2, :2] = np.outer(turned, turned)
-    about[2, 2] = p.gps_vertical_std**2
+    turned = p.imu_heading_error_std * (weight @ y)[::-1] * [-1, 1]
+    covariance[np.ix_([0, 2], [0, 2])] += np.outer(turned, turned)
+    relative[:2, :2] += np.outer(turned, turned)
     beta, kappa = weight @ cloud.clock
     c = p.assumed_sound_speed
     return (
-        weight @ x, weight @ cloud.v, _covariance(weight, state) + more, weight @ relative,
-        _covariance(weight, relative) + about, np.append(weight @ cloud.p, down),
-        beta / c, c / (1 + kappa),
+        weight @ x, weight @ speed, covariance, weight @ seen, relative,
+        np.append(weight @ place, down), beta / c, c / (1 + kappa),
     )
 
 

@@ -45,7 +45,7 @@ class _Replay:
     """Gives out what a record has, instant by instant."""
 
     def __init__(self, record: Record, names: Mapping[str, str]) -> None:
-        values = {f"{v.name}": v for v in (*RECEPTION, *PING_POSE, *DEPTH)}
+        values = {v.name: v for v in (*RECEPTION, *PING_POSE, *DEPTH)}
         self.variables = tuple(values[name] for name in names)
         self._time_ns = record.time_ns
         self._columns = {name: record.values[column] for name, column in names.items()}
@@ -141,4 +141,5 @@ def _headings(p: Any, samples: Samples, at: Floats) -> Floats:
         turned = np.convolve(seen * np.conj(arm[:, :2] @ [1, 1j]), np.ones(_WINDOW))
         late = (_WINDOW - 1) // 2
         heading = np.angle(turned[late : late + len(ns)])
-    return np.interp(epochs, ns, np.unwrap(heading))
+    headings: Floats = np.interp(epochs, ns, np.unwrap(heading))
+    return headings
