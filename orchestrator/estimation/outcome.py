@@ -118,9 +118,8 @@ def beside(
     start_ns, interval_ns = record.time_ns[0], result.update_interval_ns or 1
     update_ns = start_ns + ((estimates.epochs_ns - start_ns) // interval_ns + 1) * interval_ns
     newest = np.searchsorted(update_ns, record.time_ns, side="right") - 1
-    there = np.diff(update_ns[np.maximum(newest, 0)], prepend=start_ns) > 0
-    there &= newest >= 0
     fixed, row = newest >= 0, np.maximum(newest, 0)
+    there = np.diff(np.where(fixed, update_ns[row], start_ns), prepend=start_ns) > 0
     values[f"{label}.valid"] = fixed
     values[f"{label}.update_count"] = np.cumsum(there).astype(np.int32)
     for name, column in _columns(estimates).items():

@@ -135,7 +135,7 @@ def test_a_key_of_the_receiver_can_be_another(run: Result) -> None:
         ("platform.arm_length_m=3.0", "must be a key of the receiver 'coupled', as the"),
         ("receiver.gate=3.0", "must be a key of the receiver 'coupled'"),
         ("receiver.type=ekf", "must be a key of the receiver 'coupled'"),
-        ("receiver.range_std_m=-1.0", "greater than or equal to 1e-09"),
+        ("receiver.range_std_m=-1.0", "must be at least 1e-09, got -1.0"),
     ],
 )
 def test_other_keys_are_refused(run: Result, key: str, why: str) -> None:

@@ -37,23 +37,25 @@ def kalman(p: Any, samples: Samples, truth: np.ndarray) -> tuple[np.ndarray, np.
 
 
 EASY = {
-    "outlier_probability": 0.0, "imu_heading_error_std_deg": 0.0, "prior_position_std_m": 0.3,
+    "outlier_probability": 0.0, "imu_heading_error_std_deg": 0.0, "prior_position_std_m": 0.2,
     "sound_speed_std": 0.0, "heading_rate_std_deg_s": 0.0, "imu_heading_std_deg": 0.0,
+    "acceleration_psd_m2_s3": 1e-4, "prior_velocity_std_m_s": 0.03, "clock_std_m": 0.2,
 }
 """Almost linear: ranges bend little over 0.3 m, and the heading is known."""
 
 
 def test_almost_linear_it_agrees_with_a_kalman_filter() -> None:
-    p = parameters(**EASY, prior_velocity_std_m_s=0.1, clock_std_m=0.2)
+    p = parameters(**EASY)
     samples, truth = dive(p, 4, 20, late=0.0)
     mean, covariance = kalman(p, samples, truth)
     estimates = particles.filtered(p, samples, 20_000, 1)
     std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     off = (estimates.position - mean[:, :3]) / std[:, :3]
-    assert np.abs(off).max() < 0.15
+    assert np.sqrt((off**2).mean()) < 0.1  # of a standard deviation
+    assert np.abs(off).max() < 0.4
     ours = np.sqrt(np.diagonal(estimates.covariance, axis1=1, axis2=2))[:, [0, 2, 4, 1, 3, 5]]
     np.testing.assert_allclose(ours, std[:, :6], rtol=0.1)
-    np.testing.assert_allclose(estimates.clock_offset * 1500, mean[:, 15], atol=0.15 * 0.2)
+    np.testing.assert_allclose(estimates.clock_offset * 1500, mean[:, 15], atol=0.3 * 0.2)
 
 
 def test_equal_seeds_give_equal_bits_and_others_do_not() -> None:
