@@ -7,7 +7,7 @@ simulation, in a study: the same text, and the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import casadi as ca
 
@@ -62,6 +62,8 @@ _COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
 _ZERO = f"r_set1({0.0.hex()})"
+_PART = 1000
+"""Statements between two marks that end a part for the compiler (``END_OF_PART`` in real.h)."""
 
 Array = str | Sequence[str]
 """An array in C: its name, or an expression for each element."""
@@ -122,6 +124,14 @@ def statements(
             for target, value in stores.items()
         ),
     ]
+
+
+def _parted(statements: Sequence[str]) -> Iterator[str]:
+    """The statements, with a mark after every `_PART`."""
+    for number, statement in enumerate(statements):
+        if number and number % _PART == 0:
+            yield "END_OF_PART;"
+        yield statement
 
 
 class _Values:
@@ -221,7 +231,7 @@ class _Values:
                     "}",
                 ])
             bodies[branches[value]].append(line)
-        return "\n".join(bodies[""]).splitlines()
+        return "\n".join(_parted(bodies[""])).splitlines()
 
     def _branches(self, wanted: set[str]) -> dict[str, str]:
         """The branch of each needed value: the value ``c ? x : 0`` that alone needs it, or "".

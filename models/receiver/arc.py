@@ -6,14 +6,21 @@ along the arc, and the spread along it bends ranges and shifts the mean.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from .least_squares import symmetric
-from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
+from .surroundings import (
+    HEADING,
+    PLATFORM,
+    POSITION,
+    STATES,
+    VELOCITY,
+    Measurement,
+    Range,
+)
 
 _NORTH_EAST = list(POSITION[:2])
 _SPEEDS = list(VELOCITY[:2])
@@ -39,6 +46,9 @@ class Arc:
         Whether there is an arc at all: 0 or 1.
     spread, depth
         Variances of the bearing, at most `_WIDEST` [rad²], and of the distance [m²].
+    heading, turned
+        Variances of the platform's heading, and what that of the bearing less the heading, which
+        is what bends a range, has more, at most `_WIDEST` [rad²].
     """
 
     y: Any
@@ -48,6 +58,8 @@ class Arc:
     far: Any
     spread: Any
     depth: Any
+    heading: Any
+    turned: Any
 
 
 def about(mean: Any, P: Any) -> Arc:
@@ -58,11 +70,16 @@ def about(mean: Any, P: Any) -> Arc:
     radial = y / radius
     tangential = ca.vertcat(-radial[1], radial[0])
     P_yy = relative(P)
+    P_yh = P[_NORTH_EAST, HEADING] - P[_PLATFORM, HEADING]
     return Arc(
         y, radius, radial, tangential,
         far=length > _SHORTEST,
         spread=ca.fmin(_form(tangential, P_yy) / radius**2, _WIDEST),
         depth=_form(radial, P_yy),
+        heading=P[HEADING, HEADING],
+        turned=ca.fmin(ca.fmax(
+            _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
+        ), _WIDEST),
     )
 
 
@@ -78,15 +95,31 @@ def _form(v: Any, matrix: Any) -> Any:
     )
 
 
-def bend(arc: Arc, u: Sequence[Any], arm: Sequence[Any], distance: Any) -> Any:
-    """Mean of what a range has beyond its linear part, as the bearing spreads [m].
+def bent(arc: Arc, row: Range) -> Measurement:
+    """A range over the spread of bearing and heading.
 
     Turning about the platform leaves the distance to its centre as it is; only the arm of the
-    beacon bends the range. Twice the square of this is the variance of that part.
+    beacon bends the range, to second order. A heading may be quite unknown: over its spread s the
+    arm keeps ``k = exp(-s/2)`` of its part in the range and in the slope; the rest is noise.
     """
-    first = (u[0] * arc.tangential[0] + u[1] * arc.tangential[1]) * arc.radius
-    second = (arc.y[0] * arm[0] + arc.y[1] * arm[1] - first**2) / distance
-    return ca.if_else(arc.far, 0.5 * second * arc.spread, 0)
+    first = (row.u[0] * arc.tangential[0] + row.u[1] * arc.tangential[1]) * arc.radius
+    arm = (arc.y[0] * row.arm[0] + arc.y[1] * row.arm[1]) / row.distance
+    s = arc.far * arc.heading
+    k = ca.exp(-s / 2)
+    along = 0.5 * (1 + k**4) - k**2
+    across = 0.5 * (1 - k**4) - s * k**2
+    second = arc.far * 0.5 * (k * arm - first**2 / row.distance) * arc.turned
+    less = (1 - k) * first / arc.radius
+    turned = {
+        **row.row,
+        HEADING: k * row.row[HEADING],
+        **{i: row.row[i] - less * arc.tangential[n] for n, i in enumerate(POSITION[:2])},
+        **{i: row.row[i] + less * arc.tangential[n] for n, i in enumerate(PLATFORM)},
+    }
+    return Measurement(
+        row.value + (1 - k) * arm + second, turned,
+        row.variance + along * arm**2 + across * first**2 + 2 * second**2,
+    )
 
 
 def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:

@@ -21,6 +21,7 @@ from .measurements import DEPTH, MEASUREMENTS, with_beacons
 from .surroundings import (
     CLOCK,
     HEADING,
+    HEADING_ERROR,
     PLATFORM,
     POSITION,
     SPEED,
@@ -69,6 +70,8 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
         "arm": ca.SX.zeros(BEACONS, 3),
+        "place_total": ca.SX.zeros(BEACONS, 2),
+        "place_count": ca.SX.zeros(BEACONS),
         "score": 0,
         "restarts": 0,
         "passes": 0,
@@ -112,8 +115,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     using = x.ready * (x.passes == 0)
 
     mean, P = _predicted(p, x, epoch - x.epoch)
-    said = pose.read(p, u, s, chosen, newest)
-    mean, P, located = _located(p, mean, P, said, packet, x.located)
+    said = pose.read(p, x, u, s, chosen, newest)
+    mean, P, located = _located(mean, P, said, packet, x.located)
 
     row = surroundings.depth(p, _elements(mean))
     depth_used = depth * using
@@ -143,6 +146,8 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "arm": ca.vertcat(*(
             ca.if_else(this, arms.T, x.arm[i, :]) for i, this in enumerate(which)
         )),
+        "place_total": said.total,
+        "place_count": said.count,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
         "nis": x.nis + depth_nis + range_nis,
@@ -176,16 +181,13 @@ def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any]:
 
 
 def _located(
-    p: Symbols, mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
+    mean: Any, P: Any, said: pose.Packet, packet: Any, located: Any
 ) -> tuple[Any, Any, Any]:
     """Put the platform where its first complete packet says it is."""
     first = packet * said.complete * (located == 0)
-    own = ca.fmax(p.gps_std, surroundings.LEAST_GPS_STD) ** 2 / ca.fmax(
-        ca.sumsqr(p.beacon_offset[:, :2]) / BEACONS, 1e-6
-    )
     variances = {
         **dict.fromkeys(PLATFORM, _FAR_STD**2),
-        HEADING: ca.if_else(said.is_own, ca.fmin(own, 1), _ANYWHERE**2),
+        HEADING: ca.if_else(said.is_own, said.heading_variance, _ANYWHERE**2),
     }
     values = {
         PLATFORM[0]: said.platform[0], PLATFORM[1]: said.platform[1], HEADING: said.first_heading,
@@ -229,7 +231,9 @@ def _platform_updated(
     """What a packet says of the platform, taken as one correction."""
     x = _elements(mean)
     d = ca.SX.zeros(STATES)
-    for i, row in enumerate(surroundings.places(ca, p, x, [said.body[0], said.body[1]])):
+    body = [said.body[0], said.body[1]]
+    spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
+    for i, row in enumerate(surroundings.places(ca, p, x, body, spread)):
         d, P, _ = _update(P, d, row, said.place[i] - row.value, weight)
     row = surroundings.heading(ca, p, x)
     off = said.heading - row.value
@@ -251,9 +255,9 @@ def _range_updated(
     row = surroundings.range_(
         ca, p, _elements(mean), said.pose, [said.arm[i] for i in range(3)]
     )
-    bent = arc.bend(arc.about(mean, P), row.u, row.arm, row.distance)
-    c, S = _gain(P, Measurement(row.value, row.row, row.variance + 2 * bent**2))
-    innovation = z - row.value - bent
+    bent = arc.bent(arc.about(mean, P), row)
+    c, S = _gain(P, bent)
+    innovation = z - bent.value
     share = _punctual(p, innovation, S)
     kept = weight * share
     K = c / S

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Symbols
-from ..ports import BEACONS
 from . import surroundings
 from .measurements import Samples
-from .surroundings import Pose
+from .surroundings import LEAST_GPS_STD, Pose
 from .variables import POSE_SOURCE
 
 _REPORTED = number_of(POSE_SOURCE, "reported_pose")
 _OWN = number_of(POSE_SOURCE, "own_beacon")
 _PASSES = 4
+_KNOWN = 0.12
+"""Variance of a heading with which to begin [rad²]."""
+_ENOUGH = 12
+"""Number of own positions with which to begin, whatever the heading."""
+_UNKNOWN = pi**2 / 3
+"""Variance of a heading of which nothing is known [rad²]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +44,13 @@ class Packet:
         Reported heading [rad]; there is none if `is_own`.
     pose
         The rest.
-    platform, complete
-        Where the reference point is, (2, 1) [m], and whether that is known: from an own position
-        alone it is not, from those of three beacons it is.
-    first_heading
-        The heading that goes with it [rad].
+    platform, first_heading, heading_variance
+        Where the reference point is, (2, 1) [m], with which heading [rad], and the variance of that
+        as far as it follows from the beacons' own positions [rad²].
+    complete
+        Whether that is good enough to begin with. An own position alone is not.
+    total, count
+        Sum of all own positions so far, north and east, (4, 2) [m], and number of each, (4, 1).
     """
 
     is_own: Any
@@ -52,8 +60,11 @@ class Packet:
     heading: Any
     pose: Pose
     platform: Any
-    complete: Any
     first_heading: Any
+    heading_variance: Any
+    complete: Any
+    total: Any
+    count: Any
 
 
 def fit(points: Any, body: Any, weight: Any) -> tuple[Any, Any]:
@@ -102,7 +113,7 @@ def _unit(v: Any) -> Any:
     return v / ca.sqrt(ca.fmax(ca.sumsqr(v), 1e-24))
 
 
-def read(p: Symbols, u: Symbols, s: Samples, which: Any, newest: Any) -> Packet:
+def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any) -> Packet:
     """The packet of one beacon.
 
     Parameters
@@ -120,17 +131,22 @@ def read(p: Symbols, u: Symbols, s: Samples, which: Any, newest: Any) -> Packet:
     given = (p.pose_source == _REPORTED) * (ca.sumsqr(position) + ca.sumsqr(attitude) > 0)
     all_there = (p.pose_source != _OWN) * newest * (ca.sumsqr(u.packet_beacon_position) > 0)
     is_own = (given == 0) * (all_there == 0)
-    heard = s.heard[:BEACONS]
+    # What own positions say, averaged: a single one of a poor GPS turns the platform anywhere.
+    count = x.place_count + which
+    total = x.place_total + ca.diag(which) @ u.ping_beacon_position[:, :2]
+    mean = ca.horzcat(total / ca.repmat(ca.fmax(count, 1), 1, 2), u.ping_beacon_position[:, 2])
     fitted, R = fit(
-        ca.if_else(all_there, u.packet_beacon_position, u.ping_beacon_position),
+        ca.if_else(all_there, u.packet_beacon_position, mean),
         p.beacon_offset,
-        ca.if_else(all_there, 1, heard),
+        ca.if_else(all_there, 1, count > 0),
     )
+    square = ca.sum2(p.beacon_offset[:, :2] ** 2)
+    variance = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2 / ca.fmax(ca.dot(square, count), 1e-12)
     position = ca.if_else(given, position, fitted)
     yaw = ca.if_else(given, attitude[2], ca.atan2(R[1, 0], R[0, 0]))
     roll = ca.if_else(given, attitude[0], ca.atan2(R[2, 1], R[2, 2]))
     pitch = ca.if_else(given, attitude[1], -ca.asin(ca.fmax(ca.fmin(R[2, 0], 1), -1)))
-    (roll, variance), (pitch, _) = (surroundings.tilt(p, angle) for angle in (roll, pitch))
+    (roll, tilt_variance), (pitch, _) = (surroundings.tilt(p, angle) for angle in (roll, pitch))
     return Packet(
         is_own=is_own,
         place=ca.if_else(is_own, own[:2], position[:2]),
@@ -141,9 +157,14 @@ def read(p: Symbols, u: Symbols, s: Samples, which: Any, newest: Any) -> Packet:
             down=ca.if_else(is_own, own[2] - arm[2], position[2]),
             roll=ca.if_else(is_own, 0, roll),
             pitch=ca.if_else(is_own, 0, pitch),
-            tilt_variance=ca.if_else(is_own, p.tilt_std**2, variance),
+            tilt_variance=ca.if_else(is_own, p.tilt_std**2, tilt_variance),
         ),
         platform=position[:2],
-        complete=(is_own == 0) + is_own * (ca.sum1(heard) >= 3),
         first_heading=yaw,
+        heading_variance=ca.fmin(variance, _UNKNOWN),
+        complete=ca.fmax(is_own == 0, (ca.sum1(count > 0) >= 3) * ca.fmax(
+            variance < _KNOWN, ca.sum1(count) >= _ENOUGH
+        )),
+        total=total,
+        count=count,
     )

@@ -31,7 +31,7 @@ from .surroundings import (
 )
 
 _FAR_STD = 30.0
-"""Of the diver about the fix, north and east [m], for directions of which ranges say nothing."""
+"""Of the diver about the platform, north and east [m], where ranges say nothing."""
 
 
 def anew() -> Loop:
@@ -55,8 +55,17 @@ def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     return replace(s, beacons=ca.vertcat(*rows))
 
 
-def _fit(position: Any, s: Samples, weight: Any, prior: Any) -> tuple[Any, Any, Any, Any, Any]:
+def _fit(
+    position: Any, platform: Any, s: Samples, weight: Any, prior: Any
+) -> tuple[Any, Any, Any, Any, Any]:
     """Linearise the fix at a position.
+
+    Parameters
+    ----------
+    platform
+        Its position, (3, 1) [m].
+    prior
+        Information on the clock [1/m²].
 
     Returns
     -------
@@ -80,9 +89,12 @@ def _fit(position: Any, s: Samples, weight: Any, prior: Any) -> tuple[Any, Any, 
     slope[2] += weight[DEPTH] * residual
     cost += weight[DEPTH] * residual**2
     share = reciprocal(total)
+    near = ca.SX([1, 1, 0]) / _FAR_STD**2
+    off = position - platform
     return (
-        symmetric(information - share * (lean @ lean.T)), slope - share * first * lean,
-        cost - share * first**2, share * first, share * lean,
+        symmetric(information - share * (lean @ lean.T) + ca.diag(near)),
+        slope - share * first * lean - near * off,
+        cost - share * first**2 + ca.dot(near, off**2), share * first, share * lean,
     )
 
 
@@ -90,7 +102,8 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = _placed(p, x, u)
     begins = x.passes == least_squares.PASSES
     position = ca.if_else(begins, least_squares.closed_form(s), x.mean[list(POSITION)])
-    length = distance(position, ca.vertcat(x.mean[list(PLATFORM)], x.platform_down).T)[0]
+    platform = ca.vertcat(x.mean[list(PLATFORM)], x.platform_down)
+    length = distance(position, platform.T)[0]
     prior = reciprocal(p.clock_std**2 + (p.sound_speed_std * length) ** 2 + 1e-6)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
     variances = ca.vertcat(
@@ -98,15 +111,15 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     )
     weight = least_squares.weights(s, variances + motion**2)
 
-    information, slope, here, _, _ = _fit(position, s, weight, prior)
+    information, slope, here, _, _ = _fit(position, platform, s, weight, prior)
     damped = information + x.damping * ca.diag(ca.diag(information))
     step = least_squares.inverse(damped) @ slope
     tried = position + step
-    information_there, _, there, clock, lean = _fit(tried, s, weight, prior)
+    information_there, _, there, clock, lean = _fit(tried, platform, s, weight, prior)
     better = there <= here
     done = ca.sumsqr(step) < least_squares.CLOSE**2
     last = ca.fmax(done, x.passes == 1)
-    _, _, _, clock_here, lean_here = _fit(position, s, weight, prior)
+    _, _, _, clock_here, lean_here = _fit(position, platform, s, weight, prior)
     position = ca.if_else(better, tried, position)
     clock, lean = ca.if_else(better, clock, clock_here), ca.if_else(better, lean, lean_here)
     mean, P = _joined(
@@ -135,9 +148,12 @@ def _joined(
     """
     y = position[:2] - x.mean[list(PLATFORM)]
     degrees = ca.fmax(ca.sum1(s.heard[:BEACONS]) - 2, 1)
-    information = information + ca.diag(ca.vertcat(1, 1, 0)) / _FAR_STD**2
-    cofactors, determinant = adjugate(information)
-    own = ca.fmax(cost / degrees, 1) * cofactors / determinant
+    # Samples that disagree count less; that the diver is near does not.
+    near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
+    cofactors, determinant = adjugate(
+        (information - near) / ca.fmax(cost / degrees, 1) + near
+    )
+    own = cofactors / determinant
     mean = ca.SX(x.mean)
     mean[list(POSITION)] = position
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2),

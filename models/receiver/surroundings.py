@@ -144,25 +144,34 @@ def heading(m: Any, p: Any, x: Sequence[Any]) -> Measurement:
     return Measurement(x[HEADING] + x[HEADING_ERROR], {HEADING: 1, HEADING_ERROR: 1}, std**2)
 
 
-def places(m: Any, p: Any, x: Sequence[Any], body: Sequence[Any]) -> tuple[Measurement, ...]:
+def places(
+    m: Any, p: Any, x: Sequence[Any], body: Sequence[Any], spread: Any = 0.0
+) -> tuple[Measurement, ...]:
     """Reported north and east of a point of the platform.
 
     Parameters
     ----------
     body
         The point, north and east at a heading of 0 [m]; (0, 0) for the reference point.
+    spread
+        Variance of the heading that turns it [rad²]. The rows are those of the best linear
+        approximation over that spread, and what it leaves is in the variance.
     """
     angle = x[HEADING] + x[HEADING_ERROR]
     c, s = m.cos(angle), m.sin(angle)
     arm = (c * body[0] - s * body[1], s * body[0] + c * body[1])
+    turns = (-arm[1], arm[0])
+    once, twice = m.exp(-spread / 2), m.exp(-2 * spread)
+    along = 0.5 * (1 + twice) - once * once
+    across = 0.5 * (1 - twice) - spread * once * once
     variance = m.fmax(p.gps_std, LEAST_GPS_STD) ** 2
     return tuple(
         Measurement(
-            x[PLATFORM[i]] + x[GPS_ERROR[i]] + arm[i],
-            {PLATFORM[i]: 1, GPS_ERROR[i]: 1, HEADING: turn, HEADING_ERROR: turn},
-            variance,
+            x[PLATFORM[i]] + x[GPS_ERROR[i]] + once * arm[i],
+            {PLATFORM[i]: 1, GPS_ERROR[i]: 1, HEADING: once * turn, HEADING_ERROR: once * turn},
+            variance + along * arm[i] ** 2 + across * turn**2,
         )
-        for i, turn in enumerate((-arm[1], arm[0]))
+        for i, turn in enumerate(turns)
     )
 
 

@@ -44,7 +44,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from ..simulation.masters.lanes_memory import order_index
 from ..simulation.record import Estimates, Record
 
 Floats = NDArray[np.float64]
@@ -207,7 +206,8 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
     n = len(values)
     if n == 0:
         return np.full(len(percentages), np.nan)
-    statistics: Floats = np.sort(values)[order_index(n, percentages)]
+    ranks = -(-n * np.array(percentages, np.int64) // 100)
+    statistics: Floats = np.sort(values)[ranks - 1]
     return statistics
 
 

@@ -26,11 +26,14 @@ class Driver:
         Whether to build it once per number of lanes, with the engine's headers.
     header
         Text of its generated header, which has the same name.
+    includes
+        Names of further headers in ``c/``.
     """
 
     name: str
     lanes: bool = False
     header: str = ""
+    includes: tuple[str, ...] = ()
 
 
 def library(driver: Driver, compiler: Compiler | None = None) -> Path:
@@ -50,8 +53,8 @@ def key(driver: Driver, platform: str) -> str:
 
 
 def _sources(driver: Driver) -> dict[str, bytes]:
-    file = f"{driver.name}.c"
-    sources = {file: (FOLDER / file).read_bytes()}
+    files = (f"{driver.name}.c", *driver.includes)
+    sources = {file: (FOLDER / file).read_bytes() for file in files}
     if driver.header:
         sources[f"{driver.name}.h"] = driver.header.encode()
     if driver.lanes:

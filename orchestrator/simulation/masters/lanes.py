@@ -40,11 +40,11 @@ from .lanes_driver import (
     loaded_driver,
     unsupported,
 )
-from .lanes_memory import Memory, first_elements, in_order, receivers_of, remembered, starts_of
+from .lanes_memory import Memory, first_elements, receivers_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 ROOM_BYTES = 128 * 2**20
-"""Memory of a thread [bytes] for the errors of its current runs, if order statistics are requested.
+"""Memory of a thread [bytes] for the errors of a group of runs, if order statistics are requested.
 A single long run may take more."""
 
 
@@ -187,16 +187,9 @@ class _Batch:
         return span // max(min(ticks, default=span), 1) + 1
 
     @property
-    def at_once(self) -> int:
-        """Groups per call of the driver."""
-        if not self.percentages:
-            return _GROUPS_PER_CALL
-        return max(1, min(_GROUPS_PER_CALL, ROOM_BYTES // max(self.room_bytes, 1)))
-
-    @property
     def room_bytes(self) -> int:
-        """Memory for the lengths of the errors of a group of runs [bytes]."""
-        return self.room * len(self.receivers) * len(LENGTHS) * self.lanes * 8
+        """Memory for the errors of a group of runs [bytes]: lengths, then keys and candidates."""
+        return self.room * (len(self.receivers) * 8 + 2 + 8) * len(LENGTHS) * self.lanes
 
     def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
         """Number of runs, and what varies: component, first element and (runs, size) values."""
@@ -317,9 +310,8 @@ class _Batch:
         sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
         width = sum(count for _, _, count in self.spans)
         history = np.empty((groups if width else 0, len(self.instants), width, self.lanes))
-        shape = (len(self.receivers), len(self.lengths), self.lanes, len(self.percentages))
+        shape = (len(self.receivers), len(self.percentages), len(LENGTHS), self.lanes)
         order = np.empty((groups, *shape))
-        at_once = self.at_once
         cancel = ctypes.c_int32(0)
         counters: list[ctypes.c_int64] = []
         local = threading.local()
@@ -329,9 +321,9 @@ class _Batch:
                 local.memory = Memory(self)
                 local.done = ctypes.c_int64(0)
                 counters.append(local.done)
-            last = min(first + at_once, groups)
+            last = min(first + _GROUPS_PER_CALL, groups)
             values = self._values(first, last)
-            squares, filled = local.memory.squares(self, last - first)
+            errors = local.memory.errors
             status = self._drive()(
                 ctypes.byref(self.c_plan), local.memory.blocks, local.memory.held,
                 ctypes.c_void_p(local.memory.moments),
@@ -339,23 +331,18 @@ class _Batch:
                 (ctypes.c_void_p * len(values))(*(v.ctypes.data for v in values)),
                 ctypes.c_void_p(sums[first:].ctypes.data),
                 ctypes.c_void_p(history[first:].ctypes.data if width else None),
-                ctypes.c_void_p(squares.ctypes.data if squares.size else None),
-                ctypes.c_int64(self.room), ctypes.c_void_p(filled.ctypes.data),
+                None if errors is None else ctypes.byref(errors),
+                ctypes.c_void_p(order[first:].ctypes.data),
                 ctypes.byref(cancel), ctypes.byref(local.done),
             )
             if status > 0:
                 raise self._disagreement(int(status))
             if status == -2:
                 raise FmuError("a receiver must not give more estimates than it has updates")
-            if squares.size:
-                counts = sums[first:last, :, SUMS.index("estimates")].astype(np.int64)
-                order[first:last] = in_order(
-                    squares, filled, counts, self.percentages, self.lengths
-                )
 
         with ThreadPoolExecutor(threads) as pool:
             try:
-                futures = [pool.submit(chunk, i) for i in range(0, groups, at_once)]
+                futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
                 total = groups * max(len(self.instants) - 1, 1)
                 for future in futures:
                     while True:
@@ -404,9 +391,11 @@ class _Batch:
         )
 
     def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
-        by_run = np.moveaxis(sums, 3, 1).reshape(-1, *sums.shape[1:3])[: self.runs]
-        shape = (len(order) * self.lanes, *order.shape[1:3], order.shape[4])
-        ordered = np.moveaxis(order, 3, 1).reshape(shape)
+        flat = (len(sums) * self.lanes, *sums.shape[1:3])
+        by_run = np.moveaxis(sums, 3, 1).reshape(flat)[: self.runs]
+        lengths = [LENGTHS.index(length) for length in self.lengths]
+        ordered = order[:, :, :, lengths].transpose(0, 4, 1, 3, 2)
+        ordered = ordered.reshape(len(order) * self.lanes, *ordered.shape[2:])[: self.runs]
         values = {}
         start = 0
         if self.spans:
@@ -418,7 +407,7 @@ class _Batch:
                 start += count
         return Outcome(
             {name: by_run[:, i] for i, name in enumerate(self.receivers)},
-            {name: ordered[: self.runs, i] for i, name in enumerate(self.receivers)}
+            {name: ordered[:, i] for i, name in enumerate(self.receivers)}
             if self.percentages
             else {},
             self.instants,

@@ -46,6 +46,7 @@ MOMENT = 13  # values that the driver keeps of an instant
 DRIVER = c_libraries.Driver(
     "lanes_master",
     lanes=True,
+    includes=("order_statistics.h",),
     header=f"enum sum {{ {', '.join(name.upper() for name in SUMS)}, SUMS }};"
     " /* sums per receiver and run */\n"
     f"enum length {{ {', '.join(f'LENGTH_{name.upper()}' for name in LENGTHS)}, LENGTHS }};\n"
@@ -96,6 +97,15 @@ class LanesPlan(ctypes.Structure):
         *((n, ctypes.c_void_p) for n in ("components", "interval_ns", "links", "handovers",
                                          "receivers", "truth", "spans", "instants_ns")),
         ("settling_ns", ctypes.c_int64),
+    )
+
+
+class Errors(ctypes.Structure):
+    """``struct errors`` of c/lanes_master.c."""
+
+    _fields_ = (
+        *((n, ctypes.c_int64) for n in ("room", "n_percentages")),
+        *((n, ctypes.c_void_p) for n in ("percentages", "squares", "keys", "candidates")),
     )
 
 

@@ -1,17 +1,15 @@
-"""Working memory of the lanes master, and order statistics of the errors in it."""
+"""Working memory of the lanes master, and what it derives from a plan."""
 
 from __future__ import annotations
 
 import ctypes
-import math
-from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..plan import Plan, PlannedComponent
-from .lanes_driver import LENGTHS, MOMENT, Engine, Floats
+from .lanes_driver import LENGTHS, MOMENT, Engine, Errors, Floats
 
 
 class Batch(Protocol):
@@ -33,7 +31,7 @@ class Memory:
     """Memory for one thread."""
 
     def __init__(self, batch: Batch) -> None:
-        self._kept: list[NDArray[np.uint8]] = []
+        self._kept: list[NDArray[Any]] = []
         blocks, held = [], []
         for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
             k = engine.contents
@@ -43,74 +41,25 @@ class Memory:
         self.moments = self._aligned(batch.remembered * MOMENT * batch.lanes * 8)
         self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
         self.held = (ctypes.c_void_p * len(held))(*held)
-        self._squares = np.empty(0)
+        self.errors = self._room_for_errors(batch)
 
-    def squares(self, batch: Batch, groups: int) -> tuple[Floats, NDArray[np.int64]]:
-        """Space for the errors of some groups, and the number of rows filled."""
-        filled = np.zeros((groups, len(batch.receivers)), np.int64)
-        shape = (*filled.shape, batch.room, len(LENGTHS), batch.lanes)
-        size = math.prod(shape) if batch.percentages else 0
-        if self._squares.size < size:
-            self._squares = np.empty(size)
-        return self._squares[:size].reshape(shape if size else 0), filled
+    def _room_for_errors(self, batch: Batch) -> Errors | None:
+        """Space for the errors of a group, if order statistics are requested."""
+        if not batch.percentages:
+            return None
+        given = np.array(batch.percentages, np.int32)
+        self._kept.append(given)
+        values = batch.room * len(LENGTHS) * batch.lanes
+        sizes = (len(batch.receivers) * values * 8, values * 2, values * 8)
+        return Errors(
+            batch.room, len(given), given.ctypes.data, *(self._aligned(size) for size in sizes)
+        )
 
     def _aligned(self, size: int) -> int:
         memory = np.zeros(size + 64, np.uint8)
         self._kept.append(memory)
         address: int = memory.ctypes.data
         return address + -address % 64
-
-
-def order_index(
-    count: int | NDArray[np.int64], percentages: Sequence[int]
-) -> NDArray[np.int64]:
-    """Index of the order statistics x₍⌈p n / 100⌉₎ among n sorted values; -1 without any value."""
-    return -(-count * np.array(percentages, np.int64) // 100) - 1
-
-
-def in_order(
-    squares: Floats,
-    filled: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    percentages: Sequence[int],
-    lengths: Sequence[str] = LENGTHS,
-) -> Floats:
-    """Order statistics of the lengths of the errors of some groups.
-
-    Parameters
-    ----------
-    squares
-        Squares of the lengths [m²], infinite where a lane has none; shape (groups, receivers, room,
-        len(LENGTHS), lanes).
-    filled
-        Number of rows in use; shape (groups, receivers).
-    counts
-        Number of estimates; shape (groups, receivers, lanes).
-
-    Returns
-    -------
-    Floats
-        Lengths [m]; shape (groups, receivers, len(lengths), lanes, len(percentages)); NaN without
-        an estimate.
-    """
-    lanes = counts.shape[-1]
-    order = np.zeros((*filled.shape, len(lengths), lanes, len(percentages)))
-    rows = [LENGTHS.index(length) for length in lengths]
-    space = np.empty(len(rows) * lanes * int(filled.max(initial=0)))
-    lane = np.arange(lanes)[:, None]
-    at = np.maximum(order_index(counts[..., None], percentages), 0)
-    for index in np.ndindex(filled.shape):
-        if filled[index]:
-            count = int(filled[index])
-            ordered = space[: len(rows) * lanes * count].reshape(len(rows), lanes, count)
-            for values, row in zip(ordered, rows, strict=True):
-                np.copyto(values, squares[index][:count, row].T)
-            # Doubles that are not negative are in the order of their bits; integers sort quicker.
-            ordered.view(np.int64).sort(axis=-1)
-            order[index] = ordered[:, lane, at[index]]
-    some = counts[:, :, None, :, None] > 0
-    lengths_m: Floats = np.where(some, np.sqrt(order), np.nan)
-    return lengths_m
 
 
 def receivers_of(plan: Plan) -> list[str]:

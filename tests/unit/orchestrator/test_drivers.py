@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -60,13 +61,14 @@ def test_what_came_along_is_used_while_the_sources_are_its_own(
     files.write_sealed(ready, b"")
     assert c_libraries.library(driver) == ready
     assert c_libraries.available(driver)
-    changed = tmp_path / "c"
-    changed.mkdir()
-    source = (c_libraries.FOLDER / f"{driver.name}.c").read_text()
-    (changed / f"{driver.name}.c").write_text(source + "\n")
-    monkeypatch.setattr(c_libraries, "FOLDER", changed)
-    assert c_libraries.library(driver) != ready
-    assert len(units) == 1
+    sources, own = c_libraries.FOLDER, [f"{driver.name}.c", *driver.includes]
+    for name in own:
+        changed = tmp_path / f"{name} changed"
+        shutil.copytree(sources, changed)
+        (changed / name).write_text((sources / name).read_text() + "\n")
+        monkeypatch.setattr(c_libraries, "FOLDER", changed)
+        assert c_libraries.library(driver) != ready
+    assert len(units) == len(own)
 
 
 def test_a_driver_is_not_available_without_a_compiler(

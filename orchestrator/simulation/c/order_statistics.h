@@ -1,0 +1,157 @@
+/* Order statistics of columns of squared lengths, side by side.
+ *
+ * Sorting takes longer, on some processors many times. Here each value gets a key of 15 bits that
+ * grows with it, and the key of the wanted value is found bit by bit: a bit is set if no more
+ * values than the rank have a key below. One comparison does that for all columns. Few values share
+ * the wanted key, so the wanted one is soon selected among them. Equal lengths share a key, and so
+ * do those below 2 fm or above 32 km: the results are the same, and take longer. */
+#ifndef SBLCOSIM_ORDER_STATISTICS_H
+#define SBLCOSIM_ORDER_STATISTICS_H
+
+#include <stdint.h>
+#include <string.h>
+
+#include "real.h"
+
+/* Columns whose keys are compared at once: 32 bytes of keys where the processor can do that. */
+#define COLUMNS (LANES < 4 ? 4 * LANES : 16)
+#define TOGETHER 4 /* percentages at a time */
+#define KEY_BITS 15
+#define FRACTION_BITS 8 /* of these: 256 keys to an octave, 128 octaves */
+#define LEAST 0x1p-98   /* squares with the first and the last key [m2] */
+#define MOST 0x1.ffp29
+
+typedef int16_t keys __attribute__((vector_size(2 * COLUMNS)));
+
+/* Keys of a row of squares. */
+static inline keys keys_of(const double *squares)
+{
+    const real least = r_set1(LEAST), most = r_set1(MOST);
+    const bits64 first = r_bits(least) >> (52 - FRACTION_BITS);
+    int16_t row[COLUMNS];
+    keys result;
+    for (int j = 0; j < COLUMNS; j += LANES) {
+        const real square = r_fmin(r_fmax(r_load(squares + j), least), most);
+        const bits64 key = (r_bits(square) >> (52 - FRACTION_BITS)) - first;
+#if LANES == 1
+        row[j] = (int16_t)key;
+#else
+        typedef int16_t narrow __attribute__((vector_size(2 * LANES)));
+        const narrow narrowed = __builtin_convertvector(key, narrow);
+        memcpy(row + j, &narrowed, sizeof narrowed);
+#endif
+    }
+    memcpy(&result, row, sizeof result);
+    return result;
+}
+
+/* Number of rows whose key is below each limit, by column. */
+static void count_below(const keys *rows, int64_t n, const keys limits[TOGETHER],
+                        int32_t count[TOGETHER][COLUMNS])
+{
+    memset(count, 0, TOGETHER * sizeof *count);
+    for (int64_t part; n > 0; rows += part, n -= part) {
+        part = n < INT16_MAX ? n : INT16_MAX;
+        keys a = {0}, b = {0}, c = {0}, d = {0};
+        for (int64_t i = 0; i < part; i++) { /* true is -1 */
+            a -= rows[i] < limits[0];
+            b -= rows[i] < limits[1];
+            c -= rows[i] < limits[2];
+            d -= rows[i] < limits[3];
+        }
+        const keys sums[TOGETHER] = {a, b, c, d};
+        int16_t below[TOGETHER][COLUMNS];
+        memcpy(below, sums, sizeof below);
+        for (int p = 0; p < TOGETHER; p++)
+            for (int j = 0; j < COLUMNS; j++)
+                count[p][j] += below[p][j];
+    }
+}
+
+static inline int any(keys v)
+{
+    uint64_t words[sizeof v / 8], all = 0;
+    memcpy(words, &v, sizeof v);
+    for (size_t i = 0; i < sizeof v / 8; i++)
+        all |= words[i];
+    return all != 0;
+}
+
+/* The value at index rank, were they sorted (Hoare's FIND). Changes their order. */
+static double select_value(double *values, int64_t n, int64_t rank)
+{
+    int64_t low = 0, high = n - 1;
+    while (low < high) {
+        const double pivot = values[low + (high - low) / 2];
+        int64_t i = low, j = high;
+        while (i <= j) {
+            while (values[i] < pivot)
+                i++;
+            while (pivot < values[j])
+                j--;
+            if (i <= j) {
+                const double swapped = values[i];
+                values[i++] = values[j];
+                values[j--] = swapped;
+            }
+        }
+        if (rank <= j)
+            high = j;
+        else if (rank >= i)
+            low = i;
+        else
+            break;
+    }
+    return values[rank];
+}
+
+/* Order statistics of COLUMNS columns.
+ *
+ * squares: n rows, each `width` doubles after the one before; infinite where a column has no value.
+ * count: number of values by column. percentages: TOGETHER of them. rows: space for n keys.
+ * candidates: space for COLUMNS * n doubles. order[p]: the square roots of the results, NaN without
+ * any value. */
+static void order_statistics(const double *squares, int64_t n, int width, const int64_t *count,
+                             const int32_t percentages[TOGETHER], keys *rows, double *candidates,
+                             double order[TOGETHER][COLUMNS])
+{
+    int32_t rank[TOGETHER][COLUMNS], smaller[TOGETHER][COLUMNS] = {{0}}, below[TOGETHER][COLUMNS];
+    int16_t found[TOGETHER][COLUMNS] = {{0}}, tried[TOGETHER][COLUMNS];
+    keys wanted[TOGETHER];
+    for (int64_t i = 0; i < n; i++)
+        rows[i] = keys_of(squares + i * width);
+    for (int p = 0; p < TOGETHER; p++)
+        for (int j = 0; j < COLUMNS; j++) /* as definitions.py */
+            rank[p][j] = (int32_t)((count[j] * percentages[p] + 99) / 100) - 1;
+    for (int bit = 1 << (KEY_BITS - 1); bit; bit >>= 1) {
+        for (int p = 0; p < TOGETHER; p++)
+            for (int j = 0; j < COLUMNS; j++)
+                tried[p][j] = (int16_t)(found[p][j] | bit);
+        memcpy(wanted, tried, sizeof wanted);
+        count_below(rows, n, wanted, below);
+        for (int p = 0; p < TOGETHER; p++)
+            for (int j = 0; j < COLUMNS; j++) {
+                const int has = below[p][j] <= rank[p][j];
+                found[p][j] = has ? tried[p][j] : found[p][j];
+                smaller[p][j] = has ? below[p][j] : smaller[p][j];
+            }
+    }
+    memcpy(wanted, found, sizeof wanted);
+    for (int p = 0; p < TOGETHER; p++) {
+        int64_t sharing[COLUMNS] = {0};
+        for (int64_t i = 0; i < n; i++) {
+            const keys equal = rows[i] == wanted[p];
+            if (!any(equal))
+                continue;
+            for (int j = 0; j < COLUMNS; j++)
+                if (equal[j])
+                    candidates[j * n + sharing[j]++] = squares[i * width + j];
+        }
+        for (int j = 0; j < COLUMNS; j++)
+            order[p][j] = count[j] ? __builtin_sqrt(select_value(candidates + j * n, sharing[j],
+                                                                 rank[p][j] - smaller[p][j]))
+                                   : __builtin_nan("");
+    }
+}
+
+#endif
