@@ -18,6 +18,7 @@ from ..errors import ConfigurationError, one_line, shortened
 from ..results.definitions import TRUTH
 from ..results.description import RunDescription
 from ..results.result import Result
+from ..scenario.reading import shown
 from ..scenario.scenario import Scenario, load
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record
@@ -39,10 +40,10 @@ def read_run(folder: str | Path) -> Result:
     what = "must be a folder that 'sblcosim run' has written"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing of that name"
-        raise ConfigurationError(f"{path}: {what}, got {got}")
+        raise ConfigurationError(f"{shown(path)}: {what}, got {got}")
     for name in (MANIFEST, RECORD, SCENARIO):
         if not (path / name).is_file():
-            raise ConfigurationError(f"{path}: {what}, got no {name} in it")
+            raise ConfigurationError(f"{shown(path)}: {what}, got no {name} in it")
     scenario = load(path / SCENARIO)
     about = _manifest(path / MANIFEST)
     time_ns, values = _columns(path / RECORD)
@@ -52,7 +53,7 @@ def read_run(folder: str | Path) -> Result:
                 and n not in about.get("failures", {})]
     if missing:
         raise ConfigurationError(
-            f"{path / RECORD}: must have all outputs of the run, got no {', '.join(missing)}"
+            f"{shown(path / RECORD)}: must have all outputs of the run, got no {', '.join(missing)}"
         )
     description = RunDescription(
         scenario_name=about["scenario_name"],
@@ -79,28 +80,31 @@ def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
 
 def _manifest(path: Path) -> dict[str, Any]:
     """The manifest of a run."""
+    where = shown(path)
     kinds = {"scenario_name": str, "receivers": list, "fmus": dict, "seeds": dict, "remarks": list}
     try:
         content: Any = json.loads(path.read_text("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path}: must be JSON, got {one_line(error)}") from None
+        got = shortened(one_line(error))
+        raise ConfigurationError(f"{where}: must be JSON, got {got}") from None
     for key, kind in kinds.items():
         if not isinstance(content, dict) or not isinstance(content.get(key), kind):
-            raise ConfigurationError(f"{path}: must be the manifest of a run, got no {key} in it")
+            raise ConfigurationError(f"{where}: must be the manifest of a run, got no {key} in it")
     if not all(isinstance(r, dict) and isinstance(r.get("label"), str) for r in
                content["receivers"]) or not isinstance(content.get("failures", {}), dict):
-        raise ConfigurationError(f"{path}: must be the manifest of a run, got other receivers")
+        raise ConfigurationError(f"{where}: must be the manifest of a run, got other receivers")
     return dict(content)
 
 
 def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generic]]]:
     """Instants [ns], and the outputs in their shapes."""
+    where = shown(path)
     try:
         table = parquet.read_table(path)
         found = {name: table[name].to_numpy() for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         got = shortened(one_line(error))
-        raise ConfigurationError(f"{path}: must be a table of Parquet, got {got}") from None
+        raise ConfigurationError(f"{where}: must be a table of Parquet, got {got}") from None
     time_s = found.pop("time_s", np.zeros(0))
     wrong = ""
     if time_s.dtype != np.float64 or not len(time_s) or not np.all(np.diff(time_s) > 0):
@@ -123,5 +127,5 @@ def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generi
             rows = np.stack([parts[index] for index in np.ndindex(shape)], axis=1)
             values[name] = rows.reshape(len(time_s), *shape)
     if wrong:
-        raise ConfigurationError(f"{path}: must be the record of a run, got {shortened(wrong)}")
+        raise ConfigurationError(f"{where}: must be the record of a run, got {shortened(wrong)}")
     return np.rint(time_s * 1e9).astype(np.int64), values
