@@ -20,10 +20,15 @@ if TYPE_CHECKING:
     from .export.ssp import export_ssp
     from .results.result import Result
     from .scenario.scenario import Scenario, load
+    from .simulation.receiver import Depth, Estimate, Range, Receiver
 
 __all__ = [
     "ConfigurationError",
+    "Depth",
+    "Estimate",
     "FmuError",
+    "Range",
+    "Receiver",
     "Result",
     "SblcosimError",
     "Scenario",
@@ -43,7 +48,11 @@ _get, __dir__ = lazy.names(
     __name__,
     {
         "ConfigurationError": "errors",
+        "Depth": "simulation.receiver",
+        "Estimate": "simulation.receiver",
         "FmuError": "errors",
+        "Range": "simulation.receiver",
+        "Receiver": "simulation.receiver",
         "Result": "results.result",
         "SblcosimError": "errors",
         "Scenario": "scenario.scenario",

@@ -218,6 +218,7 @@ def receivers() -> None:
 
     table([(name, component.description) for name, component in RECEIVERS.items()])
     typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+    typer.echo("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 
 
 @app.command()
