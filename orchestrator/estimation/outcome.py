@@ -12,7 +12,7 @@ from sblcosim.models.receiver.surroundings import CLOCK, PLATFORM, POSITION, SPE
 from sblcosim.models.receiver.variables import COUPLED
 
 from ..results.result import Result
-from ..scenario.wiring import RAW
+from ..scenario.sources import RAW
 from ..simulation.record import Integers, Record
 from . import model
 from .linear import Floats

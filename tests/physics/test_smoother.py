@@ -12,9 +12,7 @@ from sblcosim.estimation.after import prepared
 
 SEEDS = range(1, 51)
 Case = tuple[str, dict[str, Any]]
-REALISTIC: Case = (
-    "realistic-dive", {"receiver.acceleration_psd_m2_s3": 0.003, "receiver.range_std_m": 0.1},
-)
+REALISTIC: Case = ("realistic-dive", {})
 
 
 def paper(
