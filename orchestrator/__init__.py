@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from . import lazy
 
 if TYPE_CHECKING:
-    from . import analysis, study
+    from . import analysis, research, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
+    from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
     from .results.result import Result
@@ -31,12 +32,15 @@ __all__ = [
     "Result",
     "SblcosimError",
     "Scenario",
+    "Smoothed",
     "__version__",
     "analysis",
     "export_fmu",
     "export_ssp",
     "load",
+    "research",
     "run",
+    "smooth",
     "study",
 ]
 
@@ -52,12 +56,15 @@ _get, __dir__ = lazy.names(
         "Result": "results.result",
         "SblcosimError": "errors",
         "Scenario": "scenario.scenario",
+        "Smoothed": "estimation.after",
         "__version__": "",
         "analysis": "",
         "export_fmu": "export.container",
         "export_ssp": "export.ssp",
         "load": "scenario.scenario",
+        "research": "",
         "run": "api",
+        "smooth": "estimation.after",
         "study": "",
     },
 )
