@@ -12,26 +12,35 @@ from typing import TYPE_CHECKING, Any
 from . import lazy
 
 if TYPE_CHECKING:
-    from . import analysis, study
+    from . import analysis, research, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
+    from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
     from .results.result import Result
     from .scenario.scenario import Scenario, load
+    from .simulation.receiver import Depth, Estimate, Range, Receiver
 
 __all__ = [
     "ConfigurationError",
+    "Depth",
+    "Estimate",
     "FmuError",
+    "Range",
+    "Receiver",
     "Result",
     "SblcosimError",
     "Scenario",
+    "Smoothed",
     "__version__",
     "analysis",
     "export_fmu",
     "export_ssp",
     "load",
+    "research",
     "run",
+    "smooth",
     "study",
 ]
 
@@ -39,16 +48,23 @@ _get, __dir__ = lazy.names(
     __name__,
     {
         "ConfigurationError": "errors",
+        "Depth": "simulation.receiver",
+        "Estimate": "simulation.receiver",
         "FmuError": "errors",
+        "Range": "simulation.receiver",
+        "Receiver": "simulation.receiver",
         "Result": "results.result",
         "SblcosimError": "errors",
         "Scenario": "scenario.scenario",
+        "Smoothed": "estimation.after",
         "__version__": "",
         "analysis": "",
         "export_fmu": "export.container",
         "export_ssp": "export.ssp",
         "load": "scenario.scenario",
+        "research": "",
         "run": "api",
+        "smooth": "estimation.after",
         "study": "",
     },
 )

@@ -17,9 +17,9 @@ from .results.result import Result
 from .scenario.overrides import Overrides
 from .scenario.scenario import Receivers, Scenario, Source, load
 from .scenario.schema import CORE_COMPONENTS
-from .scenario.wiring import RAW, applied, choose, connect
-from .simulation.execution import execute, survive
-from .simulation.masters.native import unsupported
+from .scenario.sources import RAW, choose
+from .scenario.wiring import applied, connect
+from .simulation.execution import execute, needs_python, survive
 from .simulation.plan import Plan
 from .simulation.plan_checks import check_size
 from .simulation.process import patience, strangers
@@ -50,8 +50,9 @@ def run(
     scenario
         Name of a shipped scenario, path of a TOML file, nested tables, or a scenario from `load`.
     receiver
-        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, or a callable that makes a
-        Python component (see `sblcosim.simulation.system.PythonComponent`). Several, in a sequence
+        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, ``"file.py:Class"``, or a
+        callable that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
+        `sblcosim.simulation.system.PythonComponent`). Several, in a sequence
         or (with labels) in a mapping, run side by side on the same noise. None: the scenario's own
         receiver. The raw fix always runs too, as ``raw``.
     overrides
@@ -134,7 +135,7 @@ def _executor(
             progress,
             master=master,
             step_timeout=step_timeout if timed else None,
-            apart=apart and unsupported(left) is not None,
+            apart=apart and (master == "python" or needs_python(left)),
         )
 
     return executed
@@ -163,8 +164,8 @@ def _origins(
             origin = {"type": source}
         else:
             origin = {"fmu" if isinstance(source, Path) else "python": component.origin}
-        if isinstance(component.source, Fmu):
-            origin["sha256"] = component.source.sha256
+        if component.sha256:
+            origin["sha256"] = component.sha256
         origins[label] = {**origin, "parameters": dict(system.components[label].parameters)}
     return origins
 

@@ -126,8 +126,8 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
         )
     column = f"{chosen}.{response}"
     if table[column].isna().all():
-        told = response in RESPONSES and RESPONSES[response].needs_covariance
-        why = f"; no estimate of {chosen} has a covariance" if told else ""
+        needs = RESPONSES[response].needs if response in RESPONSES else ""
+        why = f"; no estimate of {chosen} has a {needs}" if needs else ""
         raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
     return column
 

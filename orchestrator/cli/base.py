@@ -73,7 +73,7 @@ ReceiverOption = Annotated[
     list[str] | None,
     typer.Option(
         "--receiver",
-        metavar="NAME|FILE.fmu",
+        metavar="NAME|FILE.fmu|FILE.py:CLASS",
         help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
     ),
 ]

@@ -1,4 +1,4 @@
-"""Commands for scenarios: simulate, look, begin a new one, calibrate."""
+"""Commands for scenarios: simulate, smooth, look, begin a new one, calibrate."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .base import (
     SetOption,
     StepTimeoutOption,
     app,
+    beside,
     destination,
     numeric,
     overrides,
@@ -83,6 +84,47 @@ def run(
         )
         folder = result.save(wanted, figures=not no_figures, other=other)
     report_run(result, folder, as_json, wanted)
+
+
+@app.command()
+def smooth(
+    folder: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Folder that 'sblcosim run' has written.")
+    ],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change what is assumed, e.g. receiver.acceleration_psd_m2_s3=0.003.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results [default: RUN-smoothed]."
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+    ] = False,
+    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+) -> None:
+    """Estimate the track of a finished run from all that was received in it.
+
+    The most probable track, forwards and backwards in time, with the model of the receiver
+    'coupled'; tables and figures have it beside the receivers of the run.
+    """
+    with waiting("smoothing"):
+        from .. import artifacts
+        from ..estimation.after import smooth as smooth_run
+
+        wanted, other = destination(out, beside(folder, "smoothed"), force)
+        artifacts.check(wanted, other=other)
+        smoothed = smooth_run(folder, set_ or ())
+        written = smoothed.save(wanted, figures=not no_figures, other=other)
+    report(smoothed, written, as_json, wanted)
 
 
 @app.command()
@@ -176,6 +218,7 @@ def receivers() -> None:
 
     table([(name, component.description) for name, component in RECEIVERS.items()])
     typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+    typer.echo("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 
 
 @app.command()

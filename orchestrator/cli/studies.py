@@ -215,6 +215,9 @@ def _summary(runs: Any) -> str:
     failed = runs[runs["error"].notna()]
     lines = [f"{len(runs)} runs, {len(failed)} failed"]
     lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
+    from ..analysis import covariance
+
+    covariances = covariance.sentences(covariance.by_point(runs))
     suffix = ".absolute_total_rms_m"
     for column in runs.columns[runs.columns.str.endswith(suffix)]:
         if runs[column].isna().all():
@@ -228,6 +231,7 @@ def _summary(runs: Any) -> str:
             f"{_inconsistent(runs[f'{name}.inconsistent'])}, "
             f"{runs[f'{name}.lost'].mean():.0%} lost"
         )
+        lines += [f"  {sentence}" for sentence in covariances.get(name, ())]
     return "\n".join(lines)
 
 

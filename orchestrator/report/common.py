@@ -29,8 +29,9 @@ ERROR = {
 DEFINITIONS = (
     "Errors are estimate minus truth, x, y, z north, east, down; the total error is their length. "
     "The RMS is over a run, after the settling time; the mean is over runs. Absolute errors are "
-    "those in the world; errors relative to the platform leave out what the platform gets wrong "
-    "about its own place."
+    "those in the world. Errors relative to the platform as it reports itself are less the mean "
+    "over the beacons of reported minus true position; errors relative to the platform's true "
+    "position are those of receivers that say by themselves where they are from it."
 )
 
 

@@ -11,14 +11,16 @@ import numpy as np
 import pandas as pd
 
 from .. import artifacts
-from ..analysis import sweep, workflow
+from ..analysis import covariance, sweep, workflow
 from ..analysis.options import Error, Transform
 from ..analysis.sentences import quantity as quantity_of
 from ..results.catalogue import Figure, by_name, jobs
+from ..results.consistency import TELLING
+from ..results.definitions import FRAME_WORDS
 from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
-from . import factorial
+from . import factorial, possible
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
@@ -64,7 +66,9 @@ def save(
     source = _Source(
         study,
         int(table["error"].notna().sum()),
+        covariance.by_point(table, list(study.factors)),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        possible.tables(study, table),
     )
     plain = order is None and transform == "none" and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
@@ -83,18 +87,25 @@ class _Source:
     ----------
     failed
         Number of runs that failed.
+    verdicts
+        On the receivers' covariances, by point.
     again
         How to reproduce.
+    possible
+        What is possible at its points.
     """
 
     study: Study
     failed: int
+    verdicts: pd.DataFrame
     again: Section
+    possible: list[Block]
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
     with artifacts.folder(directory, workflow.about(findings.data)) as folder:
         workflow.write(findings.data, folder)
+        _write_verdicts(source, folder)
         page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
     return str(findings.shown)
@@ -108,12 +119,44 @@ def _save_means(
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(means, folder, "means")
+        _write_verdicts(source, folder)
         page = _means_page(table, means, column, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
     shown = means.replace({"factor": study.labels})
     shown = shown if study.factors else shown.drop(columns=["factor", "value"])
     text = _means_answer(study, means, workflow.words(column, table), unit_of(column))
     return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
+
+
+def _write_verdicts(source: _Source, folder: Path) -> None:
+    if len(source.verdicts):
+        artifacts.write_table(source.verdicts, folder, "consistency")
+
+
+def _covariances(source: _Source) -> list[Block]:
+    """Whether the covariances are right, as a table."""
+    rows = [
+        (
+            str(row["receiver"]), FRAME_WORDS[row["frame"]], number(row["points"]),
+            number(row["in_band"]),
+            *(
+                f"{number(row[word])}, {span(row[f'{word}_from'], row[f'{word}_to'], number)}"
+                if row[word] else "0"
+                for word in covariance.WRONG
+            ),
+            number(row["untold"]), number(row["runs"]), number(row["runs_needed"]),
+        )
+        for row in covariance.summary(source.verdicts).to_dict(orient="records")
+    ]  # fmt: skip
+    head = ("Receiver", "Error", "Points", "In band", "Optimistic, by a factor of",
+            "Pessimistic, by a factor of", "Not to be told", "Runs a point", "Runs needed")
+    note = (
+        "Points by the 95 % interval of the mean NEES over their runs, each of which counts once. "
+        "Optimistic: errors larger than claimed; the factor is on the standard deviation. Runs "
+        f"needed: to tell a factor of {TELLING:g}, at the point where it takes most. One point in "
+        "20 leaves the band by chance."
+    )
+    return [Table("Are the covariances right?", head, rows, (1,), note)] if rows else []
 
 
 def _again(study: Study, results: Path, command: str) -> Section:
@@ -163,7 +206,9 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            Section("Tables", "tables", factorial.tables(findings)),
+            Section("Tables", "tables", [
+                *factorial.tables(findings), *_covariances(source), *source.possible,
+            ]),
             Section("Figures", "figures", _pictures(findings, folder)),
             Section("Method", "method", how),
             source.again,
@@ -266,7 +311,8 @@ def _means_page(
         Section("Summary", "summary",
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
         Section("Tables", "tables", [
-            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))]),
+            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study)),
+            *_covariances(source), *source.possible]),
     ]
     units = {study.labels[name]: u for name, u in study.units.items()}
     subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)

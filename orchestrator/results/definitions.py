@@ -13,16 +13,21 @@ them it is the cubic Hermite polynomial through the states at both ends. The pla
 the error of its reports hold until its next instant.
 
 **Error.** Estimate minus truth (the paper's equation 10 has the opposite sign), north, east, down,
-in two frames:
+in three frames:
 
 - *absolute*: ``x̂ − x``;
-- *relative* to the platform: the absolute error minus the mean over the beacons of reported minus
-  true position, so that a GPS error common to all beacons does not count.
+- *relative* to the platform as it reports itself: the absolute error minus the mean over the
+  beacons of reported minus true position, so that a GPS error common to all beacons does not
+  count. Of a receiver that filters the reports this charges the noise that it has left out;
+- *own relative*, to the platform's true position, by the receiver's own account: ``d̂ − (x − p)``,
+  with its output ``relative_position`` d̂ and the true position p of the platform's reference
+  point. Receivers without that output have no such error.
 
-**Broken** is an estimate whose epoch lies outside the run, or whose squared errors are not finite.
+**Broken** is an estimate whose epoch lies outside the run, or whose squared errors are not finite,
+in any of its frames.
 
-**NEES** is ``eᵀ P⁻¹ e``. P must be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴
-of its diagonal element.
+**NEES** is ``eᵀ P⁻¹ e``; of the own relative error, P is the output ``relative_covariance``. P
+must be positive definite: each pivot of ``P = L D Lᵀ`` is above 10⁻¹⁴ of its diagonal element.
 
 **Inconsistent** is a run whose mean position NEES lies above its 95 % band; unknown without any
 NEES.
@@ -51,7 +56,16 @@ Flags = NDArray[np.bool_]
 Nanoseconds = NDArray[np.int64]
 
 AXES = ("x", "y", "z")
-FRAMES = ("absolute", "relative")
+FRAMES = ("absolute", "relative", "own_relative")
+PREFIXES = {"absolute": "", "relative": "relative_", "own_relative": "own_relative_"}
+"""What the names of a frame's columns and sums begin with."""
+FRAME_WORDS = {
+    "absolute": "absolute",
+    "relative": "relative to the platform as it reports itself",
+    "own_relative": "relative to the platform's true position, by the receiver's own account",
+}
+OWN_PORT = "relative_position"
+"""Output of the receivers that have own relative errors."""
 POSITION_STATES = [0, 2, 4]
 """Indices of the position in the state (x, vx, y, vy, z, vz)."""
 CONFIDENCE = 0.95
@@ -88,6 +102,9 @@ class Judged:
         Squared lengths of the errors, and squared true distance to the platform [m²]; shape (m,).
     nees
         NEES of the absolute position; shape (m,); NaN without a positive definite covariance.
+    own_relative, own_relative_square, own_relative_nees
+        Errors [m] in the own relative frame, shape (m, 3), their squared lengths [m²] and NEES,
+        shape (m,); None for a receiver that has none.
     """
 
     estimates: Estimates
@@ -103,6 +120,9 @@ class Judged:
     relative_square: Floats
     distance_square: Floats
     nees: Floats
+    own_relative: Floats | None = None
+    own_relative_square: Floats | None = None
+    own_relative_nees: Floats | None = None
 
 
 def judge(record: Record, receiver: str) -> Judged:
@@ -137,10 +157,15 @@ def judge(record: Record, receiver: str) -> Judged:
         relative = error - off
         square, relative_square = square_of(error), square_of(relative)
         P = estimates.covariance
+        away = position - platform
+        own_error, own_square, own_nees = _own_relative(estimates, away)
+        finite = square + relative_square < np.inf
+        if own_square is not None:
+            finite &= own_square < np.inf
         return Judged(
             estimates,
             epoch_s,
-            broken=~(square + relative_square < np.inf),
+            broken=~finite,
             late=late_from_ns(int(time[0]), int(time[-1])) / 1e9 <= epoch_s,
             true_position=position,
             true_velocity=velocity,
@@ -149,9 +174,30 @@ def judge(record: Record, receiver: str) -> Judged:
             relative=relative,
             square=square,
             relative_square=relative_square,
-            distance_square=square_of(position - platform),
+            distance_square=square_of(away),
             nees=np.full(len(epoch), np.nan) if P is None else nees(error, of_position(P)),
+            own_relative=own_error,
+            own_relative_square=own_square,
+            own_relative_nees=own_nees,
         )
+
+
+def _own_relative(
+    estimates: Estimates, away: Floats
+) -> tuple[Floats, Floats, Floats] | tuple[None, None, None]:
+    """Own relative errors [m], their squared lengths [m²] and NEES; None without the output.
+
+    Parameters
+    ----------
+    away
+        True position minus that of the platform [m]; shape (m, 3).
+    """
+    if estimates.relative_position is None:
+        return None, None, None
+    error = estimates.relative_position - away
+    P = estimates.relative_covariance
+    claimed = np.full(len(error), np.nan) if P is None else nees(error, P)
+    return error, square_of(error), claimed
 
 
 def chosen(judged: Judged, which: Flags) -> Judged:
@@ -171,13 +217,21 @@ def horizontal_square(x: Floats, y: Floats) -> Floats:
     return x * x + y * y
 
 
+def errors_of(judged: Judged) -> dict[str, tuple[Floats, Floats]]:
+    """Errors [m], shape (m, 3), and their squared lengths [m²], by the frames that there are."""
+    errors = {
+        "absolute": (judged.error, judged.square),
+        "relative": (judged.relative, judged.relative_square),
+    }
+    if judged.own_relative is not None and judged.own_relative_square is not None:
+        errors["own_relative"] = (judged.own_relative, judged.own_relative_square)
+    return errors
+
+
 def length_squares(judged: Judged) -> dict[str, Floats]:
-    """Squared lengths of the errors [m²], by the names in `LENGTHS`; shape (m,)."""
+    """Squared lengths of the errors [m²], e.g. ``absolute_horizontal``; shape (m,)."""
     squares = {}
-    for frame, error, total in (
-        ("absolute", judged.error, judged.square),
-        ("relative", judged.relative, judged.relative_square),
-    ):
+    for frame, (error, total) in errors_of(judged).items():
         squares[f"{frame}_horizontal"] = horizontal_square(error[:, 0], error[:, 1])
         squares[f"{frame}_total"] = total
     return squares

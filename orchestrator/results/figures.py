@@ -19,14 +19,16 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-from ..scenario.wiring import RAW
+from ..scenario.sources import RAW
 from ..style import LINES, MARKERS, Theme, ThemeName, new_figure, use
-from .definitions import AXES, Floats, recorded
-from .metrics import error_column
+from . import possible
+from .definitions import AXES, FRAME_WORDS, Floats, recorded
+from .metrics import error_column, with_errors
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
+    from ..limits.verdict import Limits
     from ..simulation.record import Record
 
 Tracks = Mapping[str, pd.DataFrame]
@@ -159,12 +161,21 @@ def plot_errors(
     tracks: Tracks,
     axes: Sequence[Axes] | None = None,
     frame: str = "absolute",
+    reference: Limits | None = None,
     theme: ThemeName = "light",
 ) -> Sequence[Axes]:
     """Errors over time with each filter's ±2σ band, and the total error (the paper's Figure 14).
 
-    Four axes over the whole run. `frame` is ``absolute`` or ``relative`` (to the platform).
+    Four axes over the whole run. `frame` is one of `definitions.FRAMES`; receivers without errors
+    in it are left out. `reference` is what was possible: ±2σ, and the RMS of the total.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame, or no receiver has errors in it.
     """
+    tracks = with_errors(tracks, frame)
+    claim = "own_relative_std" if frame == "own_relative" else "std"
     with use(theme, axes) as look:
         own = axes is None
         axes = _panels(4, axes)
@@ -174,12 +185,12 @@ def plot_errors(
             for label, table, how in _tracks(tracks, look):
                 t, e = table["epoch_s"], table[column]
                 ax.plot(t, e, label=label, **how)
-                if f"std_{axis}_m" in table and label not in FIXES:
-                    band = 2 * table[f"std_{axis}_m"]
+                if f"{claim}_{axis}_m" in table and label not in FIXES:
+                    band = 2 * table[f"{claim}_{axis}_m"]
                     ax.fill_between(t, -band, band, color=how["color"], alpha=0.15, lw=0,
                                     label=label, zorder=1)
                     bands = True
-            top = _error_limit(tracks, column, f"std_{axis}_m")
+            top = _error_limit(tracks, column, f"{claim}_{axis}_m")
             ax.set_ylim((0 if axis == "total" else -top), top)
             if axis == "total":
                 ax.set_ylabel("Total error [m]")
@@ -187,10 +198,12 @@ def plot_errors(
                 ax.axhline(0, color=look.ink, lw=0.8, zorder=2)
                 ax.set_ylabel(f"Error in {axis} [m]")
             limits[column] = (-top, top)
+        since_s = min((t["epoch_s"].min() for t in tracks.values() if len(t)), default=np.inf)
+        possible.draw(axes, reference, frame, since_s, look)
         _time_axis(axes, record)
         _title(
             axes[0],
-            "Estimate minus truth" + (", relative to the platform" if frame == "relative" else ""),
+            "Estimate minus truth" + ("" if frame == "absolute" else f", {FRAME_WORDS[frame]}"),
             "bands: claimed ±2σ" if bands else "",
             _outside(tracks, limits),
             _no_fix(tracks),

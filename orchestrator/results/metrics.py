@@ -13,16 +13,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import FmuError, check_choice
+from ..errors import ConfigurationError, FmuError, check_choice
 from ..simulation.record import NEVER
 from .definitions import (
     AXES,
     FRAMES,
+    OWN_PORT,
     PERCENTAGES,
     POSITION_STATES,
+    PREFIXES,
     Judged,
     Nanoseconds,
     chi_square_band,
+    errors_of,
     horizontal_square,
     in_order,
     inconsistent,
@@ -59,8 +62,9 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
 
     Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
     and ``relative_error_{x,y,z,total}_m``. If the receiver has the outputs for them:
-    ``std_{x,y,z}_m``, ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the
-    absolute error, ``relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
+    ``own_relative_error_{x,y,z,total}_m``, ``std_{x,y,z}_m`` and ``own_relative_std_{x,y,z}_m``,
+    ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
+    ``relative_nees_position`` and ``own_relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
 
     Raises
     ------
@@ -74,12 +78,9 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
     columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
     columns |= {f"true_{axis}_m": judged.true_position[:, i] for i, axis in enumerate(AXES)}
-    for prefix, error, square in (
-        ("", judged.error, judged.square),
-        ("relative_", judged.relative, judged.relative_square),
-    ):
-        columns |= {f"{prefix}error_{axis}_m": error[:, i] for i, axis in enumerate(AXES)}
-        columns[f"{prefix}error_total_m"] = np.sqrt(square)
+    for frame, (error, square) in errors_of(judged).items():
+        columns |= {error_column(frame, axis): error[:, i] for i, axis in enumerate(AXES)}
+        columns[error_column(frame, "total")] = np.sqrt(square)
     std, P = estimates.position_std, estimates.covariance
     if std is None and P is not None:
         std = np.sqrt(P[:, POSITION_STATES, POSITION_STATES])
@@ -92,6 +93,11 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
             # the paper's order: position, then velocity, of each axis
             pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
             columns["nees_state"] = nees(pairs.reshape(-1, 6), P)
+    if judged.own_relative_nees is not None and estimates.relative_covariance is not None:
+        variances = np.diagonal(estimates.relative_covariance, axis1=1, axis2=2)
+        stds = np.sqrt(np.where(variances >= 0, variances, np.nan))
+        columns |= {f"own_relative_std_{axis}_m": stds[:, i] for i, axis in enumerate(AXES)}
+        columns["own_relative_nees_position"] = judged.own_relative_nees
     if estimates.nis is not None:
         columns["nis"] = estimates.nis
     if estimates.nis_degrees is not None:
@@ -109,13 +115,16 @@ def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
             f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
             f"got {got}"
         )
+    own = judged.estimates.relative_position
     named = (
         (f"{receiver}.position", judged.estimates.position[i]),
         ("target.position", judged.true_position[i]),
         ("platform.reported_beacon_position", judged.platform_error[i]),
+        *(() if own is None else ((f"{receiver}.{OWN_PORT}", own[i]),)),
     )
-    # If all are finite, the square of the error overflows.
-    name, values = next((n for n in named if not np.isfinite(n[1]).all()), named[0])
+    # If all are finite, the square of an error overflows.
+    overflowing = named[0] if not judged.square[i] < np.inf else named[-1]
+    name, values = next((n for n in named if not np.isfinite(n[1]).all()), overflowing)
     return FmuError(
         f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
         f"at epoch {judged.epoch_s[i]:g} s"
@@ -133,14 +142,15 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Returns
     -------
     table
-        Index: receiver, frame (``absolute``, ``relative``), axis (``x``, ``y``, ``z``,
-        ``total``). Columns: ``mean_m`` (signed for an axis; of the length of the error for
-        ``total``), ``rms_m``, ``std_m`` about that mean, so that rms² = mean² + std², and ``n``,
-        the number of estimates. The squared RMS of the total is the sum of those of the axes.
+        Index: receiver, frame (``absolute``, ``relative``, and ``own_relative`` for receivers that
+        have it), axis (``x``, ``y``, ``z``, ``total``). Columns: ``mean_m`` (signed for an axis; of
+        the length of the error for ``total``), ``rms_m``, ``std_m`` about that mean, so that
+        rms² = mean² + std², and ``n``, the number of estimates. The squared RMS of the total is the
+        sum of those of the axes.
     """
     rows = {}
     for receiver, estimates in tracks.items():
-        for frame in FRAMES:
+        for frame in frames_of(estimates):
             for axis in (*AXES, "total"):
                 e = estimates[error_column(frame, axis)].to_numpy()
                 some = len(e) > 0
@@ -166,13 +176,13 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Returns
     -------
     table
-        Index: receiver, frame (``absolute``, ``relative``), length (``horizontal``, ``total``).
-        Columns [m]: ``p50_m`` (CEP50 for the horizontal error), ``p67_m``, ``p95_m`` (R95) and
+        Index: receiver, frame (as in `error_table`), length (``horizontal``, ``total``). Columns
+        [m]: ``p50_m`` (CEP50 for the horizontal error), ``p67_m``, ``p95_m`` (R95) and
         ``max_m``: x₍⌈p n / 100⌉₎ of n estimates.
     """
     rows = {}
     for receiver, estimates in tracks.items():
-        for frame in FRAMES:
+        for frame in frames_of(estimates):
             x, y = (estimates[error_column(frame, axis)].to_numpy() for axis in ("x", "y"))
             total = estimates[error_column(frame, "total")].to_numpy()
             horizontal = np.sqrt(horizontal_square(x, y))
@@ -194,7 +204,32 @@ def error_column(frame: str, axis: str) -> str:
     """
     check_choice("frame", frame, FRAMES)
     check_choice("axis", axis, (*AXES, "total"))
-    return f"{'relative_' if frame == 'relative' else ''}error_{axis}_m"
+    return f"{PREFIXES[frame]}error_{axis}_m"
+
+
+def frames_of(track: pd.DataFrame) -> list[str]:
+    """The frames in which a receiver has errors, from its `track`."""
+    return [frame for frame in FRAMES if error_column(frame, "total") in track]
+
+
+def with_errors(
+    tracks: Mapping[str, pd.DataFrame], frame: str
+) -> Mapping[str, pd.DataFrame]:
+    """What `track` returns, of the receivers that have errors in a frame.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such frame, or no receiver has errors in it.
+    """
+    column = error_column(frame, "total")
+    some = {receiver: track for receiver, track in tracks.items() if column in track}
+    if not some:
+        raise ConfigurationError(
+            f"frame: must be one in which a receiver has errors, got {frame!r}, which takes an "
+            f"output {OWN_PORT}"
+        )
+    return some
 
 
 def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:
@@ -242,7 +277,8 @@ def summary(
 
     Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
     ``update_share`` (NaN if the update interval is not given); for each of ``nees_position``,
-    ``relative_nees_position``, ``nees_state`` and ``nis``, the time mean, ``…_expected`` (the mean
+    ``relative_nees_position``, ``own_relative_nees_position``, ``nees_state`` and ``nis`` (NaN
+    without the outputs for it), the time mean, ``…_expected`` (the mean
     degrees of freedom), ``…_low`` and ``…_high`` of its band (`definitions.chi_square_band`) and
     ``…_verdict``; ``inconsistent`` (time-mean position NEES above its band; missing without any
     NEES) and ``lost``.
@@ -263,6 +299,7 @@ def summary(
         degrees = {
             "nees_position": np.full(n, 3),
             "relative_nees_position": np.full(n, 3),
+            "own_relative_nees_position": np.full(n, 3),
             "nees_state": np.full(n, 6),
             "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
         }

@@ -14,30 +14,28 @@ A user's own function can be a response too::
 
 from __future__ import annotations
 
-import hashlib
-import inspect
-import sys
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
-from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any
 
 import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+from ..errors import ConfigurationError, instance, one_line, shortened
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..simulation.record import Record
+from ..simulation.user_code import by_value
 from .definitions import (
     AXES,
     FRAMES,
+    OWN_PORT,
     PERCENTAGES,
     Judged,
     chosen,
+    errors_of,
     inconsistent,
     judge,
     length_squares,
@@ -96,8 +94,8 @@ class Response:
         Function of a `Run`; NaN where the number does not exist.
     shipped
         Whether it is one of `RESPONSES`.
-    needs_covariance
-        Whether it needs a receiver with a covariance output.
+    needs
+        Optional output that a receiver must have for it, or an empty string.
     origin, sha256
         For a user's function: its origin, and the hash of its source.
     """
@@ -110,12 +108,12 @@ class Response:
         definition: Callable[[Run], Any],
         shipped: bool = True,
         *,
-        needs_covariance: bool = False,
+        needs: str = "",
         origin: str = "",
         sha256: str = "",
     ) -> None:
         self.name, self.words, self.definition = name, words, definition
-        self.shipped, self.needs_covariance = shipped, needs_covariance
+        self.shipped, self.needs = shipped, needs
         self.origin, self.sha256 = origin, sha256
 
     @property
@@ -127,7 +125,7 @@ class Response:
         if self.shipped:
             return _of_name, (self.name,)
         # By value: a worker may have neither the file nor the module.
-        return _unpacked, (_by_value(self.definition), self.name, self.origin, self.sha256)
+        return _unpacked, (by_value(self.definition), self.name, self.origin, self.sha256)
 
     def __repr__(self) -> str:
         return f"<response {self.name}{f' from {self.origin}' if self.origin else ''}>"
@@ -146,11 +144,8 @@ def _mean(values: Floats) -> float:
 
 
 def _errors(frame: str, run: Run) -> tuple[Floats, Floats]:
-    """Errors by axis [m], and their squared lengths [m²]."""
-    used = run.used
-    if frame == "absolute":
-        return used.error, used.square
-    return used.relative, used.relative_square
+    """Errors by axis [m], and their squared lengths [m²]; none if the receiver has no such."""
+    return errors_of(run.used).get(frame, (np.empty((0, 3)), np.empty(0)))
 
 
 def _axis_mean(frame: str, axis: int, run: Run) -> float:
@@ -170,11 +165,17 @@ def _total_rms(frame: str, run: Run) -> float:
 
 
 def _percentile(length: str, percentage: int, run: Run) -> float:
-    return float(order_statistics(np.sqrt(length_squares(run.used)[length]), (percentage,))[0])
+    squares = length_squares(run.used).get(length, np.empty(0))
+    return float(order_statistics(np.sqrt(squares), (percentage,))[0])
 
 
 def _nees(run: Run) -> Floats:
     return run.used.nees[~np.isnan(run.used.nees)]
+
+
+def _own_nees(run: Run) -> Floats:
+    claims = run.used.own_relative_nees
+    return np.empty(0) if claims is None else claims[~np.isnan(claims)]
 
 
 def _nis(run: Run) -> tuple[Floats, Floats]:
@@ -206,18 +207,20 @@ def _available(run: Run) -> float:
 def _shipped() -> Iterator[Response]:
     yield Response("estimates", "estimates", lambda run: len(run.used.epoch_s))
     for frame in FRAMES:
-        beside = " relative to the platform" if frame == "relative" else ""
+        beside, needs = _BESIDE[frame], OWN_PORT if frame == "own_relative" else ""
         for i, axis in enumerate(AXES):
             name = f"{frame}_{axis}"
             text = f"error in {axis}{beside}"
-            yield Response(f"{name}_mean_m", f"mean {text}", partial(_axis_mean, frame, i))
-            yield Response(f"{name}_rms_m", f"RMS {text}", partial(_axis_rms, frame, i))
-        total = f"total error{beside}"
-        yield Response(f"{frame}_total_mean_m", f"mean {total}", partial(_total_mean, frame))
-        yield Response(f"{frame}_total_rms_m", f"RMS {total}", partial(_total_rms, frame))
+            for what, words, of in (("mean", "mean", _axis_mean), ("rms", "RMS", _axis_rms)):
+                yield Response(f"{name}_{what}_m", f"{words} {text}", partial(of, frame, i),
+                               needs=needs)
+        total = f"{frame}_total"
+        for what, words, whole in (("mean", "mean", _total_mean), ("rms", "RMS", _total_rms)):
+            yield Response(f"{total}_{what}_m", f"{words} total error{beside}",
+                           partial(whole, frame), needs=needs)
     yield Response(
         "nees_position", "NEES of the position", lambda run: _mean(_nees(run)),
-        needs_covariance=True,
+        needs="covariance",
     )  # fmt: skip
     yield Response("nees_estimates", "estimates with NEES", lambda run: len(_nees(run)))
     yield Response("nis", "NIS", lambda run: _mean(_nis(run)[0]))
@@ -225,21 +228,37 @@ def _shipped() -> Iterator[Response]:
     yield Response("availability", "availability", _available)
     yield Response("updates", "updates", _updates)
     yield Response(
-        "inconsistent", "share of inconsistent runs", _inconsistent, needs_covariance=True
+        "inconsistent", "share of inconsistent runs", _inconsistent, needs="covariance"
     )
     yield Response("lost", "share of lost runs", lambda run: lost(run.record, run.receiver))
     yield Response("broken", "share of broken runs", lambda run: run.judged.broken.any())
+    yield Response(
+        "own_relative_nees_position", f"NEES of the position{_BESIDE['own_relative']}",
+        lambda run: _mean(_own_nees(run)), needs="relative_covariance",
+    )  # fmt: skip
+    yield Response(
+        "own_relative_nees_estimates", "estimates with own relative NEES",
+        lambda run: len(_own_nees(run)),
+    )  # fmt: skip
 
 
-def _percentiles() -> Iterator[Response]:
-    for length in LENGTHS:
-        frame, _, what = length.partition("_")
-        beside = " relative to the platform" if frame == "relative" else ""
+_BESIDE = {
+    "absolute": "",
+    "relative": " relative to the platform as it reports itself",
+    "own_relative": " relative to the platform's true position",
+}
+"""What is said of an error in a frame."""
+
+
+def _percentiles(lengths: Iterable[str]) -> Iterator[Response]:
+    for length in lengths:
+        frame, _, what = length.rpartition("_")
+        beside, needs = _BESIDE[frame], OWN_PORT if frame == "own_relative" else ""
         for p in PERCENTAGES:
             words = f"{what} error's {p}th percentile" if p < 100 else f"largest {what} error"
             name = f"{length}_{percentile_column(p)}"
             text = f"{words}{beside} in a run"
-            yield Response(name, text, partial(_percentile, length, p))
+            yield Response(name, text, partial(_percentile, length, p), needs=needs)
 
 
 def _time_to_first_fix(run: Run) -> float:
@@ -250,6 +269,7 @@ def _time_to_first_fix(run: Run) -> float:
 def _defined() -> Iterator[Response]:
     """Responses that need a record: runs with one of them do not go through lanes."""
     yield Response("first_fix_s", "time to the first fix", _time_to_first_fix)
+    yield from _percentiles(("own_relative_horizontal", "own_relative_total"))
 
 
 def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response]:
@@ -261,129 +281,12 @@ def _registered(responses: Iterable[Response]) -> MappingProxyType[str, Response
     return MappingProxyType(named)
 
 
-PERCENTILES = _registered(_percentiles())
-"""Order statistics of the lengths of the errors; all masters compute them."""
+PERCENTILES = _registered(_percentiles(LENGTHS))
+"""Order statistics of the lengths of the absolute and relative errors; all masters compute them."""
 ON_REQUEST = _registered((*PERCENTILES.values(), *_defined()))
 """Responses that a study records on request."""
 RESPONSES = _registered((*_shipped(), *ON_REQUEST.values()))
 """All shipped responses, by name."""
-
-
-# --- The user's own responses --------------------------------------------------------------------
-
-
-def of_function(function: Callable[[Run], Any]) -> Response:
-    """The response that a function is.
-
-    It is known by its source and by all that it refers to: other functions, values, and modules by
-    their names.
-
-    Raises
-    ------
-    ConfigurationError
-        It is not a function, has no name or that of a shipped response, or its source is
-        unavailable.
-    """
-    name = _checked_name(getattr(function, "__name__", ""), function)
-    digest = hashlib.sha256()
-    try:
-        for part in _parts(function, set()):
-            digest.update(part + b"\0")
-    except (OSError, TypeError):
-        raise ConfigurationError(
-            f"responses: {name} must be a function from a file or a notebook, so that a run is "
-            "known by its source, got none"
-        ) from None
-    origin = f"{function.__module__}:{name}"
-    return Response(
-        name, readable(name), function, False, origin=origin, sha256=digest.hexdigest()
-    )
-
-
-def of_file(text: str, folder: Path) -> Response:
-    """Make a response of ``file.py:function``; the file may be relative to a folder.
-
-    It is known by the file, not by what that imports.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such file or function, or the file cannot be run.
-    """
-    file, _, name = text.rpartition(":")
-    path = folder / file
-    where = f"responses: {quoted(text)}"
-    if not path.is_file() or path.suffix != ".py":
-        close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
-        raise ConfigurationError(
-            f"{where} must be FILE.py:FUNCTION, got no Python file {quoted(file)}{close}"
-        )
-    source = path.read_bytes()
-    # Not among sys.modules: what is in it is then sent to other processes by value.
-    module = ModuleType(path.stem)
-    module.__file__ = str(path)
-    try:
-        exec(compile(source, path, "exec"), vars(module))
-    except (Exception, SystemExit) as error:
-        raise ConfigurationError(
-            f"{where} must be importable, got {type(error).__name__}: {one_line(error)}"
-        ) from error
-    functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
-    if name not in functions:
-        raise ConfigurationError(
-            f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
-            f"{nearest(name, functions)}"
-        )
-    function = functions[name]
-    _checked_name(function.__name__, function)
-    sha256 = hashlib.sha256(source).hexdigest()
-    return Response(name, readable(name), function, False, origin=text, sha256=sha256)
-
-
-def _checked_name(name: str, function: object) -> str:
-    if not callable(function) or not name.isidentifier():
-        raise ConfigurationError(
-            f"responses: must be names or functions with a name, got {quoted(name)}"
-        )
-    if name in RESPONSES:
-        raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
-    return name
-
-
-def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
-    """All that says what a function does: sources, values and names of modules."""
-    if id(thing) in seen:
-        return
-    if inspect.ismodule(thing):
-        yield thing.__name__.encode()
-    elif inspect.isfunction(thing) and thing.__module__.partition(".")[0] not in _KNOWN_BY_NAME:
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        used = inspect.getclosurevars(thing)
-        for name, value in sorted({**used.globals, **used.nonlocals}.items()):
-            yield name.encode()
-            yield from _parts(value, seen)
-        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
-            yield from _parts(value, seen)
-    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
-        yield f"{thing.__module__}.{thing.__qualname__}".encode()
-    else:
-        yield cloudpickle.dumps(thing)
-
-
-_KNOWN_BY_NAME = ("numpy", "scipy", "pandas", "sblcosim")
-"""Packages whose functions are what they are called."""
-
-
-def of_origin(name: str, origin: str, sha256: str) -> Response:
-    """A user's response of which only the name, origin and hash are known."""
-
-    def gone(run: Run) -> float:
-        raise ConfigurationError(
-            f"responses: {name} must be at hand to do more runs, got none; it is {origin}"
-        )
-
-    return Response(name, readable(name), gone, False, origin=origin, sha256=sha256)
 
 
 def value_of(response: Response, run: Run) -> float:
@@ -418,19 +321,6 @@ def readable(name: str) -> str:
 
 def _of_name(name: str) -> Response:
     return RESPONSES[name]
-
-
-def _by_value(function: Callable[[Run], Any]) -> bytes:
-    module = sys.modules.get(function.__module__)
-    known = module is not None and module.__name__ != "__main__"
-    if known:
-        cloudpickle.register_pickle_by_value(module)
-    try:
-        packed: bytes = cloudpickle.dumps(function)
-    finally:
-        if known:
-            cloudpickle.unregister_pickle_by_value(module)
-    return packed
 
 
 def _unpacked(packed: bytes, name: str, origin: str, sha256: str) -> Response:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -12,22 +12,24 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from .. import artifacts, style
-from ..scenario.wiring import RAW
+from ..scenario.sources import RAW
 from . import figures as plots
-from . import metrics
+from . import metrics, possible, text
 from .catalogue import Figure, by_name, jobs
-from .definitions import AXES, FRAMES, PERCENTAGES, judge
+from .consistency import COVARIANCES, NEES_COLUMNS, Verdict, of_runs
+from .definitions import FRAME_WORDS, judge
 from .description import RunDescription
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
+    from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
 
-_STATISTICS = ("mean_m", "rms_m", "std_m")
 _CONSISTENCY = {
     "nees_position": "NEES of the position",
     "relative_nees_position": "relative NEES of the position",
+    "own_relative_nees_position": "own relative NEES of the position",
     "nees_state": "NEES of the state",
     "nis": "NIS",
 }
@@ -37,8 +39,13 @@ _VERDICTS = {
 }
 _NOTES = (
     "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
-    "Relative to the platform: less the mean beacon error (reported − true) at the estimate's "
-    "epoch.",
+    "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
+    "at the estimate's epoch.",
+)
+_OWN_NOTES = (
+    "Relative to the platform's true position, by the receiver's own account: its "
+    "relative_position against the truth.",
+    "Own relative NEES is of that error, and of the relative_covariance beside it.",
 )
 _RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
 _CONSISTENCY_NOTES = (
@@ -55,7 +62,8 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
     Figure("path_xyz", plots.plot_path_3d, lambda run: (run.record, run.estimates)),
     Figure("axes", plots.plot_axes, lambda run: (run.record, run.estimates)),
-    Figure("errors", plots.plot_errors, lambda run: (run.record, run.estimates)),
+    Figure("errors", plots.plot_errors,
+           lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
     Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
 )
 """The figures in the folder of a run."""
@@ -178,6 +186,32 @@ class Result:
         """`summary` of the receivers that reached the end."""
         return metrics.summary(self.record, self.estimates, self.update_interval_ns)
 
+    @cached_property
+    def consistency(self) -> dict[str, dict[str, Verdict]]:
+        """What this one run says of the covariances, by receiver and frame.
+
+        See `sblcosim.results.consistency`; of several runs, a study says more.
+        """
+        nees = {name: self._judged[column].astype(float) for name, column in NEES_COLUMNS.items()}
+        return {
+            receiver: {
+                frame: of_runs(values[[receiver]])
+                for frame, values in nees.items()
+                if values[[receiver]].notna().all()
+            }
+            for receiver in self.receivers
+        }
+
+    @cached_property
+    def limits(self) -> Limits | None:
+        """What was possible in this run; None unless all but the receivers are our components."""
+        return possible.limits_of(self.description, self.record, self.receivers)
+
+    @cached_property
+    def verdicts(self) -> dict[str, Possible]:
+        """What was possible at the epochs of each receiver's estimates; empty without `limits`."""
+        return possible.verdicts(self.limits, self.record, self.receivers)
+
     @property
     def problems(self) -> list[str]:
         """A line for each receiver, except the raw fix, that has failed or has no estimate."""
@@ -213,7 +247,7 @@ class Result:
         theme: style.ThemeName = "light",
     ) -> Sequence[Axes]:
         """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
-        return plots.plot_errors(self.record, self.estimates, axes, frame, theme)
+        return plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
@@ -268,11 +302,11 @@ class Result:
         return Path(directory).with_name(draft.path.name)
 
     def _scenario_file(self, directory: str | Path) -> str:
-        text: str = self.scenario.dump_toml(Path(directory))
+        file: str = self.scenario.dump_toml(Path(directory))
         python = next(iter(self.origins.values()), {}).get("python")
         if python is None:
-            return text
-        return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{text}"
+            return file
+        return f"# The receiver of the run, {python}, was in Python; [receiver] is another.\n{file}"
 
     def _manifest(self) -> dict[str, Any]:
         about = self.description.manifest()
@@ -296,7 +330,12 @@ class Result:
                 **({"failures": self.failures} if self.failures else {}),
                 "errors": errors,
                 "percentiles": percentiles,
+                "consistency": {
+                    receiver: {frame: verdict.to_json() for frame, verdict in found.items()}
+                    for receiver, found in self.consistency.items()
+                },
                 "summary": self.summary.to_dict(orient="index"),
+                "limits": {name: v.to_json() for name, v in self.verdicts.items()},
             }
         )
         return result
@@ -308,41 +347,15 @@ class Result:
             *self.remarks,
             *(f"failed: {message}" for message in self.failures.values()),
             "",
-            f"{'Error [m]':<{width + 8}}{'absolute':^27}   {'relative to the platform':^27}",
-            f"{'receiver':<{width}}{'axis':<8}" + "   ".join(["     mean      RMS      std"] * 2),
+            *text.errors(self.errors, self.receivers, width),
+            "",
+            *text.percentiles(self.percentiles, self.receivers, width),
         ]
-        for receiver in self.receivers:
-            for axis in (*AXES, "total"):
-                cells = "   ".join(
-                    "".join(
-                        _cell(value)
-                        for value in self.errors.loc[(receiver, frame, axis), list(_STATISTICS)]
-                    )
-                    for frame in FRAMES
-                )
-                lines.append(f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}")
-        lines += ["", *self._within(width)]
+        if self.verdicts:
+            lines += ["", *possible.lines(self.verdicts, self.errors)]
         for receiver in self.receivers:
             lines += ["", *self._about(receiver)]
         return "\n".join([*lines, "", *self._notes()])
-
-    def _within(self, width: int) -> Iterator[str]:
-        """The percentiles as a table."""
-        heads = [f"{p} %" if p < 100 else "all" for p in PERCENTAGES]
-        part = "".join(f"{head:>7}" for head in heads)
-        size = len(part)
-        title = f"{'Within [m]':<{width + 11}}"
-        yield f"{title}{'absolute':^{size}}   {'relative to the platform':^{size}}".rstrip()
-        yield f"{'receiver':<{width}}{'error':<11}{part}   {part}"
-        table = self.percentiles
-        percentiles = dict(zip(table.index, table.to_numpy(), strict=True))
-        for receiver in self.receivers:
-            for length in ("horizontal", "total"):
-                cells = "   ".join(
-                    "".join(f"{value:7.3f}" if pd.notna(value) else f"{'–':>7}" for value in row)
-                    for row in (percentiles[receiver, f, length] for f in FRAMES)
-                )
-                yield f"{receiver if length == 'horizontal' else '':<{width}}{length:<11}{cells}"
 
     def _about(self, receiver: str) -> list[str]:
         """Availability and consistency of a receiver, in words."""
@@ -359,6 +372,8 @@ class Result:
         for name, words in _CONSISTENCY.items():
             if pd.notna(row[name]):
                 lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+        for frame, verdict in self.consistency[receiver].items():
+            lines.append(f"  {COVARIANCES[frame]}: {verdict}")
         if pd.isna(row.inconsistent):
             claims = f"{receiver}.covariance" in self.record.values
             why = "its covariance is never positive definite" if claims else "no covariance"
@@ -378,7 +393,7 @@ class Result:
         count = values[f"{receiver}.update_count"].astype(int)
         look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
         look = [name for name in look if name in values]
-        text = (
+        why = (
             f"update_count reached {count.max()}, but there was no valid fix when it changed"
             if count.any()
             else "update_count stayed 0"
@@ -387,31 +402,35 @@ class Result:
         if heard is not None:
             look.append("acoustics.reception_count")
             beacons = ", ".join(str(n) for n in heard[-1].tolist())
-            text += f"; packets received from each beacon: {beacons}"
-        return f"{text}; look at {', '.join(look)} in the record"
+            why += f"; packets received from each beacon: {beacons}"
+        return f"{why}; look at {', '.join(look)} in the record"
 
     def _notes(self) -> list[str]:
         """Explanations of the printed numbers."""
         raw = [_RAW_NOTE] if RAW in self.receivers else []
         claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
-        return [*_NOTES, *raw, *(_CONSISTENCY_NOTES if claims else ())]
+        own = _OWN_NOTES if "own_relative" in text.frames_in(self.errors) else ()
+        noted = [*own, *possible.notes(self.verdicts), *raw]
+        return [*_NOTES, *noted, *(_CONSISTENCY_NOTES if claims else ())]
 
     def _repr_html_(self) -> str:
         wide = pd.concat(
-            {f: self.errors.xs(f, level="frame")[list(_STATISTICS)] for f in FRAMES}, axis=1
-        )
-        lines = [line for name in self.receivers for line in self._about(name)]
+            {
+                FRAME_WORDS[f]: self.errors.xs(f, level="frame")[list(text.STATISTICS)]
+                for f in text.frames_in(self.errors)
+            },
+            axis=1,
+        ).reindex(self.errors.xs("absolute", level="frame").index)
+        within = self.percentiles.rename(index=FRAME_WORDS, level="frame")
+        lines = [*possible.lines(self.verdicts, self.errors)]
+        lines += [line for name in self.receivers for line in self._about(name)]
         failed = [f"failed: {message}" for message in self.failures.values()]
         notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
-            f"{self.percentiles.to_html(float_format='{:.3f}'.format)}"
+            f"{within.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
-
-
-def _cell(value: Any) -> str:
-    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
 
 
 def _compared(row: Any, name: str) -> str:

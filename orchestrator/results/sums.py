@@ -14,14 +14,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..simulation.masters.lanes_driver import SUMS
-from .definitions import AXES, FRAMES, in_order, inconsistent, judge, lost
+from .definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, judge, lost
 
 if TYPE_CHECKING:
     from ..simulation.record import Record
 
 Floats = NDArray[np.float64]
 
-PORTS = ("valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees")
+PORTS = (
+    "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
+    "relative_position", "relative_covariance",
+)
 """Outputs of a receiver that `sums_of` uses if present, in addition to `definitions.TRUTH`."""
 
 
@@ -38,29 +41,29 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
     Returns
     -------
     DataFrame
-        ``estimates``; for both frames ``{frame}_{axis}_{mean,rms}_m`` (the mean is signed for an
-        axis, of the length of the error for ``total``); ``nees_position`` and ``nis`` (time means,
+        ``estimates``; for each frame ``{frame}_{axis}_{mean,rms}_m`` (the mean is signed for an
+        axis, of the length of the error for ``total``; NaN without own relative errors);
+        ``nees_position`` and ``nis`` (time means,
         NaN if there are none), ``nis_degrees`` (total), ``availability``, ``updates``,
-        ``inconsistent`` (missing without any NEES), ``lost``, and ``broken``: whether any estimate
-        is broken; see `sblcosim.results.definitions`.
+        ``inconsistent`` (missing without any NEES), ``lost``, ``broken``: whether any estimate is
+        broken, and ``own_relative_nees_{position,estimates}``; see `sblcosim.results.definitions`.
     """
     s: Mapping[str, Floats] = dict(zip(SUMS, sums.T, strict=True))
-    n = s["estimates"]
-    columns: dict[str, Any] = {"estimates": n.astype(np.int64)}
+    columns: dict[str, Any] = {"estimates": s["estimates"].astype(np.int64)}
     with np.errstate(divide="ignore", invalid="ignore"):
         for frame in FRAMES:
-            error, square = ("error", "square") if frame == "absolute" else (
-                "relative", "relative_square"
-            )
+            error, square = PREFIXES[frame] or "error_", f"{PREFIXES[frame]}square_"
+            n = s["own_relative_estimates" if frame == "own_relative" else "estimates"]
             for axis in AXES:
-                columns[f"{frame}_{axis}_mean_m"] = s[f"{error}_{axis}"] / n
-                columns[f"{frame}_{axis}_rms_m"] = np.sqrt(s[f"{square}_{axis}"] / n)
-            columns[f"{frame}_total_mean_m"] = s[f"{error}_total"] / n
-            total = s[f"{square}_x"] + s[f"{square}_y"] + s[f"{square}_z"]
+                columns[f"{frame}_{axis}_mean_m"] = s[f"{error}{axis}"] / n
+                columns[f"{frame}_{axis}_rms_m"] = np.sqrt(s[f"{square}{axis}"] / n)
+            columns[f"{frame}_total_mean_m"] = s[f"{error}total"] / n
+            total = s[f"{square}x"] + s[f"{square}y"] + s[f"{square}z"]
             columns[f"{frame}_total_rms_m"] = np.sqrt(total / n)
         columns["nees_position"] = s["nees"] / s["nees_estimates"]
         columns["nees_estimates"] = s["nees_estimates"].astype(np.int64)
         columns["nis"] = s["nis"] / s["nis_estimates"]
+        own_nees = s["own_relative_nees"] / s["own_relative_nees_estimates"]
     columns["nis_degrees"] = s["nis_degrees"].astype(np.int64)
     columns["availability"] = s["available_ns"] / duration_ns
     columns["updates"] = s["updates"].astype(np.int64)
@@ -70,6 +73,8 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
         s["late_estimates"], s["late_error_square"], s["late_distance_square"]
     )
     columns["broken"] = s["broken"] > 0
+    columns["own_relative_nees_position"] = own_nees
+    columns["own_relative_nees_estimates"] = s["own_relative_nees_estimates"].astype(np.int64)
     return pd.DataFrame(columns)
 
 
@@ -103,16 +108,19 @@ def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
 
     use = good & (float(time[0] + settling_ns) / 1e9 <= judged.epoch_s)
     s["estimates"] = float(use.sum())
-    for prefix, error, square in (
-        ("", judged.error[use], judged.square[use]),
-        ("relative_", judged.relative[use], judged.relative_square[use]),
-    ):
+    for frame, (error, square) in errors_of(judged).items():
+        prefix = PREFIXES[frame]
         for i, axis in enumerate(AXES):
-            s[f"{prefix or 'error_'}{axis}"] = in_order(error[:, i])
-            s[f"{prefix}square_{axis}"] = in_order(error[:, i] * error[:, i])
-        s[f"{prefix or 'error_'}total"] = in_order(np.sqrt(square))
-    nees = judged.nees[use & ~np.isnan(judged.nees)]
-    s["nees"], s["nees_estimates"] = in_order(nees), float(len(nees))
+            mine = error[use, i]
+            s[f"{prefix or 'error_'}{axis}"] = in_order(mine)
+            s[f"{prefix}square_{axis}"] = in_order(mine * mine)
+        s[f"{prefix or 'error_'}total"] = in_order(np.sqrt(square[use]))
+    for prefix, claims in (("", judged.nees), ("own_relative_", judged.own_relative_nees)):
+        if claims is not None:
+            nees = claims[use & ~np.isnan(claims)]
+            s[f"{prefix}nees"], s[f"{prefix}nees_estimates"] = in_order(nees), float(len(nees))
+    if judged.own_relative is not None:
+        s["own_relative_estimates"] = s["estimates"]
     if estimates.nis is not None:
         degrees = estimates.nis_degrees
         tested = use & ~np.isnan(estimates.nis)

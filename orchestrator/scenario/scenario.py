@@ -45,10 +45,12 @@ from .schema import (
     within,
 )
 
+DEFAULT_RECEIVER = "coupled"
+"""Receiver of a scenario that names none."""
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
 
 Source = str | Path | Callable[[], PythonComponent]
-"""A receiver's name, an FMU file, or a callable that makes a Python component."""
+"""A receiver's name, an FMU file, ``file.py:Class``, or a callable that makes a component."""
 Receivers = Source | Sequence[Source] | Mapping[str, Source]
 """One or more receivers; a mapping gives them labels."""
 
@@ -107,7 +109,7 @@ class Scenario(Table):
     def _complete_receiver(self) -> None:
         receiver = self.receiver
         if receiver.type is None and receiver.fmu is None:
-            receiver.fill({"type": "ekf"})
+            receiver.fill({"type": DEFAULT_RECEIVER})
         update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
         derived = {**self.assumptions(), "update_interval_s": update}
         if receiver.type is None:
@@ -134,7 +136,7 @@ class Scenario(Table):
                         f"got {getattr(table, key)!r}"
                     )
         for name, table in self._tables():
-            if table.fmu is None and table.parameters:
+            if table.fmu is None and table.parameters and name != "receiver":
                 yield f"[{name}] parameters: must come with fmu, the FMU that has them"
             tick = "update_interval_s" if name == "receiver" else "sampling_time_s"
             whole = getattr(receiver if name == "receiver" else self.acoustics, tick)

@@ -184,13 +184,17 @@ _Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(s
 COMMON: Mapping[str, Any] = {
     "fmu": (
         str | None,
-        Field(None, description="File of another FMU to use; relative to the scenario's file"),
+        Field(
+            None,
+            description="File of another FMU to use, as a receiver also FILE.py:CLASS; relative to "
+            "the scenario's file",
+        ),
     ),
     "fmi": (Literal[2, 3] | None, Field(None, description="FMI version of this component")),
     "interval_s": (_Seconds | None, Field(None, description="Communication interval")),
     "parameters": (
         dict[str, Any] | None,
-        Field(None, description="Further parameters of the other FMU: its names, its units"),
+        Field(None, description="Further parameters of the other file: its names, its units"),
     ),
 }
 

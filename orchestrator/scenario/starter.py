@@ -31,7 +31,7 @@ _IN_USE: Mapping[str, Any] = {
         "imu_heading_std_deg": 1.0,
     },
     "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
-    "receiver": {"type": "ekf"},
+    "receiver": {"type": "coupled"},
 }
 _TITLES = {
     "time": "When things happen",

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-import re
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -38,14 +36,11 @@ from ..errors import (
 )
 from ..simulation.execution import initial_outputs
 from ..simulation.resolve import variables_of
-from ..simulation.system import ComponentSpec, Connection, PythonComponent, System, Value
+from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
-from .reading import shown
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
-
-RAW = "raw"
-"""Label of the raw fix that runs beside the receivers for comparison."""
+from .sources import choose, file_of, known_source, named
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +93,7 @@ def connect(
         if source is None:
             parts[name] = _ours(name, table, fmi or table.fmi or scenario.fmi)
         else:
-            own = name not in replaced
-            parts[name] = _foreign(name, table, source, own, scenario.where)
+            parts[name] = _foreign(name, scenario, source, name not in replaced)
     table = scenario.receiver
     chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
@@ -128,7 +122,7 @@ def applied(
     """The scenario with the arguments of `connect` merged into it, as far as a file can hold them.
 
     It gets the first of several receivers, without keys that this receiver does not have. A Python
-    component leaves the scenario's own choice in place.
+    component that is not from a file leaves the scenario's own choice in place.
     """
     tables = scenario.given()
     if fmi is not None:
@@ -138,24 +132,30 @@ def applied(
     sources = _replaced(components)
     sources["receiver"] = next(iter(choose(scenario, receivers).values()))
     for name, source in sources.items():
-        if not isinstance(source, str | Path):
+        file = file_of(source)
+        if file is None and not isinstance(source, str):
             continue
         table = getattr(scenario, name)
         given = tables.setdefault(name, {})
-        if isinstance(source, str) and name == "receiver":
+        if file is None:
+            assert isinstance(source, str)
             known = {v.name for v in RECEIVERS[source].of("parameter")}
             choice = {"type": source}
         else:
-            known = {*read(Path(source)).ports, *SHARED_PARAMETERS}
-            choice = {"fmu": str(Path(source).absolute())}
+            known = {*_ports(name, source), *SHARED_PARAMETERS}
+            choice = {"fmu": file}
         for key in given.keys() & table.variables.keys():
             if table.variables[key].name not in known:
                 del given[key]
         if choice.items() <= table.model_dump().items():
             continue
+        further = given.get("parameters") or {} if table.fmu is None else {}
         for key in ("type", "fmu", "parameters"):
             given.pop(key, None)
         given |= choice
+        further = {k: v for k, v in further.items() if file is not None and k in known}
+        if further:
+            given["parameters"] = further
     return load(tables)
 
 
@@ -194,17 +194,16 @@ def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part
     if isinstance(source, str):
         return _ours(source, table, fmi, scenario.assumptions())
     _check_contract(label, source)
-    own = table.fmu is not None and source == Path(table.fmu)
-    return _foreign("receiver", table, source, own, scenario.where)
+    own = table.fmu is not None and source == known_source(table.fmu)
+    return _foreign("receiver", scenario, source, own)
 
 
-def _foreign(
-    table_name: str, table: Any, source: Source, own: bool, where: Callable[[str, str], str]
-) -> _Part:
+def _foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> _Part:
     """A third-party component: it gets those keys of the table that are its parameters.
 
-    If the scenario itself names the FMU (``own``), every given key must be a parameter.
+    If the scenario itself names the file (``own``), every given key must be a parameter.
     """
+    table = getattr(scenario, table_name)
     fmu = Path(source) if isinstance(source, str | Path) else source
     ports = _ports(table_name, fmu)
     has = {port.name for port in ports.values() if port.causality == "parameter"}
@@ -215,27 +214,27 @@ def _foreign(
         for name, key in given.items():
             if name not in has and name not in SHARED_PARAMETERS:
                 raise ConfigurationError(
-                    f"{where(table_name, key)}: must be a parameter of {fmu}, "
+                    f"{scenario.where(table_name, key)}: must be a parameter of {named(fmu)}, "
                     f"got {name!r}{nearest(name, has)}"
                 )
     wanted = {*SHARED_PARAMETERS, *given}
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
-    parameters = {
-        name: value
-        for name, value in _values(table.variables.values(), table).items()
-        if name in has and name in wanted
-    }
-    if own:
-        parameters |= {k: _flat(v) for k, v in (table.parameters or {}).items()}
+    values = {"seed": scenario.seed, **_values(table.variables.values(), table)}
+    parameters = {k: v for k, v in values.items() if k in has and k in wanted}
+    further = table.parameters or {}
+    if table.fmu is None:
+        parameters |= {k: _flat(v) for k, v in further.items() if k in has}
+    elif own:
+        parameters |= {k: _flat(v) for k, v in further.items()}
     inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
     spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
     return _Part(spec, frozenset(ports), inputs)
 
 
-def _ports(where: str, source: Path | Callable[[], PythonComponent]) -> Mapping[str, Port]:
-    if isinstance(source, Path):
-        return read(source).ports
+def _ports(where: str, source: Source) -> Mapping[str, Port]:
+    if isinstance(source, str | Path):
+        return read(Path(source)).ports
     return ports_of(variables_of(where, source))
 
 
@@ -314,75 +313,19 @@ def _flat(value: Any) -> Value:
     return tuple(x for row in value for x in (row if isinstance(row, list | tuple) else [row]))
 
 
-def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
-    """Receivers by label, the raw fix included."""
-    chosen: dict[str, Source] = {}
-    if isinstance(receivers, Mapping):
-        chosen = {label: _source(source) for label, source in receivers.items()}
-    else:
-        if isinstance(receivers, str | Path) or not isinstance(receivers, Iterable):
-            receivers = () if receivers is None else (receivers,)
-        table = scenario.receiver
-        own = Path(table.fmu) if table.fmu else table.type
-        sources = [_source(source) for source in receivers] or [_source(own)]
-        # Our receivers keep their names, in any position.
-        taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
-        for source in sources:
-            if source not in chosen.values():
-                chosen[_label(source, {*chosen, *taken})] = source
-    for label in chosen:
-        if not isinstance(label, str) or label in CORE_COMPONENTS or not label or "." in label:
-            raise ConfigurationError(
-                "receiver: label must be a name without a dot and not "
-                f"{', '.join(CORE_COMPONENTS)}, got {quoted(label)}"
-            )
-    if "multilateration" not in chosen.values() and RAW not in chosen:
-        chosen[RAW] = "multilateration"
-    return chosen
-
-
-def _source(source: Source) -> Source:
-    """Distinguish names of receivers from files, and check both."""
-    if not isinstance(source, str | Path):
-        if not callable(source):
-            raise ConfigurationError(
-                "receiver: must be a name, an FMU file, or a class or function that makes the "
-                f"component, got {instance(source)}"
-            )
-        return source
-    if source in RECEIVERS:
-        return source
-    path = Path(source)
-    if os.path.isfile(path):
-        return path
-    if path.suffix == ".fmu":
-        got = "a folder" if os.path.isdir(path) else "no such file"
-        raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
-    raise ConfigurationError(
-        f"receiver: must be {', '.join(RECEIVERS)} or an .fmu file, got "
-        f"{quoted(str(source))}"
-        + nearest(str(source), RECEIVERS)
-    )
-
-
-def _label(source: Source, taken: Iterable[str]) -> str:
-    """Label of a receiver: the name of one of ours, else a name that is not taken."""
-    if isinstance(source, str):
-        return source
-    name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")
-    label = stem = re.sub(r"\W", "_", name)
-    number = 2
-    while label in taken:
-        label = f"{stem}_{number}"
-        number += 1
-    return label
-
-
 def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
     """Refuse keys that no receiver of the run has: they would have no effect."""
     table = scenario.receiver
     if table.fmu is not None:
         return  # `_foreign` checks against the FMU itself
+    foreign = {label: s for label, s in chosen.items() if not isinstance(s, str)}
+    further = {k for label, s in foreign.items() for k in _ports(label, s)}
+    for key in table.parameters or {}:
+        if key not in further:
+            raise ConfigurationError(
+                f"{scenario.where('receiver', 'parameters')}: must be parameters of a receiver "
+                f"that is a file or a class, got {key!r}{nearest(key, further)}"
+            )
     names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
     known = {v.key for name in names for v in RECEIVERS[name].of("parameter")}
     for label, source in chosen.items():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import NDArray
+from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
 from . import isolation, process
@@ -34,6 +35,8 @@ def execute(
     """Run a plan from its start to its stop.
 
     A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
+    Python components on which nothing depends, such as receivers, are no part of it with the other
+    masters than python: they are run here, afterwards, on the record of the others.
 
     Parameters
     ----------
@@ -42,7 +45,8 @@ def execute(
     master
         ``"native"``, a loop in C; ``"python"``, many times slower; or ``"lanes"``, for our own
         components only and meant for many runs (`sblcosim.simulation.masters.lanes`). None: native
-        if all components are FMUs and the loop can be compiled, else python.
+        if all components are FMUs, but for Python components on which nothing depends, and the loop
+        can be compiled; else python.
     step_timeout
         Time limit for a call of an FMU [s]; None: one minute. It needs a separate process. Without
         one there is no limit: our own components always return, and a Python component is waited
@@ -61,8 +65,29 @@ def execute(
     if master is not None:
         check_choice("master", master, MASTERS)
     else:
-        master = "native" if native.unsupported(plan) is None and native.available() else "python"
+        master = "native" if not needs_python(plan) and native.available() else "python"
     process.check_patience(step_timeout)
+    rest = without_sinks(plan)
+    if master == "python" or len(rest.components) == len(plan.components):
+        return _all(plan, progress, record, master, step_timeout, children, apart)
+    wanted = {c.name for c in python.chosen(plan, record)} | _sources(plan)
+    names = [c.name for c in rest.columns if c.name in wanted]
+    first = None if progress is None else lambda share: progress(share / 2)
+    second = None if progress is None else lambda share: progress((1 + share) / 2)
+    played = _all(rest, first, names, master, step_timeout, children, apart)
+    return replace(python.execute(plan, second, record, played), failures=played.failures)
+
+
+def _all(
+    plan: Plan,
+    progress: Callable[[float], None] | None,
+    record: Sequence[str] | None,
+    master: str,
+    step_timeout: float | None,
+    children: Children | None,
+    apart: bool,
+) -> Record:
+    """Run all components of a plan with one master."""
     if master == "lanes":
         _refuse_timeout(master, step_timeout)
         return _one_lane(plan, progress, record)
@@ -72,6 +97,25 @@ def execute(
         return native.execute(plan, progress, record)
     _refuse_timeout(master, step_timeout)
     return python.execute(plan, progress, record)
+
+
+def _sources(plan: Plan) -> set[str]:
+    """Outputs that are connected."""
+    return {c.source for own in plan.components for w in own.writes for c in w.connections}
+
+
+def without_sinks(plan: Plan) -> Plan:
+    """The plan without its Python components on which nothing depends; whole if nothing is left."""
+    used = {source.partition(".")[0] for source in _sources(plan)}
+    left = tuple(c for c in plan.components if isinstance(c.source, Fmu) or c.name in used)
+    names = {c.name for c in left}
+    columns = tuple(c for c in plan.columns if c.name.partition(".")[0] in names)
+    return replace(plan, components=left, columns=columns) if left else plan
+
+
+def needs_python(plan: Plan) -> bool:
+    """Whether only the python master can run the plan."""
+    return native.unsupported(without_sinks(plan)) is not None
 
 
 def _refuse_timeout(master: str, step_timeout: float | None) -> None:
@@ -145,7 +189,9 @@ def survive(
             if failures.keys() >= set(receivers):
                 if len(failures) == 1:
                     raise
-                raise type(error)("\n".join(map(str, failures.values()))) from error
+                every = type(error)("\n".join(map(str, failures.values())))
+                every.component = error.component
+                raise every from error
             continue
         messages = {name: str(error) for name, error in failures.items()}
         return Outcome(plan, record, messages | dict(record.failures))

@@ -24,6 +24,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
 from .system import Connection, PythonComponent
+from .user_code import PythonSource
 
 TICK_PARAMETERS = frozenset(c.interval for c in COMPONENTS.values() if c.interval is not None)
 """Names of the parameters that hold a component's tick interval [s]."""
@@ -105,6 +106,11 @@ class PlannedComponent:
         if isinstance(self.source, Fmu):
             return self.source.path.name
         return getattr(self.source, "__qualname__", repr(self.source))
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the FMU, or of the user's Python file; empty for any other class."""
+        return self.source.sha256 if isinstance(self.source, Fmu | PythonSource) else ""
 
 
 @dataclass(frozen=True)
@@ -193,7 +199,7 @@ def _lines(plan: Plan) -> Iterator[str]:
                 c.name,
                 c.origin,
                 str(c.source.fmi) if isinstance(c.source, Fmu) else "Python",
-                c.source.sha256[:12] if isinstance(c.source, Fmu) else "",
+                c.sha256[:12],
                 text_of(c.interval_ns),
                 "" if c.tick_ns is None else text_of(c.tick_ns),
             )

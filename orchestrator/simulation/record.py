@@ -44,6 +44,9 @@ class Estimates:
         Covariance of (x, vx, y, vy, z, vz), the paper's order, SI units; shape (m, 6, 6).
     nis, nis_degrees
         Normalised innovation squared and the number of scalar measurements in it; shape (m,).
+    relative_position, relative_covariance
+        Position minus that of the platform, by the receiver's own account [m]; shape (m, 3); and
+        its covariance [m²]; shape (m, 3, 3).
     """
 
     epoch_ns: Integers
@@ -55,6 +58,8 @@ class Estimates:
     covariance: Floats | None = None
     nis: Floats | None = None
     nis_degrees: Integers | None = None
+    relative_position: Floats | None = None
+    relative_covariance: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.epoch_ns)
@@ -153,6 +158,8 @@ class Record:
             covariance=at("covariance"),
             nis=at("nis"),
             nis_degrees=None if degrees is None else degrees[new].astype(np.int64),
+            relative_position=at("relative_position"),
+            relative_covariance=at("relative_covariance"),
         )
 
 

@@ -17,10 +17,11 @@ from sblcosim.fmus.read import ports as fmi
 from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models.declaration import Number, Variable
 
-from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, one_line
+from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
 from .system import ComponentSpec, Connection, PythonComponent, System
+from .user_code import PythonSource, raised
 
 
 def resolve(system: System, *, again: bool = False) -> Plan:
@@ -160,6 +161,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
             f"{where}: must be a class or function that makes the component, got {instance(maker)}"
         )
     name = getattr(maker, "__qualname__", instance(maker))
+    maker = maker.maker if isinstance(maker, PythonSource) else maker
     try:
         inspect.signature(maker).bind()
     except TypeError as error:
@@ -172,8 +174,7 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
         component = maker()
     except (Exception, SystemExit) as error:
         raise ConfigurationError(
-            f"{where}: must make the component, got {type(error).__name__} from {name}: "
-            f"{one_line(error)}"
+            f"{where}: must make the component, got {raised(error, name)}"
         ) from error
     missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
     if missing:

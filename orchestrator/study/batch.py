@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..errors import BuildError, ConfigurationError, FmuError, one_line
+from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
 from ..results.definitions import PERCENTAGES, TRUTH, percentile_column
 from ..results.responses import Run as Observed
 from ..results.responses import value_of
@@ -180,7 +180,9 @@ def _one_by_one(
                 )
         except BuildError:
             raise
-        except FmuError as error:
+        except SblcosimError as error:
+            if not isinstance(error, FmuError) and error.component not in campaign.receivers:
+                raise
             return sums, extra, one_line(error)
         settling_ns = campaign.study.settling_ns
         left = {c.name for c in outcome.plan.components}
@@ -193,8 +195,8 @@ def _one_by_one(
 
     results = []
     # Python components hold the interpreter's lock, and may not be thread-safe.
-    here = not strangers(group.plan)
-    alone = here and (master == "python" or native.unsupported(group.plan) is not None)
+    apart = strangers(group.plan) and (master == "python" or execution.needs_python(group.plan))
+    alone = not apart and (master == "python" or native.unsupported(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
             for i, result in enumerate(pool.map(one, runs), 1):

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
-from sblcosim.fmus.read.ports import Fmu
 from sblcosim.models import COMPONENTS
 
 from .. import artifacts
@@ -27,9 +26,10 @@ from ..errors import (
 )
 from ..results.responses import PERCENTILES, Response
 from ..scenario import effects
-from ..scenario.scenario import Scenario
+from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
-from ..scenario.wiring import RAW, choose, connect, no_effect
+from ..scenario.sources import RAW, choose
+from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
 from ..simulation.masters import lanes_driver, native
 from ..simulation.plan import TICK_PARAMETERS, Plan
@@ -107,7 +107,7 @@ class Campaign:
     handovers
         Connections from the true start to the priors, for ``prior = "true"``.
     fmus
-        SHA-256 of the FMUs, by component.
+        SHA-256 of the FMUs and of the user's Python files, by component.
     step_timeout
         As in `sblcosim.study.runner.run`.
     """
@@ -139,6 +139,10 @@ class Campaign:
                 "factors": {"__all__": {"label", "unit"}},
             }
         )
+        study["receivers"] = [
+            r if isinstance(r, str) else {"from": r.origin, "sha256": r.sha256}
+            for r in self.study.receivers
+        ]
         if study["responses"]:
             study["responses"] = [
                 r.name if r.shipped else {"name": r.name, "from": r.origin, "sha256": r.sha256}
@@ -202,7 +206,7 @@ def prepare(
         raise ConfigurationError(
             f"master: must not be lanes with a response that needs a record, got {alone[0]}"
         )
-    fmus = {c.name: c.source.sha256 for c in plans[0].components if isinstance(c.source, Fmu)}
+    fmus = {c.name: c.sha256 for c in plans[0].components if c.sha256}
     groups = _groups(points, plans, free, master, bool(alone))
     return Campaign(
         study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
@@ -280,7 +284,7 @@ def _check_effects(study: Definition, points: Iterable[Point]) -> None:
 
 
 def seeded_inputs(
-    study: Definition, system: System, labels: Iterable[str]
+    study: Definition, system: System, labels: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[Connection, ...]]:
     """Components that get the run's seed, and outputs handed over at the start of a run."""
     base = study.base
@@ -289,6 +293,12 @@ def seeded_inputs(
         for name in CORE_COMPONENTS
         if "seed" in system.components[name].parameters
         and "seed" not in getattr(base, name).model_fields_set
+    )
+    own = base.receiver.parameters or {}
+    drawing = tuple(
+        label
+        for label in labels
+        if "seed" in system.components[label].parameters and "seed" not in own
     )
     if not seeded:
         raise ConfigurationError(
@@ -300,10 +310,10 @@ def seeded_inputs(
         for label in labels
         if base.true_prior and "prior_position" in system.components[label].parameters
     )
-    return seeded, handovers
+    return (*seeded, *drawing), handovers
 
 
-def receivers_of(study: Definition) -> list[str]:
+def receivers_of(study: Definition) -> list[Source]:
     return list(study.receivers)
 
 
@@ -327,7 +337,7 @@ def digest_of(
     content = {
         "components": {
             c.name: {
-                "fmu": c.source.sha256 if isinstance(c.source, Fmu) else c.origin,
+                "fmu": c.sha256 or c.origin,
                 "interval_ns": c.interval_ns,
                 "parameters": {
                     k: v

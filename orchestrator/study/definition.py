@@ -17,6 +17,7 @@ from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
+from ..simulation.user_code import PythonSource
 from . import design as designs
 from .design import Design, Number
 
@@ -38,6 +39,13 @@ def _levels(value: Any) -> Any:
     ):
         raise PydanticCustomError("levels", "must be an array of numbers")
     return tuple(value)
+
+
+def _sources(value: Any) -> Any:
+    value = _array(value)
+    if isinstance(value, tuple) and not all(isinstance(v, str | PythonSource) for v in value):
+        raise PydanticCustomError("receivers", "must be an array of names and files")
+    return value
 
 
 _Texts = Annotated[tuple[str, ...], BeforeValidator(_array)]
@@ -102,7 +110,8 @@ class Definition(Table):
     settling_time_s
         Errors count from this time after the start [s].
     receivers
-        As in `sblcosim.run`; empty: the scenario's own receiver.
+        As in `sblcosim.run`: names, FMU files, ``file.py:Class``, and (in Python) classes; empty:
+        the scenario's own receiver.
     responses
         Extra responses: names in `sblcosim.results.responses.ON_REQUEST`
         (``absolute_total_p95_m``), ``percentiles`` for all percentiles, and functions, as
@@ -120,7 +129,7 @@ class Definition(Table):
     settling_time_s: Annotated[
         float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
     ] = 0.0
-    receivers: _Texts = ()
+    receivers: Annotated[tuple[Any, ...], BeforeValidator(_sources)] = ()
     responses: Annotated[tuple[Any, ...], BeforeValidator(_array)] = ()
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)

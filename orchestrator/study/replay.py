@@ -51,7 +51,7 @@ def replay(
     digest = digest_of(system, plan, free, study.settling_ns, study.asked)
     if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
         raise ConfigurationError(
-            f"run {run_id}: must be done again with the FMUs of then, got others"
+            f"run {run_id}: must be done again with the FMUs and files of then, got others"
         )
     return run_scenario(
         scenario.override({"seed": int(seed)}),

@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
-from ..results.responses import of_file, of_function, of_origin
+from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario.reading import check_values, parse, read_text, shown
+from ..scenario.scenario import Source
 from ..scenario.schema import SEED
+from ..simulation.user_code import component_of, component_of_origin, is_python
 from . import runner, store
 from .checks import idle_factors, known_keys, line, problems
 from .definition import Definition, DesignTable, FactorTable
@@ -66,6 +68,7 @@ def shipped() -> tuple[str, ...]:
 def load(
     source: str | Path | Mapping[str, Any],
     responses: Sequence[str | Callable[..., Any]] = (),
+    receivers: Sequence[Source] = (),
 ) -> Study:
     """Read a study and check it.
 
@@ -76,6 +79,9 @@ def load(
     responses
         Added to those of the source: names of percentiles, ``file.py:function``, or functions of a
         `sblcosim.results.responses.Run`.
+    receivers
+        Instead of those of the source: names, FMU files, ``file.py:Class``, or classes or functions
+        that make a Python component.
 
     Raises
     ------
@@ -88,11 +94,10 @@ def load(
     scenario = raw.get("scenario")
     if isinstance(scenario, str) and os.path.isfile(folder / scenario):
         raw["scenario"] = str(folder / scenario)
-    if isinstance(raw.get("receivers"), list | tuple):
-        raw["receivers"] = [
-            str((folder / r).resolve()) if isinstance(r, str) and r.endswith(".fmu") else r
-            for r in raw["receivers"]
-        ]
+    if receivers:
+        raw["receivers"] = [_receiver(entry, Path.cwd()) for entry in receivers]
+    elif isinstance(raw.get("receivers"), list | tuple):
+        raw["receivers"] = [_receiver(entry, folder) for entry in raw["receivers"]]
     raw["responses"] = [
         *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
     ]
@@ -129,6 +134,15 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
     return study
 
 
+def _receiver(entry: Any, folder: Path) -> Any:
+    """The given receiver, with its file found; `_checked` refuses what is none."""
+    if isinstance(entry, str | Path):
+        text = str(entry)
+        is_file = text.endswith(".fmu") or is_python(text)
+        return str((folder / text).resolve()) if is_file else text
+    return component_of(entry) if callable(entry) else entry
+
+
 def _responses(given: Any, folder: Path) -> list[Any]:
     """The given responses, with functions looked up; `problems` checks the rest."""
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -152,6 +166,10 @@ def study_of(results: str | Path) -> Study:
     tables["responses"] = [
         r if isinstance(r, str) else of_origin(r["name"], r["from"], r["sha256"])
         for r in tables.get("responses", ())
+    ]
+    tables["receivers"] = [
+        r if isinstance(r, str) else component_of_origin(r["from"], r["sha256"])
+        for r in tables.get("receivers", ())
     ]
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
     names = content.get("names", {})

@@ -9,7 +9,10 @@ import pytest
 from sblcosim.study.study import load
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md"))]
+DOCUMENTS = [
+    ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md")),
+    *sorted(ROOT.glob("orchestrator/*/README.md")),
+]
 
 
 def test_every_model_folder_has_a_readme() -> None:

@@ -26,7 +26,8 @@ PATIENCE = 120.0
 MEGABYTES = 1000.0
 """That a command may take."""
 LOADED = (
-    "matplotlib.pyplot", "sblcosim.analysis", "sblcosim.study.runner", "sblcosim.cli",
+    "matplotlib.pyplot", "sblcosim.analysis", "sblcosim.estimation.after", "sblcosim.study.runner",
+    "sblcosim.cli",
     "sblcosim.export.ssp", "sblcosim.fmus.conformance.receiver_contract",
     "sblcosim.fmus.conformance.kit",
     "sblcosim.report.study", "statsmodels.api",

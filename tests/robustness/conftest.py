@@ -63,6 +63,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inputs]:
         done = run(command, folder, sound)
         assert done.code == 0, done.errors
         shutil.rmtree(folder / "out")
+        command = ("run", "scenario.toml", "--no-figures", "--receiver", "coupled", "--out", "run")
+        done = run(command, folder, sound)
+        assert done.code == 0, done.errors
         yield made
     finally:
         run.close()

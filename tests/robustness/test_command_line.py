@@ -27,7 +27,8 @@ SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
 CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", "60"))
 
 NAMES = [
-    "scenario.toml", "study.toml", "costs.toml", "results", "ekf2.fmu", "ekf3.fmu", "nothing.toml",
+    "scenario.toml", "study.toml", "costs.toml", "results", "run", "ekf2.fmu", "ekf3.fmu",
+    "nothing.toml",
     "paper-scenario-1", "harbour-square", "ekf", "sequential", "multilateration", "native",
     "python", "lanes", "threads", "log", "results/study.json", ".", "seed=3",
     "platform.arm_length_m=1", "time.duration_s=2", "receiver.gate=3", "absolute_total_rms_m",
@@ -95,7 +96,9 @@ def test_anything_typed_gives_a_result_or_a_line(
     "run scenario.toml --X", "run scenario.toml X", "run scenario.toml --seed=X", "X",
     "plan X", "calibrate --out X", "new X", "new n.toml --from X", "study X",
     "study study.toml --executor X", "study study.toml --master X", "study study.toml --out X",
-    "replay X y", "replay results X", "replay results 0 --out X", "analyse X",
+    "smooth X", "smooth DEEP", "smooth run --out X", "smooth run --set X",
+    "smooth run --set receiver.X=1", "replay X y", "replay results X", "replay results 0 --out X",
+    "analyse X",
     "analyse results --response X", "analyse results --receiver X", "analyse results --out X",
     "analyse results --transform X", "advise X --costs costs.toml", "advise results --costs X",
     "advise results --costs costs.toml --limit 2 --response X", "paper --out X", "build X",

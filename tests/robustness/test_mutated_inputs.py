@@ -86,6 +86,16 @@ def _results(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]
     return path.name, random_.choices(commands, [1, 3, 1, 3])[0]
 
 
+def _run(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]]:
+    path = folder / "run" / random_.choice(["manifest.json", "record.parquet", "scenario.toml"])
+    change = {".json": mutators.as_json, ".toml": mutators.toml}
+    if path.suffix in change:
+        _text(path, random_, change[path.suffix])
+    else:
+        path.write_bytes(mutators.damaged(random_, path.read_bytes()))
+    return path.name, ("smooth", "run", "--no-figures", "--out", "out")
+
+
 def _cache(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]]:
     files = [p for p in (folder.parent / "cache").rglob("*") if p.is_file()]
     wanted = {"target.fmu", "platform.fmu", "acoustics.fmu", "ekf.fmu"}
@@ -99,7 +109,7 @@ def _cache(random_: random.Random, folder: Path) -> tuple[str, tuple[str, ...]]:
 
 KINDS: dict[str, tuple[Case, int]] = {
     "scenario": (_scenario, 30), "study": (_study, 20), "costs": (_costs, 8), "fmu": (_fmu, 24),
-    "results": (_results, 14), "cache": (_cache, 4),
+    "results": (_results, 14), "cache": (_cache, 4), "run": (_run, 8),
 }  # fmt: skip
 
 

@@ -19,13 +19,15 @@ import numpy as np
 from ... import artifacts
 from ...analysis.sentences import answer
 from ...errors import ConfigurationError
+from ...scenario.scenario import load as load_scenario
 from ...study import store
-from .. import factorial
+from .. import factorial, possible
 from ..common import DEFINITIONS, method, reproduce, seeding
 from ..formats import minus
 from ..page import Block, Page, Picture, Section, Table, Text, render
 from ..study import REPORT
 from .campaigns import (
+    FAVOURABLE,
     PAGES,
     RUNS,
     SCENARIOS,
@@ -311,6 +313,7 @@ def _errors(n: int, numbers: Numbers) -> list[Block]:
              f"averaged. The favourable point: {favourable_in_words()}."),
         compared(f"Table {table} and the favourable point, mean of {len(numbers.points[n])} runs",
                  point),
+        *_possible(n),
         Text(reading),
         compared(
             f"Table {table} and the mean over all {len(numbers.studies[n].points.values)} points",
@@ -320,6 +323,19 @@ def _errors(n: int, numbers: Numbers) -> list[Block]:
              "error. In no reading of what the paper leaves open that was tried does such an "
              "average come near it."),
     ]
+
+
+def _possible(n: int) -> list[Block]:
+    """What is possible at the favourable point, from one run."""
+    point = possible.of_scenario(load_scenario(f"paper-scenario-{n}", FAVOURABLE))
+    if point is None:
+        return []
+    absolute, relative = possible.cells(point)
+    return [Text(f"What is possible there, with the packets of one run: a total error of "
+                 f"{absolute} m, {relative} m relative to the platform (the posterior Cramér-Rao "
+                 f"recursion with the path's own density of acceleration, "
+                 f"{point.acceleration_psd:.2g} m²/s³: a yardstick).")]
+
 
 
 def _method(numbers: Numbers) -> list[Block]:

@@ -15,6 +15,7 @@
 #define SECOND INT64_C(1000000000)
 #define MOST_SECONDS 9e9 /* largest time that fits into int64 nanoseconds */
 #define PIVOT 1e-14      /* smallest usable pivot, as a share of its diagonal element */
+#define COMPARED 16      /* instants that are compared with an epoch in all lanes at once */
 
 /* Elements of one component's outputs that become another's inputs (or, before the start,
  * parameters). Indices count all values of a component. */
@@ -25,6 +26,7 @@ struct link {
 /* A receiver to judge: its component and the indices of its ports; -1 for a missing port. */
 struct receiver {
     int32_t component, valid, update_count, epoch, position, covariance, nis, nis_degrees;
+    int32_t relative_position, relative_covariance;
 };
 
 /* Indices of the true values. */
@@ -120,6 +122,25 @@ static int is_own(const struct plan *p, int row)
            || (p->instants_ns[row] - p->instants_ns[0]) % p->interval_ns[p->truth->target] == 0;
 }
 
+/* The newest instant of a range that is not after a time, or the one before the range. The stride
+ * doubles, so that an epoch that lags far costs little more than a new one. */
+static int not_after(const int64_t *t, int oldest, int newest, int64_t ns)
+{
+    int found = newest, after = newest + 1;
+    for (int stride = 1; found >= oldest && t[found] > ns; stride *= 2) {
+        after = found;
+        found = stride <= found - oldest ? found - stride : oldest - 1;
+    }
+    while (after - found > 1) {
+        const int middle = found + (after - found) / 2;
+        if (t[middle] > ns)
+            after = middle;
+        else
+            found = middle;
+    }
+    return found;
+}
+
 enum knowledge { OUTSIDE, UNKNOWN, KNOWN };
 
 /* The truth at any epoch, for one lane. */
@@ -140,9 +161,7 @@ static enum knowledge look_up(const struct plan *p, const struct memory *m, int 
     const int64_t whole = (int64_t)epoch;
     const double rest = (epoch - (double)whole) * 1e9;
     int64_t ns = whole * SECOND + (int64_t)((rest + 0x1.8p52) - 0x1.8p52);
-    int held = m->row;
-    while (held >= oldest && t[held] > ns)
-        held--;
+    int held = not_after(t, oldest, m->row, ns);
     if (held >= oldest && (double)t[held] / 1e9 == epoch)
         ns = t[held];
     else if (held < m->row && (double)t[held + 1] / 1e9 == epoch)
@@ -178,10 +197,13 @@ static enum knowledge look_up(const struct plan *p, const struct memory *m, int 
     return KNOWN;
 }
 
-/* e' P^-1 e with P = L D L'; *usable is set where P is positive definite. */
-static real nees_of(const real e[3], const real *P, mask *usable)
+/* e' P^-1 e with P = L D L', from a covariance of n states, of which each n / 3 th is a position;
+ * *usable is set where P is positive definite. */
+static inline real nees_of(const real e[3], const real *P, int n, mask *usable)
 {
-    const real a = P[0], b = P[2], c = P[4], d = P[14], f = P[16], g = P[28];
+    const int next = n / 3, row = next * n;
+    const real a = P[0], b = P[next], c = P[2 * next], d = P[row + next], f = P[row + 2 * next],
+               g = P[2 * (row + next)];
     const real one = r_set1(1.0), least = r_set1(PIVOT);
     *usable = m_lt(least * a, a);
     const real i1 = one / r_blend(*usable, a, one);
@@ -199,6 +221,36 @@ static real nees_of(const real e[3], const real *P, mask *usable)
 static inline void add(real *sum, mask condition, real value)
 {
     *sum = *sum + r_keep(condition, value);
+}
+
+/* A receiver's error relative to the platform's true position, by its own account. Returns where its
+ * square is finite. */
+static mask own_relative(const real *estimate, const real position[3], const real platform[3],
+                         real error[3])
+{
+    for (int i = 0; i < 3; i++)
+        error[i] = estimate[i] - (position[i] - platform[i]);
+    const real square = error[0] * error[0] + error[1] * error[1] + error[2] * error[2];
+    return m_lt(square, r_set1(__builtin_inf()));
+}
+
+static void add_own_relative(const struct receiver *r, const real *v, const real e[3], mask use,
+                             real *s)
+{
+    const real one = r_set1(1.0);
+    for (int i = 0; i < 3; i++) {
+        add(&s[OWN_RELATIVE_X + i], use, e[i]);
+        add(&s[OWN_RELATIVE_SQUARE_X + i], use, e[i] * e[i]);
+    }
+    add(&s[OWN_RELATIVE_TOTAL], use, r_sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]));
+    add(&s[OWN_RELATIVE_ESTIMATES], use, one);
+    if (r->relative_covariance < 0)
+        return;
+    mask usable;
+    const real nees = nees_of(e, v + r->relative_covariance, 3, &usable);
+    usable &= use;
+    add(&s[OWN_RELATIVE_NEES], usable, nees);
+    add(&s[OWN_RELATIVE_NEES_ESTIMATES], usable, one);
 }
 
 /* Judge a receiver's outputs at an instant. squares: space for the LENGTHS squared errors of this
@@ -222,7 +274,8 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
     real position[3], platform_error[3], platform[3];
     for (int i = 0; i < 3; i++)
         position[i] = platform_error[i] = platform[i] = zero;
-    for (int age = 1, at = m->next; age <= m->count && m_any(missing); age++) {
+    const int compared = m->count < COMPARED ? m->count : COMPARED;
+    for (int age = 1, at = m->next; age <= compared && m_any(missing); age++) {
         at = at > 0 ? at - 1 : m->size - 1;
         const struct moment *const moment = &m->moments[at];
         const mask here = missing & m_eq(epoch, moment->time);
@@ -271,7 +324,10 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
     const real square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
     const real relative_square =
         relative[0] * relative[0] + relative[1] * relative[1] + relative[2] * relative[2];
-    const mask finite = m_lt(square + relative_square, r_set1(__builtin_inf()));
+    mask finite = m_lt(square + relative_square, r_set1(__builtin_inf()));
+    real own[3] = {zero, zero, zero};
+    if (r->relative_position >= 0)
+        finite &= own_relative(v + r->relative_position, position, platform, own);
     const mask good = new & finite & ~missing;
     add(&s[BROKEN], new & ~good, one);
     const mask is_late = good & m_le(r_set1(late), epoch);
@@ -297,7 +353,7 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
     add(&s[RELATIVE_TOTAL], use, r_sqrt(relative_square));
     if (r->covariance >= 0) {
         mask usable;
-        const real nees = nees_of(e, v + r->covariance, &usable);
+        const real nees = nees_of(e, v + r->covariance, 6, &usable);
         usable &= use;
         add(&s[NEES], usable, nees);
         add(&s[NEES_ESTIMATES], usable, one);
@@ -309,6 +365,8 @@ judge(const struct plan *p, const struct receiver *r, const real *v, const struc
         add(&s[NIS_DEGREES], judged, degrees);
         add(&s[NIS_ESTIMATES], judged, one);
     }
+    if (r->relative_position >= 0)
+        add_own_relative(r, v, own, use, s);
     if (squares == NULL || !m_any(use))
         return 0;
     const real none = r_set1(__builtin_inf()); /* sorted last */

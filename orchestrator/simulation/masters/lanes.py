@@ -171,6 +171,7 @@ class _Batch:
         self.receivers = receivers_of(plan)
         if len(self.receivers) > MAX_RECEIVERS:
             raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
+        self.remembered = remembered(plan, variations)
         self._translate(handovers, record, settling_ns)
         self.percentages: tuple[int, ...] = ()
         self.lengths: tuple[str, ...] = LENGTHS
@@ -272,7 +273,6 @@ class _Batch:
         self.needs_holding = [
             not same and c.interval_ns != base for c in self.plan.components
         ]
-        self.remembered = remembered(self.plan)
         arrays = (
             (ctypes.POINTER(Engine) * len(self.engines))(*self.engines),
             (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),

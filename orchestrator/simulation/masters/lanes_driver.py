@@ -30,6 +30,10 @@ SUMS = (
     "updates",
     "broken",
     "unjudged",
+    "own_relative_x", "own_relative_y", "own_relative_z", "own_relative_total",
+    "own_relative_square_x", "own_relative_square_y", "own_relative_square_z",
+    "own_relative_estimates",
+    "own_relative_nees", "own_relative_nees_estimates",
 )
 """Sums over the estimates of a run; the C driver's ``enum sum`` is generated from these names.
 
@@ -78,6 +82,7 @@ def _integers(name: str, fields: Sequence[str]) -> Any:
 Link = _integers("Link", ("source", "from_", "target", "to", "count"))
 RECEIVER_PORTS = (
     "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
+    "relative_position", "relative_covariance",
 )
 Receiver = _integers("Receiver", ("component", *RECEIVER_PORTS))
 Truth = _integers(

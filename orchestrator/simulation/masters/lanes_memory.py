@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import math
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -69,12 +71,22 @@ def receivers_of(plan: Plan) -> list[str]:
     return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
 
 
-def remembered(plan: Plan) -> int:
+LAG = "lag"
+"""Parameter of a receiver: by how much more its estimates are older [s], at most."""
+
+
+def remembered(plan: Plan, variations: Mapping[str, Any] | None = None) -> int:
     """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
 
     An estimate refers to the newest sample before its update, which may be one sampling time old,
-    and is visible one update later. An epoch between two instants of the target needs the earlier
+    and is visible one update later; if the receiver has a parameter `LAG`, it may be older by its
+    value, the largest of all runs. An epoch between two instants of the target needs the earlier
     one too.
+
+    Parameters
+    ----------
+    variations
+        As for `sblcosim.simulation.masters.lanes.execute`.
     """
     receivers = receivers_of(plan)
     longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
@@ -82,7 +94,20 @@ def remembered(plan: Plan) -> int:
     samples = [longest[name] for name in longest if name not in receivers]
     instants = plan.instants
     behind = 2 * max(updates, default=0) + max(samples, default=0)
-    return int(min(behind // np.diff(instants).min() + 2, len(instants)))
+    lags = [_lag(c, variations or {}) for c in plan.components if c.name in receivers]
+    lag_ns = math.ceil(min(max(lags, default=0.0) * 1e9, float(instants[-1] - instants[0])))
+    return int(min((behind + lag_ns) // np.diff(instants).min() + 2, len(instants)))
+
+
+def _lag(component: PlannedComponent, variations: Mapping[str, Any]) -> float:
+    """The largest value of a receiver's parameter `LAG` [s]; 0 without one."""
+    port = component.ports.get(LAG)
+    if port is None or port.causality != "parameter" or port.size != 1:
+        return 0.0
+    start = [0.0 if port.start is None else port.start]
+    settings = [s.values for s in component.settings if s.port.name == LAG]
+    given = variations.get(f"{component.name}.{LAG}", settings[-1] if settings else start)
+    return float(np.max(np.asarray(given, np.float64), initial=0.0))
 
 
 def first_elements(component: PlannedComponent) -> dict[str, int]:

@@ -26,6 +26,7 @@ from ..plan import Column, Plan, PlannedComponent, Read
 from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
+from ..user_code import raised
 
 PROGRESS_INTERVAL = 0.1
 """Minimum time between two progress reports [s]."""
@@ -38,11 +39,14 @@ def execute(
     plan: Plan,
     progress: Callable[[float], None] | None = None,
     record: Sequence[str] | None = None,
+    played: Record | None = None,
 ) -> Record:
     """Run a plan from its start to its stop.
 
     Parameters
     ----------
+    played
+        Record of some of the components, which are played back from it instead of run.
     progress
         Called with the completed share of the run, at most ten times per second, and with 1 at the
         end.
@@ -72,10 +76,13 @@ def execute(
     )
     recorded = [(rows, vectors[kind]) for kind, rows in history.items()]
     with ExitStack() as stack:
-        runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in plan.components]
+        known = played.intervals_ns if played is not None else {}
+        components = [c for c in plan.components if c.name not in known]
+        runners = [(c.interval_ns, _start(c, plan, vectors, stack)) for c in components]
         watch().begin(result, ())
-        _loop(plan, runners, recorded, progress)
-        for (_, runner), component in zip(runners, plan.components, strict=True):
+        playing = [] if played is None else [(1, _Playback(played, plan, vectors))]
+        _loop(plan, [*playing, *runners], recorded, progress)
+        for (_, runner), component in zip(runners, components, strict=True):
             try:
                 runner.finish()
             except FmuError as error:
@@ -228,6 +235,34 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
     return instance
 
 
+class _Playback:
+    """Plays back the outputs of components that have been run."""
+
+    def __init__(self, record: Record, plan: Plan, vectors: Vectors) -> None:
+        # Between the record's instants its components held their outputs.
+        rows = np.searchsorted(record.time_ns, plan.instants, side="right") - 1
+        self._row_of = dict(zip(plan.instants.tolist(), rows.tolist(), strict=True))
+        self._columns = [
+            (vectors[c.type][c.start : c.stop], record.values[c.name].reshape(len(record), -1))
+            for c in plan.columns
+            if c.name in record.values
+        ]
+
+    def read(self, now: int) -> None:
+        row = self._row_of[now]
+        for target, values in self._columns:
+            target[:] = values[row]
+
+    def write(self, now: int) -> None:
+        pass
+
+    def step(self, now: int) -> None:
+        pass
+
+    def finish(self) -> None:
+        pass
+
+
 class _FmuRunner:
     """Calls an FMU through functions with pre-bound arguments."""
 
@@ -282,6 +317,7 @@ class _PythonRunner:
     def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
         assert not isinstance(component.source, Fmu)
         self._name = component.name
+        self._class = getattr(component.source, "__name__", component.origin)
         self._step_ns = component.interval_ns
         self._targets = {
             name: target
@@ -322,9 +358,11 @@ class _PythonRunner:
         try:
             yield
         except (Exception, SystemExit) as error:
+            if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence
+                raise self._failure(f"{self._name} {when}: {one_line(error)}") from error
             raise self._failure(
-                f"{self._name} {when}: must not raise an exception, got {type(error).__name__}: "
-                f"{one_line(error)}"
+                f"{self._name} {when}: must not raise an exception, got "
+                f"{raised(error, self._class)}"
             ) from error
 
     def _failure(self, message: str) -> SblcosimError:

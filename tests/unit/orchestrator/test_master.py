@@ -268,7 +268,7 @@ class Greedy(Relay):
 
 
 def test_a_python_component_cannot_change_its_inputs():
-    with pytest.raises(ConfigurationError, match=r"^g at 0 s: .* ValueError: .* read-only$"):
+    with pytest.raises(ConfigurationError, match=r"^g at 0 s: .* ValueError: .* read-only \(Gr"):
         run({"g": Greedy})
 
 
@@ -290,7 +290,8 @@ def test_an_exception_in_a_python_component_names_it_and_the_time(raised, messag
 
     with pytest.raises(ConfigurationError) as caught:
         run({"other": Clock, "c": Raising})
-    assert str(caught.value) == message
+    line = Raising.do_step.__code__.co_firstlineno + 2
+    assert str(caught.value) == f"{message} (Raising in test_master.py, line {line})"
     assert caught.value.component == "c"
     assert caught.value.__cause__ is raised
 
@@ -303,7 +304,8 @@ def test_an_exception_before_the_start_of_a_python_component_names_it():
     with pytest.raises(ConfigurationError) as caught:
         run({"c": Unready})
     assert str(caught.value) == (
-        "c before the start: must not raise an exception, got ZeroDivisionError: ZeroDivisionError"
+        "c before the start: must not raise an exception, got ZeroDivisionError: ZeroDivisionError "
+        f"(Unready in test_master.py, line {Unready.initialise.__code__.co_firstlineno + 1})"
     )
 
 

@@ -46,7 +46,7 @@ def test_error_table_gives_mean_rms_and_standard_deviation_by_hand():
 def test_error_table_keeps_the_paper_s_sum_of_squares():
     errors = np.random.default_rng(2).normal(size=(80, 3))
     table = metrics.error_table({"ekf": metrics.track(make_record({"ekf": errors}), "ekf")})
-    for frame in metrics.FRAMES:
+    for frame in ("absolute", "relative"):
         rms = table.loc[("ekf", frame), "rms_m"]
         assert rms["total"] == pytest.approx(np.sqrt((rms[["x", "y", "z"]] ** 2).sum()))
     np.testing.assert_allclose(table.rms_m**2, table.mean_m**2 + table.std_m**2)
@@ -117,6 +117,54 @@ def test_relative_nees_is_that_of_the_error_relative_to_the_platform():
     assert row.nees_position == pytest.approx(16)
     assert row.relative_nees_position == pytest.approx(1)
     assert row.relative_nees_position_expected == 3
+
+
+def own(record, error, covariance=None):
+    """The record with a relative position that is off by an error."""
+    away = record.values["target.position"] - record.values["platform.position"]
+    count = record.values["ekf.update_count"]
+    values = {**record.values, "ekf.relative_position": away[count] + error}
+    if covariance is not None:
+        values["ekf.relative_covariance"] = np.tile(covariance, (101, 1, 1))
+    return Record(record.time_ns, values)
+
+
+def test_own_relative_error_is_against_the_platform_s_true_position_whatever_it_reports():
+    record = make_record(platform_error=(7.0, 0.0, 0.0))
+    north = np.arange(101)[:, None] * [0.3, 0.0, 0.0]
+    record = Record(record.time_ns, {**record.values, "platform.position": north})
+    table = metrics.track(own(record, [1.0, 2.0, -2.0], np.diag([1.0, 4.0, 4.0])), "ekf")
+    names = [f"own_relative_error_{axis}_m" for axis in ("x", "y", "z", "total")]
+    np.testing.assert_allclose(table[names], [[1, 2, -2, 3]] * 99)
+    np.testing.assert_allclose(table["own_relative_nees_position"], 3)
+    stds = [f"own_relative_std_{axis}_m" for axis in ("x", "y", "z")]
+    np.testing.assert_allclose(table[stds], [[1, 2, 2]] * 99)
+    before = metrics.track(record, "ekf")
+    pd.testing.assert_frame_equal(table[before.columns], before)
+
+
+def test_own_relative_errors_without_a_covariance_have_no_nees():
+    record = own(make_record(), [3.0, 0.0, 4.0])
+    tracks = {"ekf": metrics.track(record, "ekf")}
+    assert "own_relative_nees_position" not in tracks["ekf"]
+    assert metrics.error_table(tracks).loc[("ekf", "own_relative", "total"), "rms_m"] == 5
+    row = metrics.summary(record, tracks).loc["ekf"]
+    assert np.isnan(row.own_relative_nees_position)
+    assert row.own_relative_nees_position_verdict == "unknown"
+
+
+def test_of_a_receiver_without_the_port_there_is_nothing_own_relative():
+    tracks = {"ekf": metrics.track(make_record(), "ekf")}
+    assert not [c for c in tracks["ekf"] if c.startswith("own_relative")]
+    assert metrics.frames_of(tracks["ekf"]) == ["absolute", "relative"]
+    for table in (metrics.error_table(tracks), metrics.percentile_table(tracks)):
+        assert set(table.index.get_level_values("frame")) == {"absolute", "relative"}
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_a_relative_position_that_cannot_be_squared_is_an_error_that_names_it(bad):
+    with pytest.raises(FmuError, match=r"^ekf\.relative_position: must be finite"):
+        metrics.track(own(make_record(), [0.0, bad, 0.0]), "ekf")
 
 
 def test_state_nees_takes_positions_and_velocities_in_the_paper_s_order():

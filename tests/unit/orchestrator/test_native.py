@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from python_components import Clock
+from python_components import Clock, Relay
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
 from sblcosim.fmus.build import compiler as compilers
 from sblcosim.fmus.build.factory import Unit, build, compile_shared
@@ -20,6 +20,7 @@ from sblcosim.fmus.host.watch import Progress
 from sblcosim.fmus.read import ports
 from sblcosim.simulation import c_libraries, execution, isolation, process
 from sblcosim.simulation.masters import native, python
+from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
 from stranger import build_stranger
@@ -355,26 +356,43 @@ def test_a_python_component_is_refused_by_name(stranger):
     )
 
 
-def test_native_is_the_default_where_it_can(stranger, monkeypatch):
+EMPTY = Record(np.zeros(1, np.int64), {})
+
+
+def noted(monkeypatch, *masters):
+    """The names of the masters, in the order in which they are asked to run something."""
     used = []
-    monkeypatch.setattr(isolation, "execute", lambda *given: used.append(given[3]))
+    for name, module in masters:
+        monkeypatch.setattr(module, "execute", lambda *_, n=name: used.append(n) or EMPTY)
+    return used
+
+
+def test_native_is_the_default_where_it_can(stranger, monkeypatch):
+    used = noted(monkeypatch, ("python here", python))
+    monkeypatch.setattr(
+        isolation, "execute", lambda *given: used.append(given[3]) or EMPTY
+    )
     execution.execute(plan_of({"s": stranger(2)}))
+    assert used == ["native"]
     execution.execute(plan_of({"s": stranger(2), "clock": Clock}))
+    assert used[1:] == ["native", "python here"]
+    fed = {"s": stranger(2), "clock": Clock, "relay": Relay}
+    execution.execute(plan_of(fed, ("clock.count", "relay.count")), master="python")
     execution.execute(plan_of({"s": stranger(2)}), master="python")
     monkeypatch.setattr(native, "available", lambda: False)
     execution.execute(plan_of({"s": stranger(2)}))
-    assert used == ["native", "python", "python", "python"]
+    assert used[3:] == ["python", "python", "python"]
 
 
 def test_components_of_ours_stay_in_this_process(monkeypatch):
-    used = []
-    for module, name in ((isolation, "isolated"), (python, "python"), (native, "native")):
-        monkeypatch.setattr(module, "execute", lambda *_, n=name: used.append(n))
+    used = noted(monkeypatch, ("isolated", isolation), ("python", python), ("native", native))
     ours = ComponentSpec(build("target"), T)
     execution.execute(plan_of({"target": ours}))
     execution.execute(plan_of({"target": ours, "clock": Clock}))
+    fed = {"target": ours, "clock": Clock, "relay": Relay}
+    execution.execute(plan_of(fed, ("clock.count", "relay.count")))
     execution.execute(plan_of({"target": ours}), master="python")
-    assert used == ["native", "python", "python"]
+    assert used == ["native", "native", "python", "python", "python"]
 
 
 def test_without_a_compiler_native_is_not_available(monkeypatch):

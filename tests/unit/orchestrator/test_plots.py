@@ -9,6 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from sblcosim import style
+from sblcosim.errors import ConfigurationError
 from sblcosim.results import figures as plots
 from sblcosim.results import metrics
 from sblcosim.simulation.record import Record
@@ -118,7 +119,29 @@ def test_errors_relative_to_the_platform_are_drawn_as_such():
         ax = plots.plot_errors(record, tracks, frame=frame)[0]
         line = next(line for line in ax.lines if line.get_label() == "ekf")
         np.testing.assert_allclose(line.get_ydata(), error)
-        assert ("relative to the platform" in ax.get_title("left")) == (frame == "relative")
+        title = " ".join(ax.get_title("left").split())
+        assert ("relative to the platform as it reports itself" in title) == (frame == "relative")
+
+
+def test_own_relative_errors_are_drawn_of_who_has_them_with_their_own_bands():
+    record = make_record({"ekf": np.ones((1, 3)), "other": np.ones((1, 3))})
+    away = record.values["target.position"][record.values["ekf.update_count"]]
+    values = {
+        **record.values, "ekf.relative_position": away + 0.25,
+        "ekf.relative_covariance": np.tile(np.diag([4.0, 4.0, 4.0]), (101, 1, 1)),
+    }
+    record = type(record)(record.time_ns, values)
+    tracks = {name: metrics.track(record, name) for name in ("ekf", "other")}
+    ax = plots.plot_errors(record, tracks, frame="own_relative")[0]
+    (line,) = [line for line in ax.lines if not line.get_label().startswith("_")]
+    assert line.get_label() == "ekf"
+    np.testing.assert_allclose(line.get_ydata(), 0.25)
+    (band,) = ax.collections
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(4.0)
+    title = " ".join(ax.get_title("left").split())
+    assert "relative to the platform's true position, by the receiver's own account" in title
+    with pytest.raises(ConfigurationError, match="which takes an output relative_position"):
+        plots.plot_errors(record, {"other": tracks["other"]}, frame="own_relative")
 
 
 def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():

@@ -13,11 +13,12 @@ import pytest
 import sblcosim
 from sblcosim.errors import FmuError
 from sblcosim.results import metrics
+from sblcosim.results.definitions import FRAMES
 from sblcosim.results.sums import SUMS, responses, sums_of
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
 from sblcosim.simulation.masters import lanes, lanes_driver
-from sblcosim.simulation.plan import Plan
+from sblcosim.simulation.plan import Plan, Setting
 from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
@@ -25,6 +26,7 @@ from scipy.stats import chi2
 from synthetic_record import make_record, silent
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
+WITH_OWN = (*RECEIVERS, "coupled")
 SECOND = 1_000_000_000
 SEEDED = ("target", "platform", "acoustics")
 
@@ -34,14 +36,18 @@ def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
     row = responses(sums[None], int(record.time_ns[-1] - record.time_ns[0])).iloc[0]
     track = {receiver: metrics.track(record, receiver)}
     errors, summary = metrics.error_table(track), metrics.summary(record, track).loc[receiver]
-    for frame in ("absolute", "relative"):
+    for frame in FRAMES:
+        there = frame != "own_relative" or f"{receiver}.relative_position" in record.values
+        assert ((receiver, frame, "x") in errors.index) == there
         for axis in ("x", "y", "z", "total"):
             for what in ("mean", "rms"):
+                said = errors.loc[(receiver, frame, axis), f"{what}_m"] if there else np.nan
                 assert row[f"{frame}_{axis}_{what}_m"] == pytest.approx(
-                    errors.loc[(receiver, frame, axis), f"{what}_m"], rel=1e-9, abs=1e-12,
-                    nan_ok=True,
+                    said, rel=1e-9, abs=1e-12, nan_ok=True
                 )
-    for name in ("estimates", "nees_position", "nis", "availability"):
+    for name in (
+        "estimates", "nees_position", "nis", "availability", "own_relative_nees_position"
+    ):
         assert row[name] == pytest.approx(summary[name], rel=1e-12, nan_ok=True)
     assert not row["broken"]
     assert row["lost"] == summary["lost"]
@@ -58,19 +64,27 @@ def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
         ("realistic-dive", {"time.duration_s": 60.0}),
         ("realistic-dive", {"time.duration_s": 60.0, "time.ekf_ratio": 5}),
     ],
+    ids=["plain", "losses", "realistic", "ratio"],
 )
 def test_a_record_gives_the_sums_of_the_lanes_to_the_last_bit(
     scenario: str, overrides: dict[str, Any]
 ) -> None:
-    plan = resolve(connect(sblcosim.load(scenario, overrides), RECEIVERS))
+    plan = resolve(connect(sblcosim.load(scenario, overrides), WITH_OWN))
     settling = 5_000_000_000
     outcome = lanes.execute(plan, {}, settling_ns=settling, lanes=1)
     record = execute(plan, master="native")
-    for receiver in RECEIVERS:
+    for receiver in WITH_OWN:
+        hold_metrics_to(sums_of(record, receiver), record, receiver)
         np.testing.assert_array_equal(
             sums_of(record, receiver, settling), outcome.sums[receiver][0], err_msg=receiver
         )
     assert outcome.sums["ekf"][0][SUMS.index("nees_estimates")] > 0
+    own = dict(zip(SUMS, outcome.sums["coupled"][0], strict=True))
+    assert own["own_relative_estimates"] == own["estimates"] > 0
+    assert own["own_relative_nees_estimates"] > 0
+    for receiver in RECEIVERS:
+        without = dict(zip(SUMS, outcome.sums[receiver][0], strict=True))
+        assert not any(v for name, v in without.items() if name.startswith("own_relative"))
 
 
 def changed(system: System, name: str, interval_ns: int, **parameters: Any) -> System:
@@ -153,16 +167,17 @@ STEP = ctypes.CFUNCTYPE(
 
 
 def tampered(
-    monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any], int], None]
+    monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any], int], None],
+    receiver: str = "ekf",
 ) -> list[Any]:
-    """Lets `change` alter what the EKF shows in each lane, by variable, after each of its steps."""
+    """Lets `change` alter what a receiver shows in each lane, by variable, after each step."""
     original = lanes_driver.engine_of
     kept: list[Any] = []
     true: dict[str, Any] = {}
 
     def engine(component: Any, number: int) -> Any:
         found = original(component, number)
-        if component.name != "ekf":
+        if component.name != receiver:
             return found
         ours = lanes_driver.Engine.from_buffer_copy(found.contents)
         step = STEP(found.contents.step)
@@ -195,15 +210,17 @@ def tampered(
     return kept
 
 
-def judged_by_both(plan: Plan, runs: int, number: int) -> tuple[Any, list[Any], list[Record]]:
+def judged_by_both(
+    plan: Plan, runs: int, number: int, receiver: str = "ekf", **lags: Any
+) -> tuple[Any, list[Any], list[Record]]:
     """Sums of the lanes, of the records, and the records of the same runs."""
     seeds = {f"{name}.seed": np.arange(1, runs + 1) for name in SEEDED}
     columns = [c.name for c in plan.columns]
     outcome = lanes.execute(
-        plan, seeds, record=columns, lanes=number, threads=1, settling_ns=2 * SECOND
+        plan, seeds | lags, record=columns, lanes=number, threads=1, settling_ns=2 * SECOND
     )
     records = [outcome.record(run) for run in range(runs)]
-    return outcome.sums["ekf"], [sums_of(r, "ekf", 2 * SECOND) for r in records], records
+    return outcome.sums[receiver], [sums_of(r, receiver, 2 * SECOND) for r in records], records
 
 
 def possible(number: int, plan: Plan) -> bool:
@@ -281,6 +298,98 @@ def test_what_must_be_remembered_follows_from_the_plan() -> None:
     short = resolve(base(**{"time.duration_s": 3.0}))
     assert lanes.remembered(short) == 5
     assert lanes.remembered(replace(short, stop_ns=600_000_000)) == 3  # all there are
+
+
+@pytest.mark.parametrize("number", [1, 2, 4, 8])
+@pytest.mark.parametrize("change", [lambda s: s, depth_between], ids=["plain", "between"])
+def test_own_relative_errors_are_judged_alike_whatever_the_receiver_claims(
+    monkeypatch: pytest.MonkeyPatch, change: Any, number: int
+) -> None:
+    changes = {"time.sampling_time_s": 0.3, "time.duration_s": 30.0}
+    plan = resolve(change(connect(sblcosim.load("harbour-random", changes), ["coupled"])))
+    if not possible(number, plan):
+        pytest.skip(f"this processor does not do {number} lanes")
+    rng = np.random.default_rng(number)
+
+    def alter(shown: dict[str, Any], end: int) -> None:
+        lanes = shown["epoch"].shape[1]
+        shown["epoch"][0] = np.maximum(shown["epoch"][0] - rng.choice([0.0, 0.02], lanes), 0)
+        odd = [0.0, 0.0, 0.0, 0.0, np.nan, 1e200]
+        shown["relative_position"][1] += rng.choice(odd, lanes)
+        factor = rng.choice([1.0, 1.0, 0.0, -1.0, 1e-300], lanes)
+        shown["relative_covariance"][rng.choice([0, 4, 8])] *= factor
+        shown["relative_covariance"][rng.choice([1, 2, 5])] *= rng.choice([1.0, 50.0], lanes)
+
+    keep = tampered(monkeypatch, alter, "coupled")
+    sums, expected, _ = judged_by_both(plan, 5, number, "coupled")
+    assert keep
+    np.testing.assert_array_equal(sums, expected)
+    s = dict(zip(SUMS, sums.T, strict=True))
+    assert (s["broken"] > 0).all()
+    assert not s["unjudged"].any()
+    assert (s["own_relative_estimates"] == s["estimates"]).all()
+    assert (s["own_relative_nees_estimates"] > 0).all()
+    assert (s["own_relative_nees_estimates"] < s["estimates"]).all()
+
+
+def lagging(plan: Plan, receiver: str, start: float | None, setting: float | None) -> Plan:
+    """The plan as if the receiver had a parameter ``lag`` [s], in place of one without effect."""
+
+    def taught(component: Any) -> Any:
+        if component.name != receiver:
+            return component
+        old = component.ports["depth_std"]
+        port = replace(old, name="lag", start=None if start is None else (start,),
+                       min=(0.0,), max=(1e9,))
+        others = tuple(s for s in component.settings if s.port.name != old.name)
+        given = () if setting is None else (Setting(port, (setting,)),)
+        ports = {name: p for name, p in component.ports.items() if name != old.name}
+        return replace(component, ports=ports | {"lag": port}, settings=(*others, *given))
+
+    return replace(plan, components=tuple(map(taught, plan.components)))
+
+
+@pytest.mark.parametrize(
+    ("start", "setting", "runs", "seconds"),
+    [
+        (None, None, None, 0.0), (7.0, None, None, 7.0), (7.0, 2.0, None, 2.0),
+        (7.0, 2.0, [1.0, 4.5, 3.0], 4.5), (7.0, 2.0, 0.0, 0.0), (1e8, None, None, 30.0),
+    ],
+)  # fmt: skip
+def test_the_lag_of_a_receiver_is_remembered_the_largest_of_all_runs(
+    start: float | None, setting: float | None, runs: Any, seconds: float
+) -> None:
+    plan = resolve(base())
+    plain = lanes.remembered(plan)
+    given = {} if runs is None else {"sequential.lag": runs}
+    found = lanes.remembered(lagging(plan, "sequential", start, setting), given)
+    assert found == min(plain + int(10 * seconds) // 3, len(plan.instants))
+    # a parameter of that name that is no receiver's means something else
+    assert lanes.remembered(lagging(plan, "target", start, setting), {}) == plain
+
+
+@pytest.mark.parametrize("number", [1, 8])
+@pytest.mark.parametrize("change", [lambda s: s, coarse_target], ids=["plain", "coarse"])
+def test_estimates_of_any_lag_are_judged_as_from_the_record(
+    monkeypatch: pytest.MonkeyPatch, change: Any, number: int
+) -> None:
+    plan = lagging(resolve(change(base())), "ekf", 0.0, None)
+    if not possible(number, plan):
+        pytest.skip(f"this processor does not do {number} lanes")
+    longest = np.array([3.0, 12.0, 20.0])
+
+    def alter(shown: dict[str, Any], end: int) -> None:
+        lag = rng.choice([0.0, 0.3, 4.8, 5.1, 7.77, 19.8, 20.0], shown["epoch"].shape[1])
+        shown["epoch"][0] = np.maximum(shown["epoch"][0] - lag, 0.0)
+
+    rng = np.random.default_rng(number)
+    keep = tampered(monkeypatch, alter)
+    sums, expected, records = judged_by_both(plan, 3, number, **{"ekf.lag": longest})
+    assert keep
+    np.testing.assert_array_equal(sums, expected)
+    assert not sums[:, [SUMS.index("unjudged"), SUMS.index("broken")]].any()
+    behind = [e.available_ns - e.epoch_ns for e in (r.estimates("ekf") for r in records)]
+    assert max(b.max() for b in behind) >= 20 * SECOND
 
 
 class Elsewhere:

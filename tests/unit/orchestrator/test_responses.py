@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.errors import ConfigurationError
-from sblcosim.results import responses, sums
+from sblcosim.results import responses, sums, user_responses
 from sblcosim.results.definitions import PERCENTAGES, TRUTH, order_statistics
 from sblcosim.results.responses import (
     ON_REQUEST,
@@ -27,6 +27,7 @@ from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, study
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
+WITH_OWN = ("ekf", "coupled")
 STUDY: dict[str, Any] = {
     "scenario": "paper-scenario-1",
     "fixed": {"time.duration_s": 8.0, "acoustics.loss_probability": 0.3},
@@ -37,8 +38,8 @@ STUDY: dict[str, Any] = {
 }
 
 
-def plan_of(scenario: str, **keys: Any) -> Any:
-    return resolve(connect(sblcosim.load(scenario, keys), RECEIVERS))
+def plan_of(scenario: str, receivers: tuple[str, ...] = RECEIVERS, **keys: Any) -> Any:
+    return resolve(connect(sblcosim.load(scenario, keys), receivers))
 
 
 PLANS = {
@@ -52,9 +53,9 @@ PLANS = {
 @pytest.mark.parametrize("name", PLANS)
 def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -> None:
     scenario, keys = PLANS[name]
-    record = execute(plan_of(scenario, **keys))
+    record = execute(plan_of(scenario, WITH_OWN, **keys))
     span = int(record.time_ns[-1] - record.time_ns[0])
-    for receiver in RECEIVERS:
+    for receiver in WITH_OWN:
         made = sums.responses(sums.sums_of(record, receiver, settling_ns)[None], span).iloc[0]
         run = Run(record, receiver, settling_ns)
         assert [*made.index, *ON_REQUEST] == list(RESPONSES)
@@ -117,7 +118,10 @@ def test_a_percentile_is_the_least_value_that_so_many_do_not_exceed(n: int) -> N
 
 
 def test_the_table_of_a_run_has_the_percentiles_of_its_responses() -> None:
-    result = sblcosim.run("harbour-random", overrides={"time.duration_s": 20.0})
+    result = sblcosim.run(
+        "harbour-random", receiver=WITH_OWN, overrides={"time.duration_s": 20.0}
+    )
+    assert len(result.percentiles.loc["coupled"]) == len(result.percentiles.loc["ekf"]) + 2
     for (receiver, frame, length), row in result.percentiles.iterrows():
         run = Run(result.record, receiver)
         for column, value in row.items():
@@ -265,19 +269,19 @@ def test_a_function_is_known_by_what_it_refers_to(monkeypatch: pytest.MonkeyPatc
 
         return above
 
-    known = responses.of_function(above_limit).sha256
-    assert responses.of_function(above_limit).sha256 == known
-    assert responses.of_function(of(1.0)).sha256 == responses.of_function(of(1.0)).sha256
-    assert responses.of_function(of(1.0)).sha256 != responses.of_function(of(2.0)).sha256
+    known = user_responses.of_function(above_limit).sha256
+    assert user_responses.of_function(above_limit).sha256 == known
+    assert user_responses.of_function(of(1.0)).sha256 == user_responses.of_function(of(1.0)).sha256
+    assert user_responses.of_function(of(1.0)).sha256 != user_responses.of_function(of(2.0)).sha256
     monkeypatch.setitem(globals(), "LIMIT", 2.0)
-    assert responses.of_function(above_limit).sha256 != known
+    assert user_responses.of_function(above_limit).sha256 != known
 
 
 def test_a_file_that_was_just_changed_is_read_again(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     for value in (1.0, 2.0):
         file.write_text(f"def constant(run):\n    return {value}\n")
-        assert responses.of_file("mine.py:constant", tmp_path).definition(None) == value
+        assert user_responses.of_file("mine.py:constant", tmp_path).definition(None) == value
     assert [p.name for p in tmp_path.iterdir()] == ["mine.py"]
 
 

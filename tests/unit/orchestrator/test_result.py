@@ -130,6 +130,62 @@ def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(resu
     assert all(len(line) <= 120 for line in text.splitlines())
 
 
+def test_one_run_is_said_to_be_no_proof_of_a_covariance(result):
+    words = "  covariance: looks optimistic by a factor of 5.77; one run cannot tell, for "
+    assert words in str(result)
+    right = make_record({"ekf": np.array([[np.sqrt(0.75), 0, 0]])})
+    assert "  covariance: looks right; one run cannot tell" in str(run_of(("ekf",), right))
+    assert "one run cannot tell" not in str(run_of(("ekf",), make_record(optional_ports=False)))
+
+
+@pytest.fixture
+def with_own(result):
+    """The EKF says where it is from the platform, off by (1, 2, 2) m; the raw fix does not."""
+    position = result.record.values["target.position"]
+    count = result.record.values["ekf.update_count"]
+    record = without(
+        result.record,
+        **{
+            "ekf.relative_position": position[count] + np.array([1.0, 2.0, 2.0]),
+            "ekf.relative_covariance": np.tile(3.0 * np.eye(3), (101, 1, 1)),
+        },
+    )
+    return Result(result.description, record)
+
+
+def test_own_relative_errors_are_beside_the_others_and_absent_of_whom_has_none(with_own):
+    assert with_own.errors.loc[("ekf", "own_relative", "total"), "rms_m"] == pytest.approx(3)
+    assert with_own.percentiles.loc[("ekf", "own_relative", "total"), "max_m"] == pytest.approx(3)
+    for table in (with_own.errors, with_own.percentiles):
+        assert ("raw", "own_relative") not in table.index.droplevel(2)
+    assert with_own.summary.loc["ekf", "own_relative_nees_position"] == pytest.approx(3)
+    assert with_own.summary.loc["ekf", "own_relative_nees_position_verdict"] == "consistent"
+    assert np.isnan(with_own.summary.loc["raw", "own_relative_nees_position"])
+    data = json.loads(json.dumps(with_own.to_json(), allow_nan=False))
+    assert data["errors"]["ekf"]["own_relative"]["y"]["rms_m"] == pytest.approx(2)
+    assert "own_relative" not in data["errors"]["raw"]
+    assert set(data["consistency"]["ekf"]) == {"absolute", "own_relative"}
+    assert set(data["consistency"]["raw"]) == {"absolute"}
+
+
+def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, result):
+    text = str(with_own)
+    assert len(re.findall(r"relative to the platform +relative to the platform's\n", text)) == 2
+    assert len(re.findall(r"as it reports itself +true position, own account\n", text)) == 2
+    totals = [line.split() for line in text.splitlines() if line.split()[:1] == ["total"]]
+    assert totals[0][-3:] == ["3.000", "3.000", "0.000"]
+    assert totals[1][-3:] == ["–", "–", "–"]
+    assert "mean own relative NEES of the position 3.00" in text
+    assert "covariance relative to the platform: looks right; one run" in text
+    assert text.count("by the receiver's own account") == 1
+    page = html.unescape(with_own._repr_html_())
+    assert "relative to the platform as it reports itself" in page
+    assert "relative to the platform's true position, by the receiver's own account" in page
+    assert "own account" not in str(result)
+    assert "own account" not in result._repr_html_()
+    assert str(result).count("as it reports itself") == 3
+
+
 def test_text_says_what_its_numbers_mean(result):
     for page in (str(result), html.unescape(result._repr_html_())):
         for words in (
@@ -167,9 +223,9 @@ def test_long_labels_keep_the_table_s_columns_in_line():
     labels = ("a_receiver_with_a_rather_long_name", "ekf")
     record = make_record(dict.fromkeys(labels, np.ones((1, 3))))
     lines = str(run_of(labels, record)).splitlines()
-    table = lines[3:12]
+    table = lines[4:13]
     assert len({len(line) for line in table}) == 1
-    assert lines[3].index("axis") == table[1].index(" x ") + 1 == table[2].index(" y ") + 1
+    assert table[0].index("axis") == table[1].index(" x ") + 1 == table[2].index(" y ") + 1
 
 
 def test_text_counts_one_estimate_as_one():
@@ -204,6 +260,10 @@ def test_json_is_plain_and_holds_errors_and_summary(result):
     assert data["errors"]["ekf"]["absolute"]["x"]["n"] == 99
     assert data["percentiles"]["ekf"]["absolute"]["total"]["max_m"] == pytest.approx(5)
     assert data["summary"]["ekf"]["inconsistent"] is True
+    verdict = data["consistency"]["ekf"]["absolute"]
+    assert (verdict["verdict"], verdict["runs"], verdict["low"]) == ("one run", 1, None)
+    assert verdict["factor"] == pytest.approx(np.sqrt(100 / 3))
+    assert verdict["words"].startswith("looks optimistic by a factor of 5.77; one run cannot tell")
 
 
 def test_saved_folder_is_complete(result, tmp_path):

@@ -215,7 +215,7 @@ def test_a_run_of_a_changed_fmu_of_the_same_name_is_not_replayed(tmp_path: Path)
     assert replay.replay(tmp_path / "out", run_id).receivers[0] == "mine"
     with zipfile.ZipFile(mine, "a") as archive:
         archive.writestr("documentation/note.txt", "changed")
-    with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
+    with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         replay.replay(tmp_path / "out", run_id)
 
 

@@ -297,7 +297,7 @@ def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
 ) -> None:
     if short:
-        monkeypatch.setattr(lanes, "remembered", lambda plan: 2)
+        monkeypatch.setattr(lanes, "remembered", lambda plan, variations: 2)
     made = small(
         receivers=["ekf", "multilateration"], factors={"arm": ARM}, replicates=1,
         fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
@@ -542,7 +542,7 @@ def test_a_run_of_other_fmus_is_not_replayed(
     table = small().run(tmp_path / "out")
     original = campaign.digest_of
     monkeypatch.setattr(replay, "digest_of", lambda *args: original(*args)[::-1])
-    with pytest.raises(ConfigurationError, match="must be done again with the FMUs of then"):
+    with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         replay.replay(tmp_path / "out", table["run_id"][0])
 
 

@@ -1,0 +1,162 @@
+"""Smooth a run: from its result or folder to tables and figures, in one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sblcosim.models import RECEIVERS
+
+from ..artifacts import Other, plain
+from ..errors import ConfigurationError, instance, nearest, shortened
+from ..results.result import Result
+from ..scenario.overrides import Overrides, pairs
+from ..scenario.scenario import Scenario, load
+from ..scenario.wiring import applied
+from . import model, outcome, samples, smoother, start
+from .folder import read_run
+from .samples import Samples
+from .smoother import PASSES, Track
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+SMOOTHER = "smoother"
+"""Label of the smoother in tables and figures."""
+COUPLED = "coupled"
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """A run with the estimates of the smoother.
+
+    Attributes
+    ----------
+    result
+        The run, with ``smoother`` beside its receivers in all tables and figures.
+    track
+        All states at all epochs, and how the passes have converged.
+    estimates
+        What is judged of it: position, velocity and covariance, also relative to the platform.
+    """
+
+    result: Result
+    track: Track
+    estimates: outcome.Estimates
+
+    @property
+    def errors(self) -> pd.DataFrame:
+        """Statistics of the errors [m]; see `Result.errors`."""
+        return self.result.errors
+
+    @property
+    def percentiles(self) -> pd.DataFrame:
+        """Order statistics of the errors [m]; see `Result.percentiles`."""
+        return self.result.percentiles
+
+    @property
+    def summary(self) -> pd.DataFrame:
+        """NEES and flags; see `Result.summary`."""
+        return self.result.summary
+
+    def plot_path(self, ax: Axes | None = None) -> Axes:
+        """Map of the path with all estimates."""
+        return self.result.plot_path(ax)
+
+    def save(self, directory: str | Path, *, figures: bool = True, other: Other = "refuse") -> Path:
+        """Write everything into a folder; see `Result.save`."""
+        return self.result.save(directory, figures=figures, other=other)
+
+    def to_json(self) -> dict[str, Any]:
+        """As `Result.to_json`, with ``steps_m`` and ``converged``."""
+        own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
+        return {**self.result.to_json(), **plain(own)}
+
+    def __str__(self) -> str:
+        return f"{self.result}\n{self._convergence()}"
+
+    def _convergence(self) -> str:
+        steps = self.track.steps_m
+        passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
+        moved = f"the last moved no position by more than {steps[-1]:.2g} m"
+        how = "" if self.track.converged else "; it has not converged"
+        return f"{SMOOTHER}: {passes}, {moved}{how}"
+
+
+def smooth(
+    run: Result | str | Path, overrides: Overrides = (), *, passes: int = PASSES
+) -> Smoothed:
+    """Estimate the track of a finished run from all that was received in it.
+
+    The smoother (`sblcosim.estimation.smoother`) has the model and the parameters of the receiver
+    `coupled`. It begins with the estimates of `coupled`; if that was not in the run, it is run on
+    what was received.
+
+    Parameters
+    ----------
+    run
+        A result, or the folder of one.
+    overrides
+        Keys of ``[receiver]`` to change, e.g. ``{"receiver.acceleration_psd_m2_s3": 0.003}``.
+    passes
+        At most this many passes of Gauss-Newton.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such run, it has no samples or too few, or a key is not one of the receiver.
+    FmuError
+        `coupled` cannot be built.
+
+    Examples
+    --------
+    >>> run = sblcosim.run("realistic-dive", receiver="coupled")             # doctest: +SKIP
+    >>> smoothed = sblcosim.smooth(run)                                     # doctest: +SKIP
+    >>> smoothed.errors.loc["smoother", "absolute", "total"].rms_m          # doctest: +SKIP
+    """
+    if isinstance(passes, bool) or not isinstance(passes, int) or passes < 1:
+        raise ConfigurationError(
+            f"passes: must be a whole number of at least 1, got {shortened(repr(passes))}"
+        )
+    result, p, received, scenario = prepared(run, overrides)
+    record = result.record
+    label = start.ran(record)
+    if label is None:
+        record, label = start.run_coupled(record, p, scenario), COUPLED
+    track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
+    estimates = outcome.of_states(p, received, track.mean, track.covariance)
+    origin = outcome.origin_of(p, SMOOTHER, steps_m=track.steps_m)
+    return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track, estimates)
+
+
+def prepared(
+    run: Result | str | Path, overrides: Overrides = ()
+) -> tuple[Result, Any, Samples, Scenario]:
+    """A run with what an estimator after it needs: parameters, samples, and their scenario."""
+    if isinstance(run, str | Path):
+        run = read_run(run)
+    if not isinstance(run, Result) or not isinstance(run.scenario, Scenario):
+        raise ConfigurationError(
+            f"run: must be the result of a run, or its folder, got {shortened(instance(run))}"
+        )
+    scenario = assumed(run.scenario, overrides)
+    record = run.record
+    p = model.parameters(scenario, np.asarray(record.values["target.position"][0], float))
+    return run, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario
+
+
+def assumed(scenario: Scenario, overrides: Overrides) -> Scenario:
+    """The scenario of a run with `coupled` as its receiver, and other keys of that."""
+    batch = list(pairs(overrides))
+    known = {"prior", *(v.key for v in RECEIVERS[COUPLED].of("parameter"))}
+    for path, _ in batch:
+        if path[0] != "receiver" or len(path) != 2 or path[1] not in known:
+            name = ".".join(path)
+            raise ConfigurationError(
+                f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
+                f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
+            )
+    return load(applied(scenario, COUPLED), {".".join(path): value for path, value in batch})

@@ -1,0 +1,115 @@
+"""A Kalman filter over scalar measurements and the modified Bryson-Frazier smoother.
+
+G. J. Bierman, *Factorization Methods for Discrete Sequential Estimation*, Academic Press, 1977,
+section X. The smoother needs no inverse, so states without any variance, and variances of a
+kilometre beside those of a centimetre, do no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Share = Callable[[float, float], float]
+"""Of an innovation [m] and its variance [m²]: the weight of the measurement, 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A linear problem of n epochs, d states and m scalar measurements.
+
+    Attributes
+    ----------
+    mean, covariance
+        Prior; shape (d,), (d, d).
+    phi, noise
+        Different transitions Φ and covariances Q; shape (u, d, d).
+    which
+        The one before each epoch, from the prior to the first one, too; shape (n,).
+    first
+        Index of the first measurement of each epoch, and m; shape (n + 1,).
+    H, z, R
+        Rows, measurements and variances; shape (m, d), (m,), (m,).
+    """
+
+    mean: Floats
+    covariance: Floats
+    phi: Floats
+    noise: Floats
+    which: NDArray[np.intp]
+    first: NDArray[np.intp]
+    H: Floats
+    z: Floats
+    R: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Means and covariances at the epochs; shape (n, d), (n, d, d)."""
+
+    mean: Floats
+    covariance: Floats
+
+
+def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None = None) -> Moments:
+    """Mean and covariance of all states, given all measurements.
+
+    Parameters
+    ----------
+    share
+        Weight of a doubtful measurement by its innovation when it is used; its variance is divided
+        by it. None: 1.
+    doubtful
+        Flags of the measurements that `share` is asked for; shape (m,).
+    """
+    n, d = len(problem.which), len(problem.mean)
+    x, P = problem.mean, problem.covariance
+    means, covariances = np.empty((n, d)), np.empty((n, d, d))
+    gains, innovation, S = np.empty_like(problem.H), np.empty(len(problem.z)), problem.R.copy()
+    for k, (turn, begin, end) in enumerate(
+        zip(problem.which, problem.first[:-1], problem.first[1:], strict=True)
+    ):
+        phi = problem.phi[turn]
+        x, P = phi @ x, phi @ P @ phi.T + problem.noise[turn]
+        P = (P + P.T) / 2
+        for i in range(begin, end):
+            h = problem.H[i]
+            c = P @ h
+            own, nu = h @ c, problem.z[i] - h @ x
+            if share is not None and doubtful is not None and doubtful[i]:
+                S[i] /= share(nu, own + S[i])
+            S[i] += own
+            innovation[i], gains[i] = nu, c / S[i]
+            x = x + gains[i] * nu
+            P = P - np.outer(c, c) / S[i]
+        means[k], covariances[k] = x, P
+    lean, weight = _backwards(problem, gains, innovation, S)
+    mean = means - np.einsum("kij,kj->ki", covariances, lean)
+    covariance = covariances - covariances @ weight @ covariances
+    return Moments(mean, (covariance + covariance.transpose(0, 2, 1)) / 2)
+
+
+def _backwards(
+    problem: Problem, gains: Floats, innovation: Floats, S: Floats
+) -> tuple[Floats, Floats]:
+    """λ and Λ after the measurements of each epoch: what the later ones say."""
+    n, d = len(problem.which), len(problem.mean)
+    leans, weights = np.empty((n, d)), np.empty((n, d, d))
+    lean, weight = np.zeros(d), np.zeros((d, d))
+    for k in range(n - 1, -1, -1):
+        leans[k], weights[k] = lean, weight
+        for i in range(problem.first[k + 1] - 1, problem.first[k] - 1, -1):
+            h, K = problem.H[i], gains[i]
+            v = weight @ K
+            crossed = np.outer(h, v - (0.5 * (K @ v + 1 / S[i])) * h)
+            lean = lean - h * (K @ lean + innovation[i] / S[i])
+            weight = weight - crossed - crossed.T
+        phi = problem.phi[problem.which[k]]
+        lean, weight = phi.T @ lean, phi.T @ weight @ phi
+        weight = (weight + weight.T) / 2
+    return leans, weights

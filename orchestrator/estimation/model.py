@@ -1,0 +1,186 @@
+"""The model of `coupled` over a whole run: its parameters, and its measurements at a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.declaration import number_of
+from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver.surroundings import (
+    HEADING,
+    PLATFORM,
+    POSITION,
+    STATES,
+    VELOCITY,
+    Measurement,
+    Pose,
+)
+from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
+
+from ..scenario.scenario import Scenario
+from ..scenario.schema import in_si
+from ..simulation.record import Integers
+from .linear import Floats, Problem
+from .samples import Samples
+
+Indices = NDArray[np.intp]
+PRIOR = number_of(INITIALISATION, "prior")
+FAR_STD = 1000.0
+"""Of diver and platform about where the first trajectory begins, where nothing is known [m]."""
+ANYWHERE = 10.0
+"""The same of a heading [rad]."""
+
+
+def parameters(scenario: Scenario, start: Floats) -> Any:
+    """The parameters of `coupled` in a scenario, as attributes, in SI units and their shapes.
+
+    Parameters
+    ----------
+    scenario
+        Its receiver is `coupled`.
+    start
+        True position at the start, NED [m]: the prior, if that is to be the true one.
+    """
+    values: dict[str, Any] = {}
+    for v in COUPLED.of("parameter"):
+        value = np.asarray(in_si(v, getattr(scenario.receiver, v.key)), dtype=float)
+        values[v.name] = value.reshape(v.shape) if v.shape else value.item()
+    if scenario.true_prior:
+        values |= {"prior_position": np.asarray(start, float), "prior_velocity": np.zeros(3)}
+    return SimpleNamespace(**values)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Scalar measurements at a trajectory, by epoch.
+
+    Attributes
+    ----------
+    node
+        Index of the epoch; shape (m,).
+    H, residual, variance
+        Row, measured minus predicted, and variance of the white noise; shape (m, 18), (m,), (m,).
+    is_range
+        Whether it may be late; shape (m,).
+    """
+
+    node: Indices
+    H: Floats
+    residual: Floats
+    variance: Floats
+    is_range: NDArray[np.bool_]
+
+
+def pose_of(p: Any, samples: Samples) -> Pose:
+    """What the packets say of the platform beside place and heading; arrays of shape (m,)."""
+    roll, variance = surroundings.tilt(p, samples.attitude[:, 0])
+    pitch, _ = surroundings.tilt(p, samples.attitude[:, 1])
+    arm = p.beacon_offset[samples.beacon]
+    return Pose(
+        down=samples.position[:, 2] - np.where(samples.has_pose, 0.0, arm[:, 2]),
+        roll=np.where(samples.has_pose, roll, 0.0),
+        pitch=np.where(samples.has_pose, pitch, 0.0),
+        tilt_variance=np.where(samples.has_pose, variance, p.tilt_std**2),
+    )
+
+
+def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
+    """The measurements at a trajectory.
+
+    Parameters
+    ----------
+    trajectory
+        States at the epochs of the samples; shape (n, 18).
+    """
+    parts = [*_parts(p, samples, trajectory)]
+    node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+    order = np.lexsort((kind, node))
+    H, residual, variance = (np.concatenate([part[i] for part in parts])[order] for i in (2, 3, 4))
+    return Rows(node[order], H, residual, variance, kind[order] == _RANGE)
+
+
+_RANGE = 4
+_Part = tuple[Indices, Indices, Floats, Floats, Floats]
+
+
+def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
+    """Node, kind in the order of use, row, residual and variance of each kind of measurement."""
+    epochs = samples.epochs_ns
+
+    def part(kind: int, node: Indices, row: Measurement, z: Floats, wrapped: bool = False) -> _Part:
+        H = np.zeros((len(node), STATES))
+        for i, value in row.row.items():
+            H[:, i] = value
+        residual = z - row.value
+        if wrapped:
+            residual = residual - 2 * pi * np.floor((residual + pi) / (2 * pi))
+        return node, np.full(len(node), kind), H, residual, row.variance + 0 * residual
+
+    node = np.searchsorted(epochs, samples.depth_ns)
+    yield part(0, node, surroundings.depth(p, [*trajectory[node].T]), samples.depth)
+
+    node = np.searchsorted(epochs, samples.range_ns)
+    x, arm = [*trajectory[node].T], [*p.beacon_offset[samples.beacon].T]
+    body = [np.where(samples.has_pose, 0.0, arm[i]) for i in (0, 1)]
+    for i, row in enumerate(surroundings.places(np, p, x, body)):
+        yield part(1 + i, node, row, samples.position[:, i])
+    said = samples.has_pose
+    if said.any():
+        row = surroundings.heading(np, p, [v[said] for v in x])
+        yield part(3, node[said], row, samples.attitude[said, 2], wrapped=True)
+    row = surroundings.range_(np, p, x, pose_of(p, samples), arm)
+    yield part(_RANGE, node, row, samples.range)
+
+
+def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
+    """Mean and standard deviations at the start, shape (18,).
+
+    Parameters
+    ----------
+    begin
+        State where the first trajectory begins; about it is what has no prior.
+    """
+    mean, std = np.zeros(STATES), np.zeros(STATES)
+    for i, value in surroundings.prior_stds(p).items():
+        std[i] = value
+    std[list(VELOCITY)] = p.prior_velocity_std
+    if p.initialisation == PRIOR:
+        mean[list(POSITION)], std[list(POSITION)] = p.prior_position, p.prior_position_std
+        mean[list(VELOCITY)] = p.prior_velocity
+    else:
+        mean[list(POSITION)], std[list(POSITION)] = begin[list(POSITION)], FAR_STD
+    mean[list(PLATFORM)], std[list(PLATFORM)] = begin[list(PLATFORM)], FAR_STD
+    mean[HEADING], std[HEADING] = begin[HEADING], ANYWHERE
+    return mean, std
+
+
+def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Floats, Indices]:
+    """Φ and Q of all different steps, and which one is before each epoch."""
+    steps, which = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
+    phi, noise = np.zeros((2, len(steps), STATES, STATES))
+    for k, step in enumerate(steps):
+        ones, Q = surroundings.transition(np, p, float(step) / 1e9)
+        phi[k] = np.eye(STATES)
+        for (i, j), value in ones.items():
+            phi[k, i, j] = value
+        for (i, j), value in Q.items():
+            noise[k, i, j] = noise[k, j, i] = value
+    return phi, noise, which
+
+
+def problem(p: Any, samples: Samples, begin: Floats) -> Problem:
+    """The linear problem without its measurements: prior and motion."""
+    mean, std = prior(p, begin)
+    epochs = samples.epochs_ns
+    phi, noise, which = transitions(p, samples.start_ns, epochs)
+    nothing = np.zeros(0)
+    return Problem(
+        mean, np.diag(std**2), phi, noise, which, np.zeros(len(epochs) + 1, np.intp),
+        np.zeros((0, STATES)), nothing, nothing,
+    )

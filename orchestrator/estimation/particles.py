@@ -1,0 +1,388 @@
+"""A bootstrap particle filter with the model of `coupled`: a yardstick for Gaussian filters.
+
+It carries the posterior itself, however it is bent: where it is no better than `coupled`, the data
+are to blame. Particles are what ranges are not linear in: the diver as seen from the platform,
+y = x − p, and the depth. All the rest is linear given the path of these, and is carried along by a
+Kalman filter of each particle (A. Doucet, N. de Freitas, K. Murphy, S. Russell, Rao-Blackwellised
+particle filtering for dynamic Bayesian networks, UAI 2000). So what hardly changes does not die
+out. Those filters have one covariance for all, but for that of clock and sound speed:
+
+- (y, v, w, p, g) of an axis, north or east: velocities of diver and platform, the platform's
+  position and the error of its GPS. y is drawn when a range comes, and known from then on;
+- (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
+- (β, κ): clock and sound speed;
+- the heading as reported, from reported headings alone. Its white error counts as noise of the
+  ranges. Its slow error turns the whole track about the platform, which nothing observes: it is
+  only in the covariance.
+
+A range has the density of `sblcosim.estimation.late`: punctual, late, or wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver.surroundings import (
+    CLOCK,
+    DEPTH_BIAS,
+    GPS_ERROR,
+    HEADING,
+    HEADING_ERROR,
+    HEADING_RATE,
+    LEAST_GPS_STD,
+    PLATFORM,
+    PLATFORM_VELOCITY,
+    POSITION,
+    SPEED,
+    STATES,
+    VELOCITY,
+    Pose,
+)
+
+from ..errors import ConfigurationError, shortened
+from ..results.result import Result
+from ..scenario.overrides import Overrides
+from . import late, model, outcome
+from .after import prepared
+from .linear import Floats
+from .outcome import Estimates
+from .samples import Samples
+
+LABEL = "particle_filter"
+_REACH = 4.0
+"""Standard deviations to both sides of the first range between which particles begin."""
+_NORTH = [POSITION[0], VELOCITY[0], PLATFORM_VELOCITY[0], PLATFORM[0], GPS_ERROR[0]]
+"""x, v, w, p, g of the axis north, among the states; east has the same covariance."""
+_DOWN = [POSITION[2], VELOCITY[2], DEPTH_BIAS]
+_TURN = [HEADING, HEADING_RATE]
+_SEEN = np.eye(5)
+_SEEN[0, 3] = -1.0
+"""From (x, v, w, p, g) to (y, v, w, p, g)."""
+_PLACE = np.array([0.0, 0.0, 0.0, 1.0, 1.0])
+_READING = np.array([1.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Particles: a Gaussian each. Covariances but `P_clock` are the same for all.
+
+    Attributes
+    ----------
+    log_weight
+        Shape (n,).
+    flat, P_flat
+        Means of (y, v, w, p, g), north and east, (n, 2, 5), and the covariance, (5, 5).
+    down, P_down
+        Means of (z, v, d), (n, 3), and the covariance, (3, 3).
+    clock, P_clock
+        Means of β [m] and κ, (n, 2), and their covariances, (n, 2, 2).
+    turn, P_turn
+        Heading as reported and its rate, (2,), and the covariance, (2, 2).
+    """
+
+    log_weight: Floats
+    flat: Floats
+    P_flat: Floats
+    down: Floats
+    P_down: Floats
+    clock: Floats
+    P_clock: Floats
+    turn: Floats
+    P_turn: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """Weights, with the sum 1; shape (n,)."""
+        weight = np.exp(self.log_weight - self.log_weight.max())
+        return np.asarray(weight / weight.sum())
+
+
+def particle_filter(
+    run: Result | str | Path,
+    overrides: Overrides = (),
+    *,
+    particles: int = 50_000,
+    seed: int = 1,
+) -> Result:
+    """Filter a finished run with particles, from what was received in it.
+
+    Parameters
+    ----------
+    run
+        A result, or the folder of one.
+    overrides
+        Keys of ``[receiver]`` of `coupled` to change; see `sblcosim.smooth`.
+    particles
+        How many. Too few die out: with many more, the error must stay.
+    seed
+        Of its random numbers; equal ones give equal bits.
+
+    Returns
+    -------
+    Result
+        The run, with ``particle_filter`` beside its receivers.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such run, packets have no pose of the platform, or an argument is wrong.
+
+    Examples
+    --------
+    >>> run = sblcosim.run("paper-scenario-1", receiver="coupled")           # doctest: +SKIP
+    >>> beside = sblcosim.research.particle_filter(run, particles=10_000)    # doctest: +SKIP
+    >>> beside.errors.xs("total", level="axis").rms_m                        # doctest: +SKIP
+    """
+    for name, value, least in (("particles", particles, 2), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise ConfigurationError(
+                f"{name}: must be a whole number of at least {least}, got {shortened(repr(value))}"
+            )
+    result, p, samples, _ = prepared(run, overrides)
+    estimates = filtered(p, samples, particles, seed)
+    origin = outcome.origin_of(p, LABEL, particles=particles, seed=seed)
+    return outcome.beside(result, LABEL, estimates, origin)
+
+
+def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
+    """The estimates at all epochs from the first fix on: mean and covariance of the posterior.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no first fix, or packets have no pose of the platform.
+    """
+    if not samples.has_pose.all():
+        raise ConfigurationError(
+            "record: must have the platform's pose in all packets, for a particle filter, got own "
+            "positions of beacons"
+        )
+    rng = np.random.default_rng(seed)
+    depths = dict(zip(samples.depth_ns.tolist(), samples.depth.tolist(), strict=True))
+    poses = _poses(p, samples)
+    cloud = begun(p, particles)
+    then, located, down = samples.start_ns, p.initialisation == model.PRIOR, 0.0
+    first = outcome.first_ns(p, samples)
+    rows: list[tuple[Any, ...]] = []
+    for epoch in samples.epochs_ns.tolist():
+        cloud = predicted(p, cloud, (epoch - then) / 1e9)
+        if epoch in depths:
+            cloud = sounded(p, cloud, depths[epoch])
+        for i in np.flatnonzero(samples.range_ns == epoch):
+            cloud = placed(p, cloud, samples.position[i], samples.attitude[i, 2])
+            body, down = [*p.beacon_offset[samples.beacon[i]]], float(samples.position[i, 2])
+            if located:
+                cloud = drawn(cloud, rng)
+            elif epoch >= samples.depth_ns[0]:
+                cloud, located = anywhere(p, cloud, poses[i], body, samples.range[i], rng), True
+            else:
+                continue
+            cloud = resampled(ranged(p, cloud, poses[i], body, samples.range[i]), rng)
+        then = epoch
+        if located and epoch >= first:
+            rows.append((epoch, *moments(p, cloud, down)))
+    if not rows:
+        raise ConfigurationError("record: must have ranges and depths, for a first fix, got none")
+    return Estimates(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _poses(p: Any, samples: Samples) -> list[Pose]:
+    """The pose of each packet."""
+    said = model.pose_of(p, samples)
+    columns = (said.down, said.roll, said.pitch, said.tilt_variance)
+    return [Pose(*row) for row in zip(*columns, strict=True)]
+
+
+def begun(p: Any, n: int) -> Cloud:
+    """Particles at the start, equal still."""
+    mean, std = model.prior(p, np.zeros(STATES))
+    flat = np.stack([mean[[i + axis for i in _NORTH]] for axis in (0, 1)]) @ _SEEN.T
+    return Cloud(
+        np.zeros(n),
+        np.tile(flat, (n, 1, 1)), _SEEN @ np.diag(std[_NORTH] ** 2) @ _SEEN.T,
+        np.tile(mean[_DOWN], (n, 1)), np.diag(std[_DOWN] ** 2),
+        np.zeros((n, 2)), np.tile(np.diag(std[[CLOCK, SPEED]] ** 2), (n, 1, 1)),
+        np.zeros(2), np.diag(std[_TURN] ** 2),
+    )
+
+
+def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
+    """The particles a time dt [s] later."""
+    ones, upper = surroundings.transition(np, p, dt)
+    phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
+    for (i, j), value in ones.items():
+        phi[i, j] = value
+    for (i, j), value in upper.items():
+        Q[i, j] = Q[j, i] = value
+    # What is reported is the heading and its error together.
+    Q[HEADING, HEADING] += Q[HEADING_ERROR, HEADING_ERROR]
+
+    def block(states: list[int]) -> tuple[Floats, Floats]:
+        return phi[np.ix_(states, states)], Q[np.ix_(states, states)]
+
+    F, N = block(_NORTH)
+    F, N = _SEEN @ F @ np.linalg.inv(_SEEN), _SEEN @ N @ _SEEN.T
+    D, M = block(_DOWN)
+    T, V = block(_TURN)
+    P_clock = cloud.P_clock.copy()
+    P_clock[:, 0, 0] += Q[CLOCK, CLOCK]
+    return replace(
+        cloud, flat=cloud.flat @ F.T, P_flat=F @ cloud.P_flat @ F.T + N,
+        down=cloud.down @ D.T, P_down=D @ cloud.P_down @ D.T + M, P_clock=P_clock,
+        turn=T @ cloud.turn, P_turn=T @ cloud.P_turn @ T.T + V,
+    )
+
+
+def _gain(P: Floats, h: Floats, R: float) -> tuple[Floats, float, Floats]:
+    """Gain, variance of the innovation, and covariance after a scalar measurement."""
+    c = P @ h
+    S = float(h @ c) + R
+    return c / S, S, P - np.outer(c, c) / S
+
+
+def sounded(p: Any, cloud: Cloud, depth: float) -> Cloud:
+    """A reading of the depth sensor."""
+    K, S, P = _gain(cloud.P_down, _READING, p.depth_std**2)
+    off = depth - cloud.down @ _READING
+    return replace(
+        cloud, log_weight=cloud.log_weight - 0.5 * off**2 / S,
+        down=cloud.down + off[:, None] * K, P_down=P,
+    )
+
+
+def placed(p: Any, cloud: Cloud, place: Floats, heading: float) -> Cloud:
+    """Reported position and heading of the platform."""
+    K, S, P = _gain(cloud.P_flat, _PLACE, max(p.gps_std, LEAST_GPS_STD) ** 2)
+    off = place[:2] - cloud.flat @ _PLACE
+    own = surroundings.heading(np, p, [0.0] * STATES).variance
+    k, _, P_turn = _gain(cloud.P_turn, np.array([1.0, 0.0]), own)
+    angle = heading - cloud.turn[0]
+    angle -= 2 * np.pi * np.floor((angle + np.pi) / (2 * np.pi))
+    return replace(
+        cloud, log_weight=cloud.log_weight - 0.5 * (off**2).sum(axis=1) / S,
+        flat=cloud.flat + off[:, :, None] * K, P_flat=P,
+        turn=cloud.turn + k * angle, P_turn=P_turn,
+    )
+
+
+def drawn(cloud: Cloud, rng: np.random.Generator) -> Cloud:
+    """Draw y and z from each particle's Gaussian."""
+    n = len(cloud.down)
+    return _at(
+        cloud,
+        cloud.flat[:, :, 0] + np.sqrt(cloud.P_flat[0, 0]) * rng.standard_normal((n, 2)),
+        cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n),
+    )
+
+
+def _at(cloud: Cloud, y: Floats, z: Floats) -> Cloud:
+    """The particles with y and z known."""
+
+    def known(P: Floats) -> tuple[Floats, Floats]:
+        if not P[0, 0] > 0:
+            return np.eye(len(P))[0], P
+        slope = P[:, 0] / P[0, 0]
+        rest = P - np.outer(slope, P[0])
+        rest[0], rest[:, 0] = 0.0, 0.0
+        return slope, rest
+
+    K, P_flat = known(cloud.P_flat)
+    k, P_down = known(cloud.P_down)
+    return replace(
+        cloud, flat=cloud.flat + (y - cloud.flat[:, :, 0])[:, :, None] * K, P_flat=P_flat,
+        down=cloud.down + (z - cloud.down[:, 0])[:, None] * k, P_down=P_down,
+    )
+
+
+def anywhere(
+    p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float, rng: np.random.Generator
+) -> Cloud:
+    """Particles about a beacon, at any bearing and at the distances that may give its range."""
+    n = len(cloud.down)
+    depth = cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n)
+    std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2)
+    slant = z + _REACH * std * rng.uniform(-1, 1, n)
+    at = [0.0] * STATES
+    at[HEADING] = cloud.turn[0]
+    arm = surroundings.arm_of(np, at, pose, body)
+    far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))
+    bearing = rng.uniform(-np.pi, np.pi, n)
+    # Nothing is known of x, so y says nothing of the platform.
+    P = cloud.P_flat.copy()
+    P[0], P[:, 0] = 0.0, 0.0
+    free = replace(cloud, P_flat=P)
+    y = np.column_stack([arm[0] + far * np.cos(bearing), arm[1] + far * np.sin(bearing)])
+    return _at(free, y, depth)
+
+
+def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Cloud:
+    """A range."""
+    x: list[Any] = [0.0] * STATES
+    x[HEADING] = cloud.turn[0]
+    x[0], x[1], x[2] = cloud.flat[:, 0, 0], cloud.flat[:, 1, 0], cloud.down[:, 0]
+    x[CLOCK], x[SPEED] = cloud.clock.T
+    row = surroundings.range_(np, p, x, pose, body)
+    R = row.variance + row.row[HEADING] ** 2 * cloud.P_turn[0, 0]
+    off = z - row.value
+    c = cloud.P_clock[:, :, 0] + cloud.P_clock[:, :, 1] * row.distance[:, None]
+    S = c[:, 0] + c[:, 1] * row.distance + R
+    punctual, other = late.log_densities(p, off, S)
+    total = np.logaddexp(punctual, other)
+    share = np.exp(punctual - total)
+    K = c / S[:, None]
+    spread = share * (1 - share) * off**2 - share * S
+    return replace(
+        cloud, log_weight=cloud.log_weight + total,
+        clock=cloud.clock + (share * off)[:, None] * K,
+        P_clock=cloud.P_clock + spread[:, None, None] * K[:, :, None] * K[:, None, :],
+    )
+
+
+def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
+    """Equal weights by systematic resampling, if less than half of the particles count."""
+    weight = cloud.weight
+    n = len(weight)
+    if 1 / (weight**2).sum() > n / 2:
+        return replace(cloud, log_weight=cloud.log_weight - cloud.log_weight.max())
+    edges = np.cumsum(weight)
+    picks = (np.arange(n) + rng.uniform()) / n * edges[-1]
+    kept = np.minimum(np.searchsorted(edges, picks, side="right"), n - 1)
+    taken = {name: getattr(cloud, name)[kept] for name in ("flat", "down", "clock", "P_clock")}
+    return replace(cloud, log_weight=np.zeros(n), **taken)
+
+
+def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
+    """The fields of `Estimates` beside the epoch."""
+    weight, n = cloud.weight, len(cloud.log_weight)
+    y, v, place = cloud.flat[:, :, 0], cloud.flat[:, :, 1], cloud.flat[:, :, 3]
+    z, rate = cloud.down[:, :1], cloud.down[:, 1:2]
+    x, speed = np.hstack([y + place, z]), np.hstack([v, rate])
+    seen = np.hstack([y, z - down])
+    covariance = _covariance(weight, np.stack([x, speed], axis=2).reshape(n, 6))
+    relative = _covariance(weight, seen)
+    # Within each particle
+    T = np.array([[1.0, 0, 0, 1, 0], [0, 1, 0, 0, 0]])
+    for i in (0, 2):
+        covariance[i : i + 2, i : i + 2] += T @ cloud.P_flat @ T.T
+        covariance[i, i] += p.gps_bias_std**2
+    covariance[4:, 4:] += cloud.P_down[:2, :2]
+    relative += np.diag([cloud.P_flat[0, 0]] * 2 + [cloud.P_down[0, 0] + p.gps_vertical_std**2])
+    # The slow error of the heading turns y; nothing tells it from a turn of the diver.
+    turned = p.imu_heading_error_std * (weight @ y)[::-1] * [-1, 1]
+    covariance[np.ix_([0, 2], [0, 2])] += np.outer(turned, turned)
+    relative[:2, :2] += np.outer(turned, turned)
+    beta, kappa = weight @ cloud.clock
+    c = p.assumed_sound_speed
+    return (
+        weight @ x, weight @ speed, covariance, weight @ seen, relative,
+        np.append(weight @ place, down), beta / c, c / (1 + kappa),
+    )
+
+
+def _covariance(weight: Floats, values: Floats) -> Floats:
+    off = values - weight @ values
+    return np.asarray((weight[:, None] * off).T @ off)

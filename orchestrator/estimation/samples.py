@@ -1,0 +1,163 @@
+"""Samples: what the sensors of a diver have given during a dive, wherever it comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.declaration import number_of
+from sblcosim.models.receiver.variables import POSE_SOURCE
+
+from ..errors import ConfigurationError
+from ..simulation.record import Integers, Record, epochs_ns
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NEEDED = (
+    "acoustics.range", "acoustics.range_epoch", "acoustics.reception_count",
+    "acoustics.ping_beacon_position", "target.depth", "target.depth_epoch",
+)
+"""Outputs of a record without which there are no samples."""
+_POSE = ("acoustics.ping_platform_position", "acoustics.ping_platform_attitude")
+_ALL = "acoustics.packet_beacon_position"
+_REPORTED = number_of(POSE_SOURCE, "reported_pose")
+_OWN = number_of(POSE_SOURCE, "own_beacon")
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Ranges and depth readings, each in the order of its epochs.
+
+    Attributes
+    ----------
+    start_ns
+        Time before which nothing is known [ns].
+    depth_ns, depth
+        Epochs [ns] and readings of the depth sensor [m]; shape (d,).
+    range_ns, beacon, range
+        Epochs [ns], indices of beacons from 0, and ranges [m]; shape (m,).
+    has_pose
+        Whether the packet has the pose of the platform, or only its own beacon's position; (m,).
+    position
+        Reported position of the platform's reference point, else of that beacon, NED [m]; (m, 3).
+    attitude
+        Reported roll, pitch, yaw [rad], 0 where there is no pose; (m, 3).
+    """
+
+    start_ns: int
+    depth_ns: Integers
+    depth: Floats
+    range_ns: Integers
+    beacon: NDArray[np.intp]
+    range: Floats
+    has_pose: Flags
+    position: Floats
+    attitude: Floats
+
+    @property
+    def epochs_ns(self) -> Integers:
+        """All epochs, each once [ns]; shape (n,)."""
+        return np.unique(np.concatenate([self.depth_ns, self.range_ns]))
+
+    def enough_ns(self) -> int | None:
+        """Epoch from which three beacons and a depth have been heard [ns]; None if there is none.
+
+        As for the receivers that start from the first receptions.
+        """
+        firsts = sorted(int(self.range_ns[self.beacon == b].min()) for b in set(self.beacon))
+        if len(firsts) < 3 or not len(self.depth_ns):
+            return None
+        return max(firsts[2], int(self.depth_ns[0]))
+
+
+def of_record(record: Record, body: Floats, pose_source: int = _REPORTED) -> Samples:
+    """The samples of a run. Of packets of one beacon between two instants the last one is there.
+
+    Parameters
+    ----------
+    body
+        Nominal positions of the beacons, body frame [m]; shape (beacons, 3).
+    pose_source
+        Which pose of a packet is taken, as ``pose_source`` of `coupled`: its own words, those of
+        the positions of all beacons, or only its own beacon's position. Where the packet lacks it,
+        the next one.
+
+    Raises
+    ------
+    ConfigurationError
+        The record has no such outputs.
+    """
+    missing = [name for name in NEEDED if name not in record.values]
+    if missing:
+        raise ConfigurationError(
+            f"record: must have the outputs {', '.join(NEEDED)}, got no {', '.join(missing)}"
+        )
+    start = record.time_ns[0]
+    depth_epoch = record.values["target.depth_epoch"].astype(np.float64)
+    fresh = np.diff(depth_epoch, prepend=start / 1e9) > 0
+    count = record.values["acoustics.reception_count"].astype(np.int64)
+    instant, beacon = np.nonzero(np.diff(count, axis=0, prepend=0 * count[:1]) > 0)
+
+    def of_packet(name: str) -> Floats:
+        values: Floats = record.values[name].astype(np.float64)[instant, beacon]
+        return values
+
+    has_pose, position, attitude = _poses(record, instant, beacon, body, pose_source)
+    own = of_packet("acoustics.ping_beacon_position")
+    epoch = of_packet("acoustics.range_epoch")
+    order = np.lexsort((beacon, epoch))
+    return Samples(
+        int(start),
+        epochs_ns(record.time_ns, depth_epoch[fresh]),
+        record.values["target.depth"].astype(np.float64)[fresh],
+        epochs_ns(record.time_ns, epoch)[order],
+        beacon[order],
+        of_packet("acoustics.range")[order],
+        has_pose[order],
+        np.where(has_pose[:, None], position, own)[order],
+        np.where(has_pose[:, None], attitude, 0.0)[order],
+    )
+
+
+def _poses(
+    record: Record, instant: NDArray[np.intp], beacon: NDArray[np.intp], body: Floats, source: int
+) -> tuple[Flags, Floats, Floats]:
+    """Which packets have a pose, and position and attitude of the platform in them."""
+    n = len(instant)
+    there, position, attitude = np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3))
+    if source == _OWN:
+        return there, position, attitude
+    if source == _REPORTED and all(name in record.values for name in _POSE):
+        said = [record.values[name].astype(np.float64)[instant, beacon] for name in _POSE]
+        there = np.any(said[0] != 0, axis=1) | np.any(said[1] != 0, axis=1)
+        position, attitude = said
+    if _ALL in record.values:
+        every = record.values[_ALL].astype(np.float64)
+        for i in np.flatnonzero(~there):
+            if np.any(every[instant[i]] != 0):
+                there[i] = True
+                position[i], attitude[i] = pose_of(every[instant[i]], body)
+    return there, position, attitude
+
+
+def pose_of(points: Floats, body: Floats) -> tuple[Floats, Floats]:
+    """The pose that brings body-frame points to where they are reported, by least squares.
+
+    Parameters
+    ----------
+    points, body
+        Reported positions, NED, and nominal ones in the body frame [m]; shape (beacons, 3).
+
+    Returns
+    -------
+    position, attitude
+        Of the reference point, NED [m], and roll, pitch, yaw [rad].
+    """
+    center, mean = points.mean(axis=0), body.mean(axis=0)
+    u, _, vt = np.linalg.svd((points - center).T @ (body - mean))
+    R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    angles = (np.arctan2(R[2, 1], R[2, 2]), -np.arcsin(np.clip(R[2, 0], -1, 1)),
+              np.arctan2(R[1, 0], R[0, 0]))
+    return center - R @ mean, np.array(angles)

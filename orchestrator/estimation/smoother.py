@@ -1,0 +1,101 @@
+"""The smoother: the most probable track of a whole run, by Gauss-Newton on all samples at once.
+
+Each pass is a linear problem about the last trajectory ℓ: a range r counts as r − h(ℓ) + H ℓ, with
+the variance R/λ, λ being the probability that it is not late, at its residual there
+(expectation-maximisation). The fixed point is the maximum of the posterior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from sblcosim.models.receiver.surroundings import POSITION
+
+from ..simulation.record import Integers
+from . import late, linear, model
+from .linear import Floats, Moments, Problem
+from .samples import Samples
+
+PASSES = 20
+"""At most this many passes."""
+CLOSE = 1e-3
+"""A pass that moves no position by more than this many m is the last one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What the smoother says of a run.
+
+    Attributes
+    ----------
+    epochs_ns
+        Epochs [ns]; shape (n,).
+    mean, covariance
+        Of the states of `sblcosim.models.receiver.surroundings` at these; (n, 18), (n, 18, 18).
+    punctual
+        Probability of each range that it is not late, in the order of the samples; shape (m,).
+    steps_m
+        How far each pass has moved the position, at most [m].
+    """
+
+    epochs_ns: Integers
+    mean: Floats
+    covariance: Floats
+    punctual: Floats
+    steps_m: tuple[float, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last pass has moved no position by more than `CLOSE`."""
+        return self.steps_m[-1] < CLOSE
+
+
+def smooth(p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES) -> Track:
+    """Find the most probable track.
+
+    Parameters
+    ----------
+    p
+        Parameters of `coupled`; see `sblcosim.estimation.model.parameters`.
+    trajectory
+        Where to begin: states at the epochs of the samples; shape (n, 18). Not their motion
+        matters, but that positions are not far off.
+    passes
+        At most this many.
+    """
+    frame = model.problem(p, samples, trajectory[0])
+    at = trajectory
+    moments: Moments
+    steps: list[float] = []
+    punctual = np.ones(len(samples.range))
+    for turn in range(passes):
+        rows = model.rows(p, samples, at)
+        if turn:
+            punctual = late.share(p, rows.residual[rows.is_range], rows.variance[rows.is_range])
+        moments = linear.smooth(
+            linearised(frame, rows, at, punctual),
+            # The first trajectory is not smooth: what does not fit it may fit all the same.
+            None if turn else lambda nu, S: float(late.share(p, nu, S)),
+            rows.is_range,
+        )
+        move = (moments.mean - at)[:, list(POSITION)]
+        steps.append(float(np.sqrt((move**2).sum(axis=1).max())))
+        at = moments.mean
+        if turn and steps[-1] < CLOSE:
+            break
+    return Track(samples.epochs_ns, moments.mean, moments.covariance, punctual, tuple(steps))
+
+
+def linearised(frame: Problem, rows: model.Rows, at: Floats, punctual: Floats) -> Problem:
+    """The linear problem about a trajectory."""
+    variance = rows.variance.copy()
+    variance[rows.is_range] /= punctual
+    return replace(
+        frame,
+        first=np.searchsorted(rows.node, np.arange(len(at) + 1)),
+        H=rows.H,
+        z=rows.residual + np.einsum("mi,mi->m", rows.H, at[rows.node]),
+        R=variance,
+    )

@@ -1,0 +1,145 @@
+"""The trajectory at which the smoother begins: what `coupled` has estimated in the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, SYSTEM
+from sblcosim.models.receiver.surroundings import (
+    CLOCK,
+    HEADING,
+    PLATFORM,
+    POSITION,
+    SPEED,
+    STATES,
+    VELOCITY,
+)
+from sblcosim.models.receiver.variables import COUPLED
+
+from ..errors import ConfigurationError
+from ..scenario.scenario import Scenario
+from ..simulation.execution import execute
+from ..simulation.record import Record
+from ..simulation.resolve import resolve
+from ..simulation.system import ComponentSpec, Connection, System
+from .linear import Floats
+from .samples import Samples
+
+_WINDOW = 20
+"""Packets that make a heading together, where each has but its own beacon's position."""
+
+
+def ran(record: Record) -> str | None:
+    """Label of a component of the record that has all outputs of `coupled`; None without one."""
+    for label in {name.partition(".")[0]: None for name in record.values}:
+        ports = {f"{label}.{v.name}" for v in SYSTEM} | {f"{label}.velocity"}
+        if ports <= record.values.keys() and record.valid(label).any():
+            return label
+    return None
+
+
+class _Replay:
+    """Gives out what a record has, instant by instant."""
+
+    def __init__(self, record: Record, names: Mapping[str, str]) -> None:
+        values = {v.name: v for v in (*RECEPTION, *PING_POSE, *DEPTH)}
+        self.variables = tuple(values[name] for name in names)
+        self._time_ns = record.time_ns
+        self._columns = {name: record.values[column] for name, column in names.items()}
+
+    def initialise(self, start_ns: int, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+        return self._at(start_ns)
+
+    def do_step(
+        self, time_ns: int, step_ns: int, inputs: Mapping[str, Any]
+    ) -> Mapping[str, Any]:
+        return self._at(time_ns + step_ns)
+
+    def _at(self, time_ns: int) -> Mapping[str, Any]:
+        i = int(np.searchsorted(self._time_ns, time_ns, side="right")) - 1
+        return {name: column[i] for name, column in self._columns.items()}
+
+
+def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
+    """Run `coupled` on the samples of a record; its estimates as a record of its own."""
+    from sblcosim.fmus.build.factory import build
+
+    columns = {
+        v.name: f"{owner}.{v.name}"
+        for owner, variables in (("acoustics", (*RECEPTION, *PING_POSE)), ("target", DEPTH))
+        for v in variables
+        if f"{owner}.{v.name}" in record.values
+    }
+    interval_ns = nanoseconds(scenario.receiver.update_interval_s)
+    values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
+    system = System(
+        {
+            "record": ComponentSpec(lambda: _Replay(record, columns), interval_ns),
+            "coupled": ComponentSpec(
+                build("coupled", scenario.fmi),
+                interval_ns,
+                {
+                    name: tuple(value.flat) if isinstance(value, np.ndarray)
+                    else int(value) if COUPLED[name].type != "Float64" else value
+                    for name, value in values.items()
+                },
+            ),
+        },
+        tuple(Connection(f"record.{name}", f"coupled.{name}") for name in columns),
+        stop_ns=int(record.time_ns[-1]),
+        start_ns=int(record.time_ns[0]),
+    )
+    return execute(resolve(system))
+
+
+def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
+    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 18).
+
+    Raises
+    ------
+    ConfigurationError
+        There is no estimate.
+    """
+    estimates = record.estimates(label)
+    if not len(estimates) or not len(samples.range):
+        raise ConfigurationError(
+            "record: must have ranges to three beacons and a depth, for a first estimate, got "
+            f"ranges to {len(set(samples.beacon))} and {len(samples.depth)} depths"
+        )
+    row = np.searchsorted(record.time_ns, estimates.available_ns)
+    epochs = samples.epochs_ns
+
+    def at_epochs(values: Any) -> Floats:
+        columns = np.asarray(values, float).reshape(len(row), -1).T
+        return np.column_stack([np.interp(epochs, estimates.epoch_ns, c) for c in columns])
+
+    at = np.zeros((len(epochs), STATES))
+    at[:, list(POSITION)] = at_epochs(estimates.position)
+    at[:, list(VELOCITY)] = at_epochs(estimates.velocity)
+    at[:, list(PLATFORM)] = at_epochs(record.values[f"{label}.platform_position"][row, :2])
+    c = p.assumed_sound_speed
+    at[:, [CLOCK]] = at_epochs(record.values[f"{label}.clock_offset"][row] * c)
+    at[:, [SPEED]] = at_epochs(c / record.values[f"{label}.sound_speed"][row] - 1)
+    at[:, HEADING] = _headings(p, samples, at)
+    return at
+
+
+def _headings(p: Any, samples: Samples, at: Floats) -> Floats:
+    """Headings at the epochs, as reported, or from where the beacons are about the platform."""
+    said = samples.has_pose
+    epochs = samples.epochs_ns
+    if said.any():
+        ns, heading = samples.range_ns[said], samples.attitude[said, 2]
+    else:
+        ns = samples.range_ns
+        arm = p.beacon_offset[samples.beacon]
+        centre = at[np.searchsorted(epochs, ns)][:, list(PLATFORM)]
+        seen = (samples.position[:, :2] - centre) @ [1, 1j]
+        turned = np.convolve(seen * np.conj(arm[:, :2] @ [1, 1j]), np.ones(_WINDOW))
+        late = (_WINDOW - 1) // 2
+        heading = np.angle(turned[late : late + len(ns)])
+    headings: Floats = np.interp(epochs, ns, np.unwrap(heading))
+    return headings

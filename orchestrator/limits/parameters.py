@@ -1,0 +1,91 @@
+"""The parameters of the model, from a scenario's own true values."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.receiver.variables import COUPLED
+
+from ..scenario.scenario import Scenario
+from ..scenario.schema import in_si
+from .fisher import fisher_factor
+from .steady import Conditions
+
+Floats = NDArray[np.float64]
+
+STOCHASTIC = "white_noise_acceleration"
+"""The trajectory that is drawn from the model."""
+_START = ("prior_position_std", "prior_velocity_std", "initialisation")
+
+
+def parameters(scenario: Scenario, acceleration_psd: float | None = None) -> Any:
+    """Parameters of `coupled`, by name and in SI units, as the scenario's true values say.
+
+    ``range_std`` is σ_r/√I with the factor of `fisher_factor`; ``acceleration_psd`` is that of the
+    target if its motion is drawn from the model, else the one given.
+    """
+    declared = {v.name: v for v in COUPLED.of("parameter")}
+    by_key = {v.key: v for v in declared.values()}
+    values: dict[str, Any] = {
+        name: v.starts if v.shape else v.starts[0] for name, v in declared.items()
+    }
+    for key, value in scenario.assumptions().items():
+        if key in by_key:
+            values[by_key[key].name] = in_si(by_key[key], value)
+    for name in _START:
+        value = getattr(scenario.receiver, declared[name].key)
+        if value is not None:
+            values[name] = in_si(declared[name], value)
+    if scenario.true_prior:
+        values["initialisation"] = in_si(declared["initialisation"], "prior")
+    a = scenario.acoustics
+    share = fisher_factor(
+        a.range_std_m, a.outlier_probability, a.outlier_mean_m, a.outlier_distribution
+    )
+    values["range_std"] = a.range_std_m / share**0.5
+    values["depth_std"] = scenario.target.depth_std_m
+    if scenario.target.trajectory == STOCHASTIC:
+        values["acceleration_psd"] = scenario.target.acceleration_psd_m2_s3
+    elif acceleration_psd is not None:
+        values["acceleration_psd"] = acceleration_psd
+    return SimpleNamespace(**values)
+
+
+def beacons_of(p: Any) -> Floats:
+    """Nominal positions of the beacons, body frame [m]; shape (N, 3)."""
+    offsets: Floats = np.reshape(p.beacon_offset, (-1, 3)).astype(float)
+    return offsets
+
+
+def spread_of(beacons: Floats) -> float:
+    """½ Σ|b − b̄|² of the horizontal arms [m²]; 2 b² for a cross."""
+    arms = beacons[:, :2] - beacons[:, :2].mean(0)
+    return float((arms**2).sum() / 2)
+
+
+def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Conditions:
+    """What `closed_form` needs to know of a scenario.
+
+    Parameters
+    ----------
+    acceleration_psd
+        q of the path [m²/s³], see `path_psd`; None: that of the target if its motion is drawn from
+        the model, else 0.01.
+    """
+    p = parameters(scenario, acceleration_psd)
+    beacons = beacons_of(p)
+    return Conditions(
+        range_std=p.range_std,
+        depth_std=p.depth_std,
+        spread=spread_of(beacons),
+        beacons=len(beacons),
+        slot=scenario.acoustics.sampling_time_s,
+        loss=scenario.acoustics.loss_probability,
+        acceleration_psd=p.acceleration_psd,
+        common_std=float(np.hypot(p.gps_markov_std, p.gps_bias_std)),
+        heading_std=p.imu_heading_error_std,
+        heading_noise_std=p.imu_heading_std,
+    )

@@ -1,0 +1,152 @@
+"""The reference beside a run: what was possible with what was received."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..results.definitions import held_at, recorded, state_at
+from ..scenario.scenario import Scenario
+from ..scenario.schema import CORE_COMPONENTS
+from ..simulation.record import Record, epochs_ns
+from .parameters import STOCHASTIC, beacons_of, parameters, spread_of
+from .path import path_psd
+from .recursion import Truth, covariances, marginals, prior, rows_of
+from .verdict import Limits, limits_of
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_PORTS = (
+    "target.position", "target.velocity", "target.depth_epoch", "platform.position",
+    "platform.attitude", "acoustics.range_epoch", "acoustics.reception_count",
+)  # fmt: skip
+MOST_EPOCHS = 20_000
+"""Of a run that `of_run` looks at: about 2 s."""
+
+
+def reference(
+    record: Record,
+    scenario: Scenario,
+    *,
+    acceleration_psd: float | None = None,
+    own_beacon: bool = False,
+    at_ns: Integers | None = None,
+) -> Limits:
+    """The posterior Cramér-Rao recursion along the true path of a run.
+
+    Its model is that of the receiver ``coupled`` without arcs and outliers, its priors and noises
+    are the scenario's true ones, its measurements those that were really received; outliers take
+    their share of the information (`fisher_factor`). Where the motion is drawn from the model
+    (``trajectory = "white_noise_acceleration"``), no receiver can be better on the average over
+    runs, with the stated priors. On any other path q is a choice: by default that of the path over
+    the filter's own memory (`path_psd`).
+
+    Parameters
+    ----------
+    record, scenario
+        Of a run of our own target, platform and acoustics.
+    acceleration_psd
+        q of the diver [m²/s³].
+    own_beacon
+        Packets tell where their own beacon is, and nothing else of the platform.
+    at_ns
+        Further epochs [ns], e.g. those of estimates.
+
+    Examples
+    --------
+    >>> result = sblcosim.run("realistic-dive")                          # doctest: +SKIP
+    >>> reference(result.record, result.scenario).verdict().absolute_rms  # doctest: +SKIP
+    """
+    epoch, heard, depth = _events(record, at_ns)
+    is_bound = scenario.target.trajectory == STOCHASTIC and acceleration_psd is None
+    if acceleration_psd is None and not is_bound:
+        acceleration_psd = psd_of(record, scenario)
+    p = parameters(scenario, acceleration_psd)
+    if acceleration_psd is not None:
+        p.acceleration_psd = acceleration_psd
+    a = scenario.acoustics
+    truth = _truth(record, epoch, a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1)
+    rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
+    start = prior(p, scenario.receiver.initialisation == "prior" or scenario.true_prior)
+    P = covariances(p, start, epoch, int(record.time_ns[0]), rows)
+    absolute, relative = marginals(P, p)
+    offset = truth.position - truth.platform
+    return limits_of(epoch, absolute, relative, offset, p.acceleration_psd, is_bound)
+
+
+def of_run(
+    record: Record, scenario: Any, fmus: Mapping[str, Any], estimates_ns: Integers
+) -> Limits | None:
+    """`reference` of a run, if its target, platform and acoustics are our own.
+
+    Parameters
+    ----------
+    fmus
+        Components that are FMUs.
+    estimates_ns
+        Epochs of all estimates [ns].
+    """
+    ours = isinstance(scenario, Scenario) and all(
+        name in fmus and getattr(scenario, name).fmu is None for name in CORE_COMPONENTS
+    )
+    if not ours or any(name not in record.values for name in _PORTS):
+        return None
+    start, stop = record.time_ns[0], record.time_ns[-1]
+    at = np.unique(estimates_ns[(start <= estimates_ns) & (estimates_ns <= stop)])
+    if len(record) + len(at) > 2 * MOST_EPOCHS:
+        return None
+    own = scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
+    return reference(record, scenario, own_beacon=own, at_ns=at)
+
+
+def psd_of(record: Record, scenario: Scenario) -> float:
+    """q of the path of a run [m²/s³]; see `path_psd`."""
+    p, own = parameters(scenario), record.own("target")
+    o = recorded(record, "target.position") - recorded(record, "platform.position")
+    beacons = beacons_of(p)
+    distance_square = float((o**2).sum(1).mean())
+    a = scenario.acoustics
+    kept = 1 - a.loss_probability
+    if kept <= 0:
+        return 0.0
+    round_s = len(beacons) * a.sampling_time_s / kept
+    R = p.range_std**2 * distance_square / max(spread_of(beacons), 1e-12)
+    return path_psd(
+        record.time_ns[own] / 1e9, recorded(record, "target.velocity")[own], R * round_s
+    )
+
+
+def _events(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, Floats]:
+    """Epochs [ns], and which packets and readings there are at each; (n,), (n, N), (n,)."""
+    count = record.values["acoustics.reception_count"].astype(np.int64)
+    new = np.diff(count, axis=0, prepend=0) > 0
+    heard_ns = epochs_ns(
+        record.time_ns, recorded(record, "acoustics.range_epoch").ravel()
+    ).reshape(new.shape)
+    depth_s = recorded(record, "target.depth_epoch")
+    read = np.diff(depth_s, prepend=depth_s[0]) > 0
+    depth_ns = epochs_ns(record.time_ns, depth_s[read])
+    further = np.zeros(0, np.int64) if at_ns is None else at_ns
+    epoch = np.unique(np.concatenate([heard_ns[new], depth_ns, further]))
+    heard, depth = np.zeros((len(epoch), new.shape[1])), np.zeros(len(epoch))
+    for i, column in enumerate(new.T):
+        heard[np.searchsorted(epoch, heard_ns[column, i]), i] = 1
+    depth[np.searchsorted(epoch, depth_ns)] = 1
+    return epoch, heard, depth
+
+
+def _truth(record: Record, epoch: Integers, speed: float) -> Truth:
+    own, time = record.own("target"), record.time_ns
+    position, _ = state_at(
+        time[own], recorded(record, "target.position")[own],
+        recorded(record, "target.velocity")[own], epoch,
+    )
+    platform, attitude = (
+        held_at(time, recorded(record, f"platform.{name}"), epoch)
+        for name in ("position", "attitude")
+    )
+    return Truth(position, platform, attitude, speed)

@@ -1,0 +1,166 @@
+"""What the reference of a run says, and whether there is an accuracy at all.
+
+Errors of the bearing bend the posterior into an arc about the platform. Its linear covariance is
+that of the tangent, and means something while the arc is a small part of the circle. The ranges of
+a round together correct a bearing that is wrong by δ in proportion to sin δ: less and less beyond
+90°, and to either side at 180°. Where four standard deviations of the bearing reach 90°, a receiver
+gets there now and then, and stays: what is left of the posterior is a ring. README.md of this
+folder has what was measured.
+
+Near the platform every position has such a bearing. There is a ring only where the arc's sagitta
+over one standard deviation, R σ_α²/2, exceeds the standard deviation along the line to the
+platform.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+MOST_BEARING_STD = pi / 8
+"""Of a bearing that a receiver can hold [rad]: four standard deviations are 90°."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """The smallest covariance that is possible along a run, epoch by epoch.
+
+    Attributes
+    ----------
+    epoch_ns
+        Epochs [ns], increasing; shape (n,).
+    absolute, relative
+        Covariance of the diver's position, absolute and relative to the platform, NED [m²]; shape
+        (n, 3, 3).
+    bearing_std
+        Of the bearing of the diver from the platform [rad]; shape (n,).
+    ring
+        Whether the posterior is bent so far that it is no point; shape (n,).
+    acceleration_psd
+        q of the diver [m²/s³].
+    is_bound
+        The motion is drawn from the model: no receiver can be better (with the stated priors).
+        Otherwise q is a choice, and this is a reference.
+    """
+
+    epoch_ns: Integers
+    absolute: Floats
+    relative: Floats
+    bearing_std: Floats
+    ring: Flags
+    acceleration_psd: float
+    is_bound: bool
+
+    @property
+    def kind(self) -> str:
+        """``bound`` or ``reference``."""
+        return "bound" if self.is_bound else "reference"
+
+    def at(self, epoch_ns: Integers) -> Integers:
+        """Indices of the last epochs that are not after the given ones."""
+        found = np.searchsorted(self.epoch_ns, epoch_ns, side="right") - 1
+        return np.fmax(found, 0)
+
+    def verdict(self, epoch_ns: Integers | None = None) -> Possible | None:
+        """What is possible at some epochs [ns], those of a receiver's estimates; None: at all.
+
+        Returns
+        -------
+        Possible
+            None without any epoch, or without finite numbers.
+        """
+        which = np.arange(len(self.epoch_ns)) if epoch_ns is None else self.at(epoch_ns)
+        if len(which) == 0 or len(self.epoch_ns) == 0:
+            return None
+        absolute, relative = rms(self.absolute[which]), rms(self.relative[which])
+        if not (isfinite(absolute) and isfinite(relative)):
+            return None
+        return Possible(
+            kind=self.kind,
+            absolute_rms=absolute,
+            relative_rms=relative,
+            bearing_std=float(np.median(self.bearing_std[which])),
+            accuracy=bool(self.ring[which].mean() <= 0.5),
+            acceleration_psd=self.acceleration_psd,
+        )
+
+
+@dataclass(frozen=True)
+class Possible:
+    """What is possible at the epochs of a receiver.
+
+    Attributes
+    ----------
+    kind
+        ``bound`` or ``reference``.
+    absolute_rms, relative_rms
+        Root of the mean trace of the covariances [m].
+    bearing_std
+        Median over the epochs [rad].
+    accuracy
+        Whether that is an accuracy: the posterior is no ring at most of the epochs.
+    acceleration_psd
+        q of the diver [m²/s³].
+    """
+
+    kind: str
+    absolute_rms: float
+    relative_rms: float
+    bearing_std: float
+    accuracy: bool
+    acceleration_psd: float
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data; the numbers that are no accuracy are None."""
+        return {
+            "kind": self.kind,
+            "absolute_rms_m": self.absolute_rms if self.accuracy else None,
+            "relative_rms_m": self.relative_rms if self.accuracy else None,
+            "accuracy": self.accuracy,
+            "bearing_std_deg": float(np.rad2deg(self.bearing_std)),
+            "acceleration_psd_m2_s3": self.acceleration_psd,
+        }
+
+    def __str__(self) -> str:
+        if self.accuracy:
+            return f"{self.kind} {self.absolute_rms:.2f}"
+        return (
+            "no accuracy is possible: with a bearing known to "
+            f"{np.rad2deg(self.bearing_std):.0f}°, places all around the platform fit"
+        )
+
+
+def rms(covariance: Floats) -> float:
+    """√ of the mean trace [m] of covariances (m, 3, 3) [m²]."""
+    mean = float(np.trace(covariance, axis1=1, axis2=2).mean())
+    return sqrt(mean) if mean >= 0 else float("nan")
+
+
+def limits_of(
+    epoch_ns: Integers, absolute: Floats, relative: Floats, offset: Floats, q: float, is_bound: bool
+) -> Limits:
+    """Judge covariances.
+
+    Parameters
+    ----------
+    offset
+        True x − p, NED [m]; shape (n, 3).
+    """
+    reach = np.hypot(offset[:, 0], offset[:, 1])
+    e = np.where((reach > 0)[:, None], offset[:, :2] / np.fmax(reach, 1e-300)[:, None], [1.0, 0.0])
+    across = np.column_stack([-e[:, 1], e[:, 0]])
+    radial, tangential = (
+        np.fmax(np.einsum("ni,nij,nj->n", d, relative[:, :2, :2], d), 0) for d in (e, across)
+    )
+    bearing = np.sqrt(tangential) / np.fmax(reach, 1e-9)
+    sagitta = reach * bearing**2 / 2
+    ring = (bearing > MOST_BEARING_STD) & (sagitta > np.sqrt(radial))
+    return Limits(epoch_ns, absolute, relative, np.fmin(bearing, pi), ring, q, is_bound)

@@ -1,0 +1,100 @@
+"""What is possible at the points of a study, beside what its receivers reach there.
+
+One run of the raw fix per point, for the path and the packets that were received, and the reference
+along it (`sblcosim.limits`): some tenths of a second each. Studies with many points get the two
+points with the smallest and the largest error only.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ..analysis.sentences import quantity
+from ..api import run
+from ..errors import SblcosimError
+from ..limits.run import of_run
+from ..limits.verdict import Possible
+from ..scenario.scenario import Scenario
+from ..study.study import Study
+from .formats import number
+from .page import Block, Table
+
+MOST_POINTS = 8
+"""Of a study all of whose points are looked at."""
+RMS = "absolute_total_rms_m"
+_RECEIVER = "multilateration"
+_NOTE = (
+    "Root of the mean square of the total error [m]. The reference is the posterior Cramér-Rao "
+    "recursion along the path, with the packets received and the true noises of one run of each "
+    "point, after the settling time. Where the motion is drawn from the model it is a bound, which "
+    "no receiver can beat (with the stated priors); on other paths it is a yardstick. "
+    "Relative to the platform: of x − p, the diver's true position minus the platform's. “none”: "
+    "the bearing is known so badly that there is no accuracy."
+)
+
+
+def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
+    """What is possible in a run; None if its surroundings are not ours, or cannot be run.
+
+    Parameters
+    ----------
+    since_ns
+        Time after the start from which on epochs count [ns].
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the study has said what there is to say
+            result = run(scenario, _RECEIVER)
+    except SblcosimError:
+        return None
+    record = result.record
+    epochs = record.estimates(_RECEIVER).epoch_ns
+    epochs = epochs[epochs >= record.time_ns[0] + since_ns]
+    found = of_run(record, scenario, result.fmus, epochs)
+    return None if found is None else found.verdict(epochs)
+
+
+def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
+    """A table of the points, or nothing where nothing is known."""
+    column = next((c for c in runs.columns if c.endswith(f".{RMS}")), None)
+    means = None if column is None else runs.groupby("point")[column].mean()
+    rows: list[Sequence[str]] = []
+    for point in _chosen(len(study.points.values), means):
+        scenario = study.base.override(study.overrides(point))
+        scenario = scenario.override({"seed": study.run_seed(point, 1)})
+        verdict = of_scenario(scenario, study.settling_ns)
+        if verdict is None:
+            continue
+        values = zip(study.factors, study.points.values[point - 1], strict=True)
+        where = ", ".join(
+            f"{study.labels[name]} {quantity(float(v), study.units[name])}" for name, v in values
+        )
+        mean = np.nan if means is None else means.get(point, np.nan)
+        rows.append((where or "all runs", number(mean), *cells(verdict)))
+    if not rows:
+        return []
+    receiver = "" if column is None else f", {column.partition('.')[0]}"
+    head = ("Point", f"Mean RMS{receiver}", "Reference", "Reference, relative to the platform")
+    return [Table("What is possible", head, rows, (), _NOTE)]
+
+
+def cells(verdict: Possible) -> tuple[str, str]:
+    """Absolute and relative, as cells of a table."""
+    if not verdict.accuracy:
+        return "none", "none"
+    return number(verdict.absolute_rms), number(verdict.relative_rms)
+
+
+def _chosen(points: int, means: pd.Series[float] | None) -> list[int]:
+    """The points that are looked at, counted from 1."""
+    if points <= MOST_POINTS:
+        return list(range(1, points + 1))
+    known = pd.Series(dtype=float) if means is None else means.dropna()
+    if known.empty:
+        return []
+    numbers = known.index.to_numpy(dtype=int)
+    return list(dict.fromkeys([int(numbers[known.argmin()]), int(numbers[known.argmax()])]))

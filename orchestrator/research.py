@@ -1,0 +1,7 @@
+"""Yardsticks for estimators, from Python only."""
+
+from __future__ import annotations
+
+from .estimation.particles import particle_filter
+
+__all__ = ["particle_filter"]

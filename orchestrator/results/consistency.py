@@ -1,0 +1,213 @@
+"""Whether a receiver's covariance is right: a verdict from the NEES of several runs.
+
+The mean NEES of a receiver whose covariance P is right is the number of degrees of freedom, 3 for a
+position; if the true covariance is f² P, it is f² times as much. The errors inside a run follow
+each other, so one run is one observation: its mean NEES m. Runs with seeds of their own are
+independent.
+
+**Interval.** For the mean M of n runs with standard deviation s, the 95 % interval is
+M exp(± t s / (M √n)), with Student's t of n − 1 degrees of freedom: t in the logarithm, by the
+delta method, as means of squares are positive and skewed to the right. Of run means that are
+gamma distributed (means of squares of normal errors are nearly so) it covers between 91 and 95 %,
+from 2 runs on, down to a run mean of one degree of freedom only; at 3 it is 94 %.
+
+**Tails.** The mean says nothing if few runs make it, e.g. those in which a filter is lost. No
+normal errors spread run means more than one error that stays throughout each run: chi-square with
+one degree of freedom. If the largest of n run means is farther above their median than the largest
+of n such would be in one study of 1000, the verdict is of the median, with its interval by order
+statistics, and says how many runs lie so far above. The median of right covariances depends on how
+long errors last: it is between that of chi-square with 3 degrees of freedom, 2.37, and 3; so in
+between, within a factor of 1.13, the median does not tell.
+
+**Number of runs.** Enough for the interval to exclude 3 in 9 studies of 10 if the standard
+deviation is wrong by the factor `TELLING`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import bdtr, chdtri, stdtrit
+
+from .definitions import CONFIDENCE
+
+DEGREES = 3
+"""Degrees of freedom of a position."""
+TELLING = 1.1
+"""Factor on the standard deviation that `Verdict.runs_needed` is for."""
+POWER = 0.9
+"""Probability of telling it."""
+TAIL = 0.001
+"""Probability that the largest of some run means of normal errors is called far above."""
+LEAST_MEDIAN = float(chdtri(DEGREES, 0.5))
+"""Smallest median of the run means of a right covariance."""
+MOST_RUNS = 10**9
+NEES_COLUMNS = {
+    "absolute": "nees_position",
+    "own_relative": "own_relative_nees_position",
+}
+"""Column of the NEES that a covariance is judged by, by frame."""
+COVARIANCES = {
+    "absolute": "covariance",
+    "own_relative": "covariance relative to the platform",
+}
+"""What the verdict is of, by frame."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What some runs say of a receiver's covariance.
+
+    Attributes
+    ----------
+    verdict
+        ``in band``, ``optimistic`` (errors larger than claimed) or ``pessimistic``; ``one run``,
+        from which it cannot be told; ``unknown``: there is no NEES, or a tail and too few runs.
+    factor
+        True standard deviation over the claimed one, as estimated; above 1 is optimistic.
+    runs
+        Number of runs used: those with a NEES.
+    mean_nees
+        Mean over the runs.
+    basis
+        What is compared with 3: ``mean``, or ``median`` if few runs make the mean.
+    centre, low, high
+        That mean or median, and its 95 % interval; NaN without.
+    runs_far_above
+        Number of runs beyond what normal errors explain, given the median.
+    runs_needed
+        Number of runs to tell a factor of `TELLING`; None if their spread does not say.
+    """
+
+    verdict: str
+    factor: float
+    runs: int
+    mean_nees: float
+    basis: str
+    centre: float
+    low: float
+    high: float
+    runs_far_above: int = 0
+    runs_needed: int | None = None
+
+    @property
+    def by(self) -> float:
+        """The factor by which it is wrong: at least 1."""
+        if not self.factor > 0:
+            return math.inf if self.factor == 0 else math.nan
+        return max(self.factor, 1 / self.factor)
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data, with the sentence."""
+        return {**asdict(self), "words": str(self)}
+
+    def __str__(self) -> str:
+        if self.verdict == "one run":
+            return f"{_looks(self)}; one run cannot tell, for its errors follow each other"
+        if self.verdict == "unknown":
+            return "unknown" + (f": few of the {self.runs} runs make the mean" if self.runs else "")
+        wrong = "" if self.verdict == "in band" else f" by a factor of {_short(self.by)}"
+        what = "mean NEES" if self.basis == "mean" else "median over the runs of the mean NEES"
+        text = (
+            f"{self.verdict}{wrong} ({what} {_short(self.centre)}, 95 %: {_short(self.low)} to "
+            f"{_short(self.high)}, {self.runs} runs)"
+        )
+        if self.basis == "median":
+            runs = "1 run lies" if self.runs_far_above == 1 else f"{self.runs_far_above} runs lie"
+            return f"{text}; {runs} far above and would make the mean, {_short(self.mean_nees)}"
+        if self.verdict == "in band" and self.runs_needed and self.runs < self.runs_needed:
+            text += f"; {self.runs_needed} runs would tell a factor of {TELLING:g}"
+        return text
+
+
+def of_runs(mean_nees: ArrayLike) -> Verdict:
+    """Judge a receiver's covariance by independent runs.
+
+    Parameters
+    ----------
+    mean_nees
+        Mean position NEES of each run; NaN for a run without. Shape (runs,).
+    """
+    values = np.asarray(mean_nees, np.float64).ravel()
+    values = np.sort(values[~np.isnan(values)])
+    n = len(values)
+    mean = float(values.mean()) if n else math.nan
+    if n < 2:
+        word = "one run" if n else "unknown"
+        return Verdict(word, _factor(mean, DEGREES), n, mean, "mean", mean, math.nan, math.nan)
+    far = _far_above(values)
+    if far:
+        return _by_median(values, mean, far)
+    spread = float(values.std(ddof=1)) / mean if mean > 0 else 0.0
+    quantile = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2))
+    reach = math.exp(min(quantile * spread / math.sqrt(n), 700.0))  # where exp overflows
+    low, high = mean / reach, mean * reach
+    word = _word(low, high, DEGREES, DEGREES)
+    return Verdict(
+        word, _factor(mean, DEGREES), n, mean, "mean", mean, low, high, runs_needed=_needed(spread)
+    )
+
+
+def _far_above(values: NDArray[np.float64]) -> int:
+    """Number of runs so far above the median that normal errors do not explain the farthest."""
+    n = len(values)
+    limit = np.median(values) * chdtri(1, TAIL / n) / chdtri(1, 0.5)
+    return int((values > limit).sum())
+
+
+def _by_median(values: NDArray[np.float64], mean: float, far: int) -> Verdict:
+    n, median = len(values), float(np.median(values))
+    # The largest k with P(x₍k₎ > median) = P(Binomial(n, ½) < k) below 2.5 %.
+    k = int((bdtr(np.arange(n), n, 0.5) < (1 - CONFIDENCE) / 2).sum())
+    if k < 1:
+        return Verdict(
+            "unknown", math.nan, n, mean, "median", median, math.nan, math.nan, runs_far_above=far
+        )
+    low, high = float(values[k - 1]), float(values[n - k])
+    word = _word(low, high, LEAST_MEDIAN, DEGREES)
+    right = min(max(median, LEAST_MEDIAN), DEGREES)
+    return Verdict(
+        word, _factor(median, right), n, mean, "median", median, low, high, runs_far_above=far
+    )
+
+
+def _word(low: float, high: float, least: float, most: float) -> str:
+    if low > most:
+        return "optimistic"
+    return "pessimistic" if high < least else "in band"
+
+
+def _factor(nees: float, expected: float) -> float:
+    return math.sqrt(nees / expected)
+
+
+def _needed(spread: float) -> int:
+    """Smallest number of runs that tell a factor; `spread`: of run means, over their mean."""
+    shift = 2 * math.log(TELLING)
+
+    def tells(n: int) -> bool:
+        quantiles = stdtrit(n - 1, (1 + CONFIDENCE) / 2) + stdtrit(n - 1, POWER)
+        return bool(quantiles * spread <= shift * math.sqrt(n))
+
+    low, high = 1, 2
+    while not tells(high) and high < MOST_RUNS:
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if tells(middle) else (middle, high)
+    return high
+
+
+def _looks(verdict: Verdict) -> str:
+    if verdict.by <= TELLING:
+        return "looks right"
+    side = "optimistic" if verdict.factor > 1 else "pessimistic"
+    return f"looks {side} by a factor of {_short(verdict.by)}"
+
+
+def _short(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"

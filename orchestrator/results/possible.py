@@ -1,0 +1,93 @@
+"""What was possible in a run, beside what its receivers have reached: in lines and in figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..limits.run import of_run
+from ..limits.verdict import Limits, Possible
+from ..style import Theme
+
+if TYPE_CHECKING:
+    from ..simulation.record import Record
+    from .description import RunDescription
+
+_NOTES = {
+    "bound": (
+        "Bound: the posterior Cramér-Rao bound for what was received. No receiver can be better "
+        "(with the stated priors),",
+        "on the average over runs; one run may have luck.",
+    ),
+    "reference": (
+        "Reference: the posterior Cramér-Rao recursion for what was received, with q = {q:.2g} "
+        "m²/s³ of this path. A path",
+        "is not drawn from any model: this is a yardstick, and no bound.",
+    ),
+}
+_COVARIANCE = {"absolute": "absolute", "own_relative": "relative"}
+"""Frames of errors, and the covariance of `Limits` that goes with each."""
+FILL_ALPHA = 0.1
+
+
+def limits_of(
+    description: RunDescription, record: Record, receivers: Sequence[str]
+) -> Limits | None:
+    """What was possible in a run; None if its surroundings are not all our own."""
+    epochs = [record.estimates(name).epoch_ns for name in receivers]
+    at = np.concatenate([np.zeros(0, np.int64), *epochs])
+    return of_run(record, description.scenario, description.fmus, at)
+
+
+def verdicts(
+    limits: Limits | None, record: Record, receivers: Sequence[str]
+) -> dict[str, Possible]:
+    """What was possible at the epochs of each receiver's estimates."""
+    if limits is None:
+        return {}
+    found = {name: limits.verdict(record.estimates(name).epoch_ns) for name in receivers}
+    return {name: verdict for name, verdict in found.items() if verdict is not None}
+
+
+def lines(possible: Mapping[str, Possible], errors: Any) -> Iterator[str]:
+    """A line for each receiver, from the table of errors."""
+    for name, verdict in possible.items():
+        reached = errors.loc[(name, "absolute", "total"), "rms_m"]
+        yield f"{name}: {reached:.2f} m RMS, {verdict}"
+
+
+def notes(possible: Mapping[str, Possible]) -> list[str]:
+    """What these lines mean."""
+    for verdict in possible.values():
+        return [line.format(q=verdict.acceleration_psd) for line in _NOTES[verdict.kind]]
+    return []
+
+
+def draw(
+    axes: Sequence[Axes], limits: Limits | None, frame: str, since_s: float, look: Theme
+) -> None:
+    """±2σ for north, east and down, and √trace for the total, behind all else; no ring.
+
+    Parameters
+    ----------
+    since_s
+        Epoch of the first estimate of all [s]: before it there is nothing to compare with.
+    """
+    if limits is None or frame not in _COVARIANCE:
+        return
+    t = limits.epoch_ns / 1e9
+    shown = t >= since_s
+    P = getattr(limits, _COVARIANCE[frame])[shown]
+    variances = np.fmax(np.diagonal(P, axis1=1, axis2=2), 0)
+    variances[limits.ring[shown]] = np.nan
+    bands = [(-2 * np.sqrt(v), 2 * np.sqrt(v)) for v in variances.T]
+    bands.append((np.zeros(len(P)), np.sqrt(variances.sum(axis=1))))
+    name = f"{limits.kind}: ±2σ, RMS"
+    for ax, (low, high) in zip(axes, bands, strict=True):
+        ax.fill_between(t[shown], low, high, color=look.soft, alpha=FILL_ALPHA, lw=0, zorder=0.5,
+                        label=name)
+        for edge in (low, high) if ax is not axes[-1] else (high,):
+            ax.plot(t[shown], edge, color=look.soft, lw=0.9, ls=(0, (1, 1)), zorder=3, label=name)

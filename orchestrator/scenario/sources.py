@@ -1,0 +1,98 @@
+"""The receivers of a run: names, files and classes, and their labels."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from sblcosim.models import RECEIVERS
+
+from ..errors import ConfigurationError, instance, nearest, quoted
+from ..simulation.user_code import PythonSource, component_of_file, is_python
+from .reading import shown
+from .scenario import Receivers, Scenario, Source
+from .schema import CORE_COMPONENTS
+
+RAW = "raw"
+"""Label of the raw fix that runs beside the receivers for comparison."""
+
+
+def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
+    """Receivers by label, the raw fix included."""
+    chosen: dict[str, Source] = {}
+    if isinstance(receivers, Mapping):
+        chosen = {label: known_source(source) for label, source in receivers.items()}
+    else:
+        if isinstance(receivers, str | Path) or not isinstance(receivers, Iterable):
+            receivers = () if receivers is None else (receivers,)
+        table = scenario.receiver
+        own = table.fmu or table.type
+        sources = [known_source(source) for source in receivers] or [known_source(own)]
+        # Our receivers keep their names, in any position.
+        taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
+        for source in sources:
+            if source not in chosen.values():
+                chosen[_label(source, {*chosen, *taken})] = source
+    for label in chosen:
+        if not isinstance(label, str) or label in CORE_COMPONENTS or not label or "." in label:
+            raise ConfigurationError(
+                "receiver: label must be a name without a dot and not "
+                f"{', '.join(CORE_COMPONENTS)}, got {quoted(label)}"
+            )
+    if "multilateration" not in chosen.values() and RAW not in chosen:
+        chosen[RAW] = "multilateration"
+    return chosen
+
+
+def known_source(source: Source) -> Source:
+    """Distinguish names of receivers from files, and check both."""
+    if not isinstance(source, str | Path):
+        if not callable(source):
+            raise ConfigurationError(
+                "receiver: must be a name, an FMU file, or a class or function that makes the "
+                f"component, got {instance(source)}"
+            )
+        return source
+    if source in RECEIVERS:
+        return source
+    if is_python(str(source)):
+        return component_of_file(str(source))
+    path = Path(source)
+    if os.path.isfile(path):
+        return path
+    if path.suffix == ".fmu":
+        got = "a folder" if os.path.isdir(path) else "no such file"
+        raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
+    raise ConfigurationError(
+        f"receiver: must be {', '.join(RECEIVERS)}, an .fmu file or FILE.py:CLASS, got "
+        f"{quoted(str(source))}"
+        + nearest(str(source), RECEIVERS)
+    )
+
+
+def file_of(source: Source) -> str | None:
+    """The file that a source is; None for one of ours, and for a class that is not from a file."""
+    if isinstance(source, PythonSource):
+        return source.origin if source.is_file else None
+    ours = isinstance(source, str) and source in RECEIVERS
+    return None if ours or callable(source) else str(Path(source).absolute())
+
+
+def named(source: Source) -> str:
+    """A source for messages."""
+    return str(source) if isinstance(source, str | Path) else source.__qualname__
+
+
+def _label(source: Source, taken: Iterable[str]) -> str:
+    """Label of a receiver: the name of one of ours, else a name that is not taken."""
+    if isinstance(source, str):
+        return source
+    name = source.stem if isinstance(source, Path) else getattr(source, "__name__", "receiver")
+    label = stem = re.sub(r"\W", "_", name)
+    number = 2
+    while label in taken:
+        label = f"{stem}_{number}"
+        number += 1
+    return label

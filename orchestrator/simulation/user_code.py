@@ -1,0 +1,280 @@
+"""Python code of the user: run from a file, known by a hash, sent to other processes by value."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import re
+import sys
+import textwrap
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+
+_FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
+_LONGEST = 240  # characters of an exception's text
+_METHODS = ("variables", "initialise", "do_step")
+_KNOWN_BY_NAME = {"numpy", "scipy", "pandas", "sblcosim", "builtins"}
+"""Packages whose functions and classes are what they are called."""
+
+
+class PythonSource:
+    """A class or function of the user that makes a component.
+
+    Attributes
+    ----------
+    origin
+        ``/path/file.py:Class``, or the module and name of what did not come from a file.
+    sha256
+        Hash of the file, or of the source and all that it refers to.
+    """
+
+    # Not a dataclass: pydantic would convert it when a study holds it.
+    def __init__(self, maker: Callable[[], Any], origin: str, sha256: str) -> None:
+        self.maker, self.origin, self.sha256 = maker, origin, sha256
+        self.__name__ = origin.rpartition(":")[2]
+        self.__qualname__ = Path(origin).name  # for display: without folders
+
+    def __call__(self) -> Any:
+        return self.maker()
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the origin is a file."""
+        return is_python(self.origin)
+
+    def __eq__(self, other: object) -> bool:
+        same = isinstance(other, PythonSource)
+        return same and (self.origin, self.sha256) == (other.origin, other.sha256)  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((self.origin, self.sha256))
+
+    def __reduce__(self) -> Any:
+        # By value: a worker may have neither the file nor the module.
+        return _unpacked, (by_value(self.maker), self.origin, self.sha256)
+
+    def __repr__(self) -> str:
+        return f"<Python component {self.origin}>"
+
+
+def is_python(text: str) -> bool:
+    """Whether a text is ``file.py`` or ``file.py:name``."""
+    return _FILE.fullmatch(text) is not None
+
+
+def component_of_file(text: str) -> PythonSource:
+    """The component of ``file.py:Class``, or of ``file.py`` if that defines a single one.
+
+    It is known by the file, not by what that imports.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file or class, or the file cannot be run.
+    """
+    match = _FILE.fullmatch(text)
+    assert match is not None
+    path, name = Path(match["file"]), match["name"]
+    where = f"receiver: {quoted(text)}"
+    module, sha256 = run_file(path, f"{where} must be FILE.py:CLASS, got", where)
+    known = {n: t for n, t in vars(module).items() if _is_component(t, module)}
+    if name is None:
+        if len(known) != 1:
+            got = ", ".join(f"{path.name}:{n}" for n in known) or "none"
+            raise ConfigurationError(
+                f"{where} must be FILE.py:CLASS if the file does not have a single class with "
+                f"{', '.join(_METHODS)}, got {got}"
+            )
+        (name,) = known
+    maker = vars(module).get(name)
+    if not callable(maker):
+        raise ConfigurationError(
+            f"{where} must name a class of {quoted(path.name)}, got {quoted(name)}"
+            f"{nearest(name, known)}"
+        )
+    return _source(maker, f"{path.absolute()}:{name}", sha256)
+
+
+@lru_cache(64)
+def _source(maker: Callable[[], Any], origin: str, sha256: str) -> PythonSource:
+    """One object for all points of a study, so that it is packed once."""
+    return PythonSource(maker, origin, sha256)
+
+
+def component_of(maker: Any) -> PythonSource:
+    """The component that a class or function makes; known as `fingerprint` says.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not a class or function with a name, or its source is unavailable.
+    """
+    if isinstance(maker, PythonSource):
+        return maker
+    name = getattr(maker, "__qualname__", "")
+    if not callable(maker) or not name:
+        raise ConfigurationError(
+            "receivers: must be names, files, or classes that make a component, got "
+            f"{instance(maker)}"
+        )
+    return PythonSource(maker, f"{maker.__module__}:{name}", fingerprint(maker, "receivers", name))
+
+
+def component_of_origin(origin: str, sha256: str) -> PythonSource:
+    """A component of which only the origin and hash are known."""
+
+    def gone() -> None:
+        raise ConfigurationError(f"the class must be at hand, got none; it is {origin}")
+
+    return PythonSource(gone, origin, sha256)
+
+
+def _is_component(thing: Any, module: ModuleType) -> bool:
+    own = inspect.isclass(thing) and thing.__module__ == module.__name__
+    return own and all(hasattr(thing, method) for method in _METHODS)
+
+
+def _unpacked(packed: bytes, origin: str, sha256: str) -> PythonSource:
+    return PythonSource(cloudpickle.loads(packed), origin, sha256)
+
+
+# --- Files ---------------------------------------------------------------------------------------
+
+
+def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
+    """Run a Python file; its module, and the SHA-256 of the file.
+
+    Parameters
+    ----------
+    must, where
+        Starts of messages: for a file that is not there, and for one that cannot be run.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file, or it cannot be run.
+    """
+    if not path.is_file() or path.suffix != ".py":
+        close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
+        raise ConfigurationError(f"{must} no Python file {quoted(str(path))}{close}")
+    try:
+        source = path.read_bytes()
+        return _module(path.absolute(), source), hashlib.sha256(source).hexdigest()
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(
+            f"{where} must be importable, got {raised(error)}"
+        ) from error
+
+
+@lru_cache(64)
+def _module(path: Path, source: bytes) -> ModuleType:
+    # A name that no import has: what is in it is then sent to other processes by value.
+    module = ModuleType(path.name)
+    module.__file__ = str(path)
+    sys.modules[path.name] = module  # while it runs: dataclasses look there
+    try:
+        exec(compile(source, path, "exec"), vars(module))
+    finally:
+        del sys.modules[path.name]
+    return module
+
+
+def raised(error: BaseException, name: str = "") -> str:
+    """An exception of the user's code for a message: type, text, class, file and line."""
+    frames = [
+        (frame.f_code, line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if frame.f_globals.get("__name__", "").partition(".")[0] != "sblcosim"
+    ]
+    text = f"{type(error).__name__}: {shortened(one_line(error), _LONGEST)}"
+    if not frames:
+        return text
+    file = frames[0][0].co_filename  # below it are the libraries that it calls
+    line = [line for code, line in frames if code.co_filename == file][-1]
+    return f"{text} ({f'{name} in ' if name else ''}{Path(file).name}, line {line})"
+
+
+# --- Identity and transport ----------------------------------------------------------------------
+
+
+def fingerprint(thing: Any, where: str, name: str) -> str:
+    """SHA-256 of a function's or class's source and of all that it refers to.
+
+    That is other functions and classes, values, and modules by their names.
+
+    Raises
+    ------
+    ConfigurationError
+        Its source is unavailable.
+    """
+    digest = hashlib.sha256()
+    try:
+        for part in _parts(thing, set()):
+            digest.update(part + b"\0")
+    except (OSError, TypeError):
+        what = "class" if inspect.isclass(thing) else "function"
+        raise ConfigurationError(
+            f"{where}: {name} must be a {what} from a file or a notebook, so that a run is "
+            "known by its source, got none"
+        ) from None
+    return digest.hexdigest()
+
+
+def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
+    """All that says what a function or class does: sources, values and names of modules."""
+    if id(thing) in seen:
+        return
+    root = str(getattr(thing, "__module__", None)).partition(".")[0]
+    if inspect.ismodule(thing):
+        yield thing.__name__.encode()
+    elif inspect.isfunction(thing) and root not in _KNOWN_BY_NAME:
+        seen.add(id(thing))
+        yield textwrap.dedent(inspect.getsource(thing)).encode()
+        used = inspect.getclosurevars(thing)
+        yield from _named({**used.globals, **used.nonlocals}, seen)
+        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
+            yield from _parts(value, seen)
+    elif inspect.isclass(thing) and root not in _KNOWN_BY_NAME and _is_users(thing):
+        seen.add(id(thing))
+        yield textwrap.dedent(inspect.getsource(thing)).encode()
+        yield from (part for base in thing.__bases__ for part in _parts(base, seen))
+        yield from _named({n: f for n, f in vars(thing).items() if inspect.isfunction(f)}, seen)
+    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
+        yield f"{thing.__module__}.{thing.__qualname__}".encode()
+    else:
+        yield cloudpickle.dumps(thing)
+
+
+def _named(values: Mapping[str, Any], seen: set[int]) -> Iterator[bytes]:
+    for name, value in sorted(values.items()):
+        yield name.encode()
+        yield from _parts(value, seen)
+
+
+def _is_users(kind: type) -> bool:
+    """Whether a class is in none of the installed packages."""
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
+    installed = {"site-packages", "dist-packages"} & set(Path(file).parts)
+    return not installed and kind.__module__.partition(".")[0] not in sys.stdlib_module_names
+
+
+def by_value(thing: Any) -> bytes:
+    """A function or class for a process that may have neither the file nor the module."""
+    module = sys.modules.get(thing.__module__)
+    known = module is not None and module.__name__ != "__main__"
+    if known:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        packed: bytes = cloudpickle.dumps(thing)
+    finally:
+        if known:
+            cloudpickle.unregister_pickle_by_value(module)
+    return packed

@@ -1,0 +1,231 @@
+"""Estimates after a run: from results and folders, with the command, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sblcosim
+import sblcosim.cli
+from sblcosim.errors import ConfigurationError
+from sblcosim.estimation import model, samples, start
+from sblcosim.estimation.after import assumed
+from sblcosim.estimation.folder import read_run
+from sblcosim.results.result import Result
+from sblcosim.simulation.record import Record
+from typer.testing import CliRunner
+
+SHORT = {"time.duration_s": 30.0, "receiver.range_std_m": 0.1}
+
+
+@pytest.fixture(scope="module")
+def run() -> Result:
+    """With `coupled` beside another receiver."""
+    return sblcosim.run("realistic-dive", ["sequential", "coupled"], SHORT)
+
+
+@pytest.fixture(scope="module")
+def folder(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run.save(tmp_path_factory.mktemp("runs") / "dive", figures=False)
+
+
+@pytest.fixture
+def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., object]:
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(
+        sblcosim.cli.app, [str(a) for a in arguments], catch_exceptions=False
+    )
+
+
+def parameters_of(run: Result) -> object:
+    return model.parameters(assumed(run.scenario, ()), run.record.values["target.position"][0])
+
+
+def test_samples_are_all_that_was_received(run: Result) -> None:
+    p = parameters_of(run)
+    found = samples.of_record(run.record, p.beacon_offset)
+    count = run.record.values["acoustics.reception_count"][-1]
+    assert np.bincount(found.beacon, minlength=4).tolist() == count.tolist()
+    assert len(found.depth) == 29
+    assert np.all(np.diff(found.range_ns) > 0)
+    assert found.has_pose.all()
+    # A packet says the pose of its own epoch.
+    at = np.searchsorted(run.record.time_ns, found.range_ns)
+    assert np.array_equal(found.position, run.record.values["platform.reported_position"][at])
+    assert found.enough_ns() == run.record.estimates("coupled").epoch_ns[0]
+
+
+def test_of_all_positions_and_of_an_own_one(run: Result) -> None:
+    p = parameters_of(run)
+    said, fitted, own = (samples.of_record(run.record, p.beacon_offset, k) for k in (1, 2, 3))
+    np.testing.assert_allclose(fitted.position, said.position, atol=1e-9)
+    np.testing.assert_allclose(fitted.attitude, said.attitude, atol=1e-9)
+    assert not own.has_pose.any()
+    assert not own.attitude.any()
+
+
+def test_the_smoother_is_judged_beside_the_receivers(run: Result) -> None:
+    smoothed = sblcosim.smooth(run)
+    total = smoothed.errors.xs("total", level="axis").xs("absolute", level="frame")
+    assert [*total.index] == ["sequential", "coupled", "smoother", "raw"]
+    assert total.rms_m["smoother"] < 3
+    assert total.n["smoother"] == total.n["coupled"] + 1  # it does not wait for an update
+    assert smoothed.summary.loc["smoother", "first_fix_s"] == smoothed.estimates.epochs_ns[0] / 1e9
+    assert smoothed.track.converged
+    assert "smoother: " in str(smoothed)
+    record = smoothed.result.record.values
+    np.testing.assert_array_equal(
+        record["smoother.relative_position"][-1][:2] + record["smoother.platform_position"][-1][:2],
+        record["smoother.position"][-1][:2],
+    )
+    assert record["smoother.covariance"].shape == (31, 6, 6)
+    assert smoothed.to_json()["converged"] is True
+    assert smoothed.plot_path().get_legend_handles_labels()[1][-2:] == ["smoother", "raw"]
+
+
+def test_a_folder_has_all_that_a_result_has(run: Result, folder: Path) -> None:
+    again = read_run(folder)
+    assert again.record.values.keys() == run.record.values.keys()
+    for name, values in run.record.values.items():
+        assert np.array_equal(again.record.values[name], values), name
+    assert np.array_equal(again.record.time_ns, run.record.time_ns)
+    assert again.record.intervals_ns == run.record.intervals_ns
+    assert again.errors.equals(run.errors)
+    assert again.summary.equals(run.summary)
+    one, two = sblcosim.smooth(run), sblcosim.smooth(folder)
+    assert np.array_equal(one.track.mean, two.track.mean)
+    assert one.errors.equals(two.errors)
+
+
+def test_coupled_is_run_on_the_record_where_it_was_not_in_the_run(run: Result) -> None:
+    p = parameters_of(run)
+    played = start.run_coupled(run.record, p, assumed(run.scenario, ()))
+    for name, values in played.values.items():
+        if name.startswith("coupled."):
+            assert np.array_equal(values, run.record.values[name]), name
+    alone = sblcosim.run("realistic-dive", "sequential", SHORT)
+    assert np.array_equal(sblcosim.smooth(alone).track.mean, sblcosim.smooth(run).track.mean)
+
+
+@pytest.mark.parametrize("receivers", ["coupled", "ekf"])
+def test_updates_less_often_than_samples(receivers: str) -> None:
+    run = sblcosim.run("paper-scenario-1", receivers, {"time.ekf_ratio": 5, "time.duration_s": 20})
+    smoothed = sblcosim.smooth(run)
+    total = smoothed.errors.xs("total", level="axis").xs("absolute", level="frame")
+    assert total.n["smoother"] == 40 == total.n["raw"] + 1
+    assert len(smoothed.estimates) == 199  # but it has them all
+    assert smoothed.summary.loc["smoother", "update_share"] <= 1.03
+    assert total.rms_m["smoother"] < 0.3
+
+
+def test_a_key_of_the_receiver_can_be_another(run: Result) -> None:
+    stiff = sblcosim.smooth(run, {"receiver.acceleration_psd_m2_s3": 1e-5})
+    loose = sblcosim.smooth(run, ["receiver.acceleration_psd_m2_s3=0.1"])
+    speed = [np.linalg.norm(np.diff(s.track.mean[:, 3:6], axis=0), axis=1).max()
+             for s in (stiff, loose)]
+    assert speed[0] < 0.1 * speed[1]
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("platform.arm_length_m=3.0", "must be a key of the receiver 'coupled', as the"),
+        ("receiver.gate=3.0", "must be a key of the receiver 'coupled'"),
+        ("receiver.type=ekf", "must be a key of the receiver 'coupled'"),
+        ("receiver.range_std_m=-1.0", "must be at least 1e-09, got -1.0"),
+    ],
+)
+def test_other_keys_are_refused(run: Result, key: str, why: str) -> None:
+    with pytest.raises(ConfigurationError, match=why):
+        sblcosim.smooth(run, [key])
+
+
+def test_what_is_no_run_is_refused(run: Result) -> None:
+    with pytest.raises(ConfigurationError, match="run: must be the result of a run, or its folder"):
+        sblcosim.smooth(3)  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="passes: must be a whole number of at least 1"):
+        sblcosim.smooth(run, passes=0)
+    kept = {k: v for k, v in run.record.values.items() if k != "acoustics.range_epoch"}
+    other = Result(run.description, Record(run.record.time_ns, kept), run.update_interval_ns)
+    with pytest.raises(ConfigurationError, match=r"got no acoustics\.range_epoch"):
+        sblcosim.smooth(other)
+    deaf = sblcosim.run("realistic-dive", "ekf", {**SHORT, "acoustics.loss_probability": 1.0})
+    with pytest.raises(ConfigurationError, match="must have ranges to three beacons"):
+        sblcosim.smooth(deaf)
+
+
+def test_the_particle_filter_is_judged_beside_the_receivers(run: Result) -> None:
+    beside = sblcosim.research.particle_filter(run, particles=2000)
+    total = beside.errors.xs("total", level="axis").xs("absolute", level="frame")
+    assert [*total.index] == ["sequential", "coupled", "particle_filter", "raw"]
+    assert total.rms_m["particle_filter"] < 5
+    assert total.n["particle_filter"] == total.n["coupled"] + 1
+    for bad in ({"particles": 1}, {"seed": -1}, {"particles": 2.5}):
+        with pytest.raises(ConfigurationError, match="must be a whole number"):
+            sblcosim.research.particle_filter(run, **bad)
+
+
+# --- The command ---------------------------------------------------------------------------------
+
+
+def test_the_command_writes_beside_the_run(cli: Callable[..., object], folder: Path) -> None:
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    done = cli("smooth", folder, "--set", "receiver.acceleration_psd_m2_s3=0.003")
+    assert done.exit_code == 0, done.stderr
+    assert "smoother" in done.stdout
+    written = folder.with_name("dive-smoothed")
+    assert done.stdout.endswith(f"written to {written}\n")
+    names = {file.name for file in written.iterdir()}
+    assert {"errors.csv", "estimates.parquet", "path_xy.svg", "manifest.json"} <= names
+    manifest = json.loads((written / "manifest.json").read_text())
+    about = {receiver["label"]: receiver for receiver in manifest["receivers"]}["smoother"]
+    assert about["type"] == "smoother"
+    assert about["parameters"]["acceleration_psd"] == 0.003
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    twice = cli("smooth", written, "--no-figures", "--out", "again", "--json")
+    assert [*json.loads(twice.stdout)["errors"]] == ["sequential", "coupled", "smoother", "raw"]
+
+
+def test_the_command_does_not_replace_another_result(
+    cli: Callable[..., object], folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert cli("smooth", folder, "--no-figures", "--out", out).exit_code == 0
+    assert cli("smooth", folder, "--no-figures", "--out", out).exit_code == 0  # equal
+    other = ("smooth", folder, "--no-figures", "--out", out, "--set", "receiver.range_std_m=0.2")
+    refused = cli(*other)
+    assert refused.exit_code == 2
+    assert "must be empty or hold the result of this very run" in refused.stderr
+    assert cli(*other, "--force").exit_code == 0
+
+
+def test_the_command_says_what_is_wrong_with_a_folder(
+    cli: Callable[..., object], folder: Path, tmp_path: Path
+) -> None:
+    def lines(*arguments: object) -> str:
+        done = cli("smooth", *arguments)
+        assert done.exit_code == 2
+        assert not (tmp_path / "out").exists()
+        return done.stderr
+
+    what = "must be a folder that 'sblcosim run' has written"
+    assert f"nowhere: {what}, got nothing of that name" in lines("nowhere", "--out", "out")
+    (tmp_path / "file").touch()
+    assert f"file: {what}, got a file" in lines("file", "--out", "out")
+    (tmp_path / "empty").mkdir()
+    assert f"empty: {what}, got no manifest.json in it" in lines("empty", "--out", "out")
+    for name, text, why in (
+        ("manifest.json", "{", "must be JSON"),
+        ("manifest.json", "[]", "must be the manifest of a run"),
+        ("record.parquet", "PAR1", "must be a table of Parquet"),
+        ("scenario.toml", "[target]\nspeed_m_s = -1", "[target] speed_m_s"),
+    ):
+        damaged = tmp_path / "damaged"
+        damaged.mkdir(exist_ok=True)
+        for file in folder.iterdir():
+            (damaged / file.name).write_bytes(file.read_bytes())
+        (damaged / name).write_text(text)
+        assert why in lines(damaged, "--out", "out")

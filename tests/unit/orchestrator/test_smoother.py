@@ -1,0 +1,274 @@
+"""The smoother against batch least squares, on dives that were drawn from its model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from model_dive import dive, parameters, without
+from sblcosim.estimation import late, linear, model, smoother
+from sblcosim.estimation.samples import Samples, pose_of
+from sblcosim.models.receiver import coupled
+from sblcosim.models.receiver.surroundings import STATES
+from scipy.spatial.transform import Rotation
+from scipy.stats import exponnorm, norm
+
+
+def guess(truth: np.ndarray, seed: int = 0) -> np.ndarray:
+    """A first trajectory, off by metres."""
+    rng = np.random.default_rng(seed)
+    at = truth + rng.normal(0, 0.05, truth.shape)
+    at[:, :3] = truth[:, :3] + rng.normal(0, 1.0, 3)
+    return np.asarray(at)
+
+
+def smoothed(p: Any, samples: Samples, truth: np.ndarray, passes: int = 60) -> smoother.Track:
+    return smoother.smooth(p, samples, guess(truth), passes)
+
+
+def position_nees(track: smoother.Track, truth: np.ndarray) -> float:
+    error = (track.mean - truth)[:, :3]
+    P = track.covariance[:, :3, :3]
+    return float(np.einsum("ki,kij,kj->k", error, np.linalg.inv(P), error).mean())
+
+
+# --- The linear smoother -------------------------------------------------------------------------
+
+
+def a_linear_problem(rng: np.random.Generator) -> linear.Problem:
+    n, d, u = 9, 4, 2
+    roots = rng.normal(size=(u, d, d)) * [1.0, 0.5, 0.1, 0.0]  # the last state has no noise
+    first = np.array([0, 2, 2, 3, 5, 6, 6, 8, 9, 11])
+    return linear.Problem(
+        rng.normal(size=d), np.diag([1e6, 1.0, 0.0, 4.0]), np.eye(d) + 0.1 * rng.normal(
+            size=(u, d, d)), roots @ roots.transpose(0, 2, 1), rng.integers(0, u, n), first,
+        rng.normal(size=(11, d)), rng.normal(size=11), rng.uniform(1e-3, 1.0, 11),
+    )
+
+
+def stacked(problem: linear.Problem) -> tuple[np.ndarray, np.ndarray]:
+    """All states as mean and factor: z = m + L e, with e of unit covariance."""
+    def root(P: np.ndarray) -> np.ndarray:
+        values, vectors = np.linalg.eigh(P)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0)))
+
+    n, d = len(problem.which), len(problem.mean)
+    mean, factor = np.zeros((n, d)), np.zeros((n, d, (n + 1) * d))
+    m, L = problem.mean, np.zeros((d, (n + 1) * d))
+    L[:, :d] = root(problem.covariance)
+    for k, turn in enumerate(problem.which):
+        m, L = problem.phi[turn] @ m, problem.phi[turn] @ L
+        L[:, (k + 1) * d : (k + 2) * d] += root(problem.noise[turn])
+        mean[k], factor[k] = m, L
+    return mean, factor
+
+
+def batch(
+    problem: linear.Problem, node: np.ndarray, H: np.ndarray, z: np.ndarray, R: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of all states by one least-squares problem."""
+    mean, factor = stacked(problem)
+    rows = np.einsum("md,mde->me", H, factor[node]) / np.sqrt(R)[:, None]
+    off = (z - np.einsum("md,md->m", H, mean[node])) / np.sqrt(R)
+    A = np.vstack([np.eye(rows.shape[1]), rows])
+    e = np.linalg.lstsq(A, np.concatenate([np.zeros(rows.shape[1]), off]), rcond=None)[0]
+    spread = factor @ np.linalg.inv(np.linalg.qr(A, mode="r"))
+    return mean + factor @ e, spread @ spread.transpose(0, 2, 1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_linear_problem_is_solved_as_by_least_squares(seed: int) -> None:
+    problem = a_linear_problem(np.random.default_rng(seed))
+    moments = linear.smooth(problem)
+    node = np.searchsorted(problem.first, np.arange(11), side="right") - 1
+    mean, covariance = batch(problem, node, problem.H, problem.z, problem.R)
+    np.testing.assert_allclose(moments.mean, mean, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(moments.covariance, covariance, rtol=0, atol=1e-7)
+
+
+# --- Late arrivals -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("chance", [0.01, 0.2])
+def test_the_density_of_late_ranges_is_that_of_coupled(chance: float) -> None:
+    p = parameters(outlier_probability=chance)
+    residual = np.concatenate([np.linspace(-8, 40, 97), [-0.3, 0.0, 0.25]])
+    for S in (1e-4, 0.01, 0.3, 9.0):
+        ours = late.share(p, residual, S)
+        theirs = [float(ca.evalf(coupled._punctual(p, ca.SX(v), ca.SX(S)))) for v in residual]
+        np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9)
+
+
+def expected_share(p: Any, residual: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    sigma = np.sqrt(variance)
+    pi, m = p.outlier_probability, p.outlier_mean
+    inlier = (1 - pi) * norm.pdf(residual, scale=sigma)
+    other = pi * exponnorm.pdf(residual, m / sigma, scale=sigma) + 1e-4 / 50
+    return np.asarray(inlier / (inlier + other))
+
+
+# --- The whole track -----------------------------------------------------------------------------
+
+
+def predictions(p: Any, samples: Samples, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """h(x) of depth readings, and of north, east, heading and range of packets, from scratch."""
+    at = x[np.searchsorted(samples.epochs_ns, samples.range_ns)]
+    trust = p.tilt_std**2 / (p.tilt_std**2 + p.imu_tilt_std**2)
+    tilt = trust * samples.attitude[:, :2]
+    body = p.beacon_offset[samples.beacon]
+    arm = Rotation.from_euler("xyz", np.column_stack([tilt, at[:, 12]])).apply(body)
+    beacon = np.column_stack([at[:, 6:8], samples.position[:, 2]]) + arm
+    distance = np.linalg.norm(at[:, :3] - beacon, axis=1)
+    sounding = x[np.searchsorted(samples.epochs_ns, samples.depth_ns)]
+    return (
+        sounding[:, 2] + sounding[:, 17], at[:, 6] + at[:, 10], at[:, 7] + at[:, 11],
+        at[:, 12] + at[:, 14], (1 + at[:, 16]) * distance + at[:, 15],
+    )
+
+
+def range_variance(p: Any, samples: Samples, x: np.ndarray) -> np.ndarray:
+    """R of the ranges, by differences of ±1 mrad in roll and pitch."""
+    own, white = p.tilt_std**2, p.imu_tilt_std**2
+    trust, step = own / (own + white), 1e-4
+    variance = np.full(len(samples.range), p.range_std**2)
+    for axis in (0, 1):
+        turned = []
+        for sign in (1, -1):
+            attitude = samples.attitude.copy()
+            attitude[:, axis] += sign * step / trust
+            turned.append(predictions(p, replace(samples, attitude=attitude), x)[4])
+        variance += trust * white * ((turned[0] - turned[1]) / (2 * step)) ** 2
+    return variance
+
+
+def brute_force(
+    p: Any, samples: Samples, begin: tuple[linear.Problem, np.ndarray], passes: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Newton on all states at once, with numerical derivatives, from a trajectory."""
+    frame, at = begin
+    epochs, n = samples.epochs_ns, len(samples.range)
+    sounded, heard = (np.searchsorted(epochs, ns) for ns in (samples.depth_ns, samples.range_ns))
+    node = np.concatenate([sounded, heard, heard, heard, heard])
+    z = np.concatenate([
+        samples.depth, samples.position[:, 0], samples.position[:, 1], samples.attitude[:, 2],
+        samples.range,
+    ])
+    covariance = np.zeros(0)
+    for _ in range(passes):
+        h = np.concatenate(predictions(p, samples, at))
+        H = np.zeros((len(z), STATES))
+        for i in range(STATES):
+            step = np.zeros(STATES)
+            step[i] = 1e-5
+            two = [np.concatenate(predictions(p, samples, at + s * step)) for s in (1, -1)]
+            H[:, i] = (two[0] - two[1]) / 2e-5
+        R = range_variance(p, samples, at)
+        R = R / np.maximum(expected_share(p, samples.range - h[-n:], R), 1e-12)
+        variance = np.concatenate([
+            np.full(len(sounded), p.depth_std**2), np.full(2 * n, max(p.gps_std, 0.01) ** 2),
+            np.full(n, max(p.imu_heading_std, 1e-3) ** 2), R,
+        ])
+        pseudo = z - h + np.einsum("mi,mi->m", H, at[node])
+        at, covariance = batch(frame, node, H, pseudo, variance)
+    return at, covariance
+
+
+@pytest.mark.parametrize("initialisation", ["prior", "first_receptions"])
+def test_the_track_is_the_maximum_of_the_posterior(
+    initialisation: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(smoother, "CLOSE", 1e-10)
+    p = parameters(initialisation=initialisation, sound_speed_std=0.0, depth_bias_std_m=0.0)
+    samples, truth = dive(p, 3, 14)
+    track = smoothed(p, samples, truth, 200)
+    frame = model.problem(p, samples, guess(truth)[0])
+    mean, covariance = brute_force(p, samples, (frame, track.mean), 3)
+    assert track.converged
+    np.testing.assert_allclose(track.mean, mean, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(track.covariance, covariance, rtol=1e-4, atol=1e-6)
+
+
+def test_claimed_covariances_are_those_of_the_errors() -> None:
+    p = parameters()
+    values = []
+    for seed in range(30):
+        samples, truth = dive(p, seed, 60)
+        values.append(position_nees(smoothed(p, samples, truth, 20), truth))
+    assert 2.4 < np.mean(values) < 4.0  # 3 expected; the bearing bends the posterior
+
+
+def test_late_ranges_do_not_count() -> None:
+    p = parameters(outlier_probability=0.1, outlier_mean_m=3.0)
+    samples, truth = dive(p, 1, 60, late=0.0)
+    late_ones = np.arange(len(samples.range)) % 9 == 4
+    spoilt = replace(samples, range=samples.range + 6.0 * late_ones)
+    clean, track = smoothed(p, samples, truth), smoothed(p, spoilt, truth)
+    assert track.punctual[late_ones].max() < 1e-6
+    assert np.median(track.punctual[~late_ones]) > 0.9
+    move = np.linalg.norm((track.mean - clean.mean)[:, :3], axis=1)
+    assert np.sqrt((move**2).mean()) < 0.5
+
+
+def test_a_gap_without_packets_is_bridged_from_both_sides() -> None:
+    p = parameters()
+    samples, truth = dive(p, 2, 90, late=0.0)
+    seconds = samples.range_ns / 1e9
+    whole = smoothed(p, samples, truth)
+    track = smoothed(p, without(samples, (seconds > 30) & (seconds < 60)), truth)
+    wider = np.trace(track.covariance[:, :3, :3], axis1=1, axis2=2)
+    wider /= np.trace(whole.covariance[:, :3, :3], axis1=1, axis2=2)
+    assert 34 < wider.argmax() < 56  # widest in the middle
+    assert wider[44] > 1.5 * max(wider[10], wider[80])
+    assert position_nees(track, truth) < 9
+
+
+def test_two_beacons_alone_are_used() -> None:
+    p = parameters()
+    samples, truth = dive(p, 5, 90, late=0.0)
+    seconds = samples.range_ns / 1e9
+    stretch = (seconds > 30) & (seconds < 60)
+    two, none = (
+        smoothed(p, without(samples, stretch & np.isin(samples.beacon, lost)), truth)
+        for lost in ([2, 3], [0, 1, 2, 3])
+    )
+    assert position_nees(two, truth) < 9
+    assert np.trace(two.covariance[44, :2, :2]) < np.trace(none.covariance[44, :2, :2])
+
+
+def test_packets_with_own_positions_only() -> None:
+    p = parameters()
+    samples, truth = dive(p, 6, 60, late=0.0)
+    at = truth[np.searchsorted(samples.epochs_ns, samples.range_ns)]
+    rng = np.random.default_rng(1)
+    heading = at[:, [12]] + at[:, [14]]
+    arm = Rotation.from_euler("z", heading).apply(p.beacon_offset[samples.beacon])
+    place = np.column_stack([at[:, 6:8] + at[:, 10:12], 0 * at[:, 0]]) + arm
+    place[:, :2] += p.gps_std * rng.standard_normal((len(at), 2))
+    own = replace(
+        samples, position=place, has_pose=np.zeros(len(at), bool), attitude=0 * samples.attitude
+    )
+    track = smoothed(p, own, truth)
+    assert track.converged
+    assert position_nees(track, truth) < 9
+    assert np.abs(track.mean[:, 12] + track.mean[:, 14] - truth[:, 12] - truth[:, 14]).max() < 0.2
+
+
+def test_smoothing_again_gives_equal_bits() -> None:
+    p = parameters()
+    samples, truth = dive(p, 7, 20)
+    one, two = (smoothed(p, samples, truth) for _ in range(2))
+    assert np.array_equal(one.mean, two.mean)
+    assert np.array_equal(one.covariance, two.covariance)
+    assert one.steps_m == two.steps_m
+
+
+def test_the_pose_that_positions_of_beacons_tell() -> None:
+    body = np.array([[3.0, 0, 0.5], [0, 3, 0.2], [-3, 0, 0.5], [0, -3, 0.9]])
+    angles = np.array([0.05, -0.08, 2.5])
+    points = Rotation.from_euler("xyz", angles).apply(body) + np.array([1.0, 2.0, 0.3])
+    position, attitude = pose_of(points, body)
+    np.testing.assert_allclose(position, [1, 2, 0.3], atol=1e-12)
+    np.testing.assert_allclose(attitude, angles, atol=1e-12)
