@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 
 from .scenario import load
-from .schema import COMMON, PATH, TRUE, in_file_units, rows, toml
+from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
 
 _IN_USE: Mapping[str, Any] = {
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 1, "duration_s": PATH},
@@ -115,6 +116,7 @@ def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
         value = _EXAMPLES[key]
         return tuple(x for row in value for x in row) if variable is not None else value
     if variable is not None:
-        return variable.starts[0]
+        component = next(c for c in COMPONENTS.values() if variable in c.variables)
+        return default(component, variable)
     # For an optional choice, take its first name.
     return annotation.__args__[0].__args__[0]
