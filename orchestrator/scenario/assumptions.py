@@ -5,7 +5,7 @@ The table in ``models/receiver/README.md`` says which comes from which.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import hypot, pi, sqrt
 from typing import Any
 
@@ -16,6 +16,54 @@ _DRIFT_MEMORY = 100.0
 does."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
 
+SOURCES: Mapping[str, Sequence[str]] = {
+    "beacon_offset_m": ("platform.arm_length_m", "platform.beacon_depth_m"),
+    "gps_std_m": ("platform.gps_horizontal_std_m",),
+    "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
+    "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
+    "gps_bias_std_m": ("platform.gps_horizontal_bias_std_m", "platform.gps_antenna_offset_m"),
+    "gps_vertical_std_m": (
+        "platform.gps_vertical_std_m", "platform.gps_vertical_markov_std_m",
+        "platform.gps_vertical_bias_std_m", "platform.gps_antenna_offset_m",
+    ),
+    "platform_velocity_std_m_s": (
+        "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
+        "platform.sway_frequency_Hz",
+    ),
+    "platform_velocity_time_s": (
+        "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
+        "platform.sway_frequency_Hz",
+    ),
+    "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg"),
+    "imu_heading_std_deg": ("platform.imu_heading_std_deg",),
+    "imu_heading_error_std_deg": (
+        "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
+        "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
+    ),
+    "imu_heading_error_time_s": (
+        "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
+        "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
+        "platform.imu_correlation_time_s",
+    ),
+    "imu_tilt_std_deg": (
+        "platform.imu_tilt_std_deg", "platform.imu_tilt_bias_deg",
+        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg",
+    ),
+    "outlier_probability": ("acoustics.outlier_probability", "acoustics.outlier_mean_m"),
+    "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
+    "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
+    "clock_std_m": (
+        "acoustics.clock_offset_s", "acoustics.processing_delay_s",
+        "acoustics.processing_delay_correction_s", "acoustics.assumed_sound_speed_m_s",
+    ),
+    "clock_walk_psd_m2_s": ("acoustics.clock_drift_s_s", "acoustics.assumed_sound_speed_m_s"),
+    "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
+    "depth_bias_std_m": ("target.depth_bias_m",),
+}
+"""Keys of ``[receiver]``, and the keys that each follows from."""
+
 
 def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     """Keys of ``[receiver]`` and their values, in the units of a scenario file.
@@ -23,7 +71,8 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     Parameters
     ----------
     target, platform, acoustics
-        Tables of the scenario, complete.
+        Tables of the scenario, complete. Of a component of somebody else only what is given is
+        known: nothing follows from the starts of ours.
     """
     swing, swing_time = _motion(platform, ("surge", "sway"))
     turning, turning_time = _motion(platform, ("yaw",))
@@ -34,7 +83,7 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     speed = acoustics.assumed_sound_speed_m_s
     delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
-    n, e, _ = platform.gps_antenna_offset_m
+    n, e, d = platform.gps_antenna_offset_m
     values = {
         "beacon_offset_m": _cross(platform.arm_length_m, platform.beacon_depth_m),
         "gps_std_m": platform.gps_horizontal_std_m,
@@ -43,7 +92,7 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / sqrt(2), e / sqrt(2)),
         "gps_vertical_std_m": hypot(
             platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
-            platform.gps_vertical_bias_std_m,
+            platform.gps_vertical_bias_std_m, d,
         ),
         "platform_velocity_std_m_s": swing,
         "platform_velocity_time_s": swing_time,
@@ -68,7 +117,19 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": abs(target.depth_bias_m),
     }
-    return {key: value for key, value in values.items() if value is not None}
+    tables = {"target": target, "platform": platform, "acoustics": acoustics}
+    return {
+        key: value for key, value in values.items()
+        if value is not None and _known(tables, SOURCES[key])
+    }
+
+
+def _known(tables: Mapping[str, Any], sources: Sequence[str]) -> bool:
+    """Whether the scenario says one of these keys of the component that it describes."""
+    pairs = (source.split(".") for source in sources)
+    return any(
+        tables[name].fmu is None or key in tables[name].model_fields_set for name, key in pairs
+    )
 
 
 def _cross(arm: float, depth: float) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sblcosim.models import RECEIVERS
+from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 
 from .scenario import load
@@ -115,8 +115,8 @@ def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
     if key in _EXAMPLES:
         value = _EXAMPLES[key]
         return tuple(x for row in value for x in row) if variable is not None else value
-    if variable is not None:  # a key of another receiver
-        component = next(r for r in RECEIVERS.values() if variable in r.variables)
+    if variable is not None:
+        component = next(c for c in COMPONENTS.values() if variable in c.variables)
         return default(component, variable)
     # For an optional choice, take its first name.
     return annotation.__args__[0].__args__[0]

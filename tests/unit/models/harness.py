@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.loading import load
-from sblcosim.models.ports import RECEPTION
+from sblcosim.models.ports import PING_POSE, RECEPTION
 from stepper import Noise, Stepper
 
 Array = NDArray[np.float64]
@@ -18,6 +18,8 @@ Path = Callable[[float], tuple[Array, Array]]
 """``path(t)``: true position in m and velocity in m/s, NED, at time t in s."""
 Beacons = Callable[[float], Array]
 """``beacons(t)``: positions of the beacons at time t, m, NED, (4, 3)."""
+Pose = Callable[[float], tuple[Array, Array]]
+"""``pose(t)``: position in m and roll, pitch, yaw in rad that the platform reports at time t."""
 
 NS = 10**9
 CROSS = np.array([[3.0, 0.0, 0.5], [0.0, 3.0, 0.5], [-3.0, 0.0, 0.5], [0.0, -3.0, 0.5]])
@@ -83,6 +85,7 @@ def dive(
     depth_std: float = 0.0,
     beacons: Beacons = lambda t: CROSS,
     reported: Beacons | None = None,
+    pose: Pose | None = None,
     noise: Noise | None = None,
     seed: int = 1,
 ) -> Dive:
@@ -94,17 +97,21 @@ def dive(
         noise=noise, seed=seed,
     )
     box = Stepper(model(receiver), {"update_interval": ratio * sampling_time, **(parameters or {})})
+    takes = {v.name for v in box.model.component.of("input")}
     rng = np.random.default_rng(seed)
     depth = depth_epoch = 0.0
     rows, inputs = [], []
     for n in range(steps):
         t = n * T
         position, velocity = path(t / NS)
-        received = {v.name: channel.y[v.name] for v in RECEPTION}
+        received = {v.name: channel.y[v.name] for v in (*RECEPTION, *PING_POSE) if v.name in takes}
         channel.set(
             target_position=position, target_velocity=velocity, beacon_position=beacons(t / NS),
             reported_beacon_position=(reported or beacons)(t / NS),
         )
+        if pose is not None:
+            place, attitude = pose(t / NS)
+            channel.set(reported_position=place, reported_attitude=attitude)
         if n % ratio == 0:
             box.set(**received, depth=depth, depth_epoch=depth_epoch)
             before = box.y

@@ -187,9 +187,10 @@ def test_defaults_of_the_receivers() -> None:
         "sequential": sensors | motion | {"gate": 4.0, "gate_limit": 5},
         "multilateration": sensors,
     }
-    for name, values in expected.items():
-        found = {v.name: v.starts if v.shape else v.start for v in RECEIVERS[name].of("parameter")}
-        assert found == values
+    for name, parameters in expected.items():
+        found = {v.name: v.starts if v.shape else v.start
+                 for v in RECEIVERS[name].of("parameter")}
+        assert found == parameters
 
 
 def test_it_starts_anew_when_the_limit_is_reached() -> None:

@@ -1,0 +1,459 @@
+"""The receiver `coupled` a second time: full matrices in NumPy, from its definitions.
+
+Derivatives are complex steps of the plain functions, moments are sums over a grid, erfc is SciPy's,
+and a start is least squares over position and clock by SciPy. Nothing is taken from the component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import erfc, erfcx
+
+Array = NDArray[np.float64]
+N = 18
+X, V, P_, W, G = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10), slice(10, 12)
+PSI, RATE, E_PSI, BETA, KAPPA, BIAS = range(12, 18)
+J = np.array([[0.0, -1.0], [1.0, 0.0]])
+_GRID = np.linspace(-10, 10, 801)
+_DENSITY = np.exp(-(_GRID**2) / 2) / np.exp(-(_GRID**2) / 2).sum()
+
+
+def gradient(f: Callable[[Any], Any], x: Array) -> Array:
+    """Derivatives of f, which may be a column, by complex steps; a row per element of f."""
+    steps = x + 1e-30j * np.eye(len(x))
+    return np.stack([np.imag(f(step)) / 1e-30 for step in steps], axis=-1)
+
+
+def turn(angle: Any) -> Any:
+    """Rotation by an angle, (2, 2)."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
+    """R_z(yaw) R_y(pitch) R_x(roll)."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    z = np.zeros((3, 3), dtype=np.result_type(roll, pitch, yaw, float))
+    z[:2, :2], z[2, 2] = turn(yaw), 1
+    return z @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array(
+        [[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+
+
+def length(v: Any) -> Any:
+    """Euclidean length, also of complex steps."""
+    return np.sqrt((v * v).sum())
+
+
+def wrapped_moments(s: float) -> tuple[float, float, float]:
+    """Of an angle γ ~ N(0, s): E cos γ, Var cos γ, and what the line k γ leaves of sin γ."""
+    angle = np.sqrt(s) * _GRID
+    k = _DENSITY @ np.cos(angle)
+    return k, _DENSITY @ (np.cos(angle) - k) ** 2, _DENSITY @ (np.sin(angle) - k * angle) ** 2
+
+
+def fit(points: Array, body: Array) -> tuple[Array, Array]:
+    """Position and rotation that bring body-frame points to where they are said to be."""
+    s, b = points - points.mean(0), body - body.mean(0)
+    inverse = np.linalg.inv(b[:, :2].T @ b[:, :2])
+    e_z = np.array([0.0, 0.0, 1.0])
+    for _ in range(4):
+        columns = (s - np.outer(b[:, 2], e_z)).T @ b[:, :2] @ inverse
+        e_x = columns[:, 0] / length(columns[:, 0])
+        e_y = columns[:, 1] - e_x * (e_x @ columns[:, 1])
+        e_y = e_y / length(e_y)
+        e_z = np.cross(e_x, e_y)
+    R = np.column_stack([e_x, e_y, e_z])
+    return points.mean(0) - R @ body.mean(0), R
+
+
+def punctual(p: Mapping[str, Any], nu: float, S: float) -> float:
+    """Probability that a range is not late."""
+    chance, m = p["outlier_probability"], p["outlier_mean"]
+    normal = np.exp(-(nu**2) / (2 * S))
+    a = (np.sqrt(S) / m - nu / np.sqrt(S)) / np.sqrt(2)
+    late = normal * erfcx(a) if a > 0 else np.exp(S / (2 * m**2) - nu / m) * erfc(a)
+    inside = (1 - chance) * normal / np.sqrt(2 * np.pi * S)
+    return float(inside / (inside + chance / (2 * m) * late + 1e-4 / 50))
+
+
+def retracted(mean: Array, d: Any) -> Any:
+    """The correction d taken along the arc about the platform."""
+    y = mean[:2] - mean[P_]
+    radius = length(y)
+    e_r = y / radius
+    e_t = J @ e_r
+    d_y = d[:2] - d[P_]
+    out, angle = e_r @ d_y, e_t @ d_y / radius
+    M = turn(angle)
+    result = mean + d
+    result[:2] = mean[P_] + d[P_] + M @ (y + out * e_r)
+    result[3:5] = M @ (mean[3:5] + d[3:5] - angle * (J @ mean[3:5]))
+    return result
+
+
+def retract(mean: Array, P: Array, d: Array) -> tuple[Array, Array]:
+    """Mean and covariance after the correction d."""
+    y = mean[:2] - mean[P_]
+    radius = length(y)
+    d_y = d[:2] - d[P_]
+    if radius <= 1 or y @ d_y / radius <= -radius / 2 or abs((J @ y) @ d_y) / radius**2 >= 1:
+        return mean + d, P
+    A = gradient(lambda d: retracted(mean, d), d)
+    return retracted(mean, d), A @ P @ A.T
+
+
+class Reference:
+    """One receiver; `tick` takes its inputs, attributes are its outputs."""
+
+    def __init__(self, p: Mapping[str, Any]) -> None:
+        self.p = p
+        self.ready = p["initialisation"] == 2
+        self.located, self.score, self.restarts, self.updates = False, 0.0, 0, 0
+        self.nis, self.degrees, self.epoch, self.depth_epoch = 0.0, 0, 0.0, 0.0
+        self.counts = np.zeros(4)
+        self.down = 0.0
+        self.arm, self.places = np.zeros((4, 3)), [[] for _ in range(4)]  # type: Any
+        self.mean = np.zeros(N)
+        self.mean[X], self.mean[V] = p["prior_position"], p["prior_velocity"]
+        std = np.zeros(N)
+        std[X], std[V] = p["prior_position_std"], p["prior_velocity_std"]
+        std[W], std[G] = p["platform_velocity_std"], p["gps_markov_std"]
+        std[[RATE, E_PSI, BETA, KAPPA, BIAS]] = [
+            p[f"{name}_std"] for name in
+            ("heading_rate", "imu_heading_error", "clock", "sound_speed", "depth_bias")
+        ]
+        self.P = np.diag(std**2)
+
+    def tick(self, u: Mapping[str, Any]) -> None:
+        """One update with what is new on the inputs."""
+        queue = [(u["range_epoch"][i], 1 + i)
+                 for i in np.flatnonzero(u["reception_count"] != self.counts)]
+        if u["depth_epoch"] != self.depth_epoch:
+            queue.append((u["depth_epoch"], 0))
+        self.counts, self.depth_epoch = u["reception_count"], u["depth_epoch"]
+        if not queue:
+            return
+        enough = (self.counts > 0).sum() >= 3 and self.depth_epoch > 0
+        fix = False
+        if self.ready:
+            self.nis, self.degrees = 0.0, 0
+        using = self.ready
+        queue.sort()
+        for n, (epoch, which) in enumerate(queue):
+            self.predict(max(epoch - self.epoch, 0.0))
+            self.epoch = max(epoch, self.epoch)
+            if which:
+                self.packet(u, which - 1, using)
+            elif using:
+                self.depth(u["depth"])
+            if n + 1 < len(queue) and which == 0 and queue[n + 1][0] == epoch:
+                continue  # a depth and a packet are one
+            too_fast = length(self.mean[V]) > self.p["speed_limit"]
+            if using and enough and self.located and (self.score > 12 or too_fast):
+                self.score, using, fix = 0.0, False, True
+                self.restarts += 1
+        if enough and self.located and not self.ready:
+            self.ready = fix = True
+        self.updates += self.ready
+        if fix:
+            self.anew(u)
+
+    def predict(self, dt: float) -> None:
+        """Propagate by dt."""
+        p, F, Q = self.p, np.eye(N), np.zeros((N, N))
+        q = p["acceleration_psd"]
+        for i in range(3):
+            pair = np.ix_([i, i + 3], [i, i + 3])
+            F[pair] = [[1, dt], [0, 1]]
+            Q[pair] = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        for pairs, std, tau in (
+            ([(6, 8), (7, 9)], p["platform_velocity_std"], p["platform_velocity_time"]),
+            ([(PSI, RATE)], p["heading_rate_std"], p["heading_rate_time"]),
+        ):
+            a = np.exp(-dt / tau)
+            noise = 2 * std**2 / tau
+            corner = noise * tau**2 * (dt - 2 * tau * (1 - a) + tau * (1 - a**2) / 2)
+            side = noise * tau**2 * (1 - 2 * a + a**2) / 2
+            for pair in pairs:
+                F[np.ix_(pair, pair)] = [[1, tau * (1 - a)], [0, a]]
+                Q[np.ix_(pair, pair)] = [[corner, side], [side, noise * tau * (1 - a**2) / 2]]
+        for states, std, tau in (
+            ((10, 11), p["gps_markov_std"], p["gps_correlation_time"]),
+            ((E_PSI,), p["imu_heading_error_std"], p["imu_heading_error_time"]),
+        ):
+            for i in states:
+                F[i, i] = np.exp(-dt / tau)
+                Q[i, i] = std**2 * (1 - F[i, i] ** 2)
+        Q[BETA, BETA] = p["clock_walk_psd"] * dt
+        self.mean = F @ self.mean
+        self.P = F @ self.P @ F.T + Q
+
+    def update(self, nu: float, H: Array, R: float, weight: float = 1.0) -> tuple[Array, float]:
+        """A scalar update that is true with probability ``weight``: correction and NIS."""
+        c = self.P @ H
+        S = H @ c + R
+        K = c / S
+        self.P = self.P - weight * S * np.outer(K, K)
+        self.P += weight * (1 - weight) * nu**2 * np.outer(K, K)
+        return weight * nu * K, weight * nu**2 / S
+
+    def depth(self, z: float) -> None:
+        """A reading of the depth sensor."""
+        H = np.zeros(N)
+        H[[2, BIAS]] = 1
+        d, nis = self.update(z - H @ self.mean, H, max(self.p["depth_std"], 1e-3) ** 2)
+        self.mean = self.mean + d
+        self.nis += nis
+        self.degrees += 1
+
+    def packet(self, u: Mapping[str, Any], i: int, using: bool) -> None:
+        """The packet of a beacon: its pose or place, then its range."""
+        p = self.p
+        newest = u["range_epoch"][i] == u["range_epoch"].max()
+        body, own = p["beacon_offset"][i], u["ping_beacon_position"][i]
+        self.places[i].append(own[:2])
+        source, attitude, variance, enough = p["pose_source"], None, 0.0, True
+        if source == 1 and (u["ping_platform_position"][i].any()
+                            or u["ping_platform_attitude"][i].any()):
+            position, attitude = u["ping_platform_position"][i], u["ping_platform_attitude"][i]
+        elif source != 3 and newest:
+            position, R = fit(u["packet_beacon_position"], p["beacon_offset"])
+            attitude = angles(R)
+        first = attitude
+        if attitude is None:
+            heard = [n for n in range(4) if self.places[n]]
+            total = sum(len(self.places[n]) for n in heard)
+            arms = np.concatenate([[p["beacon_offset"][n, :2]] * len(self.places[n])
+                                   for n in heard])
+            square = ((arms - arms.mean(0)) ** 2).sum()
+            variance = max(p["gps_std"], 0.01) ** 2 / max(square, 1e-12)
+            enough = len(heard) >= 3 and (variance < 0.12 or total >= 12)
+            variance = min(variance, np.pi**2 / 3)
+            if enough:
+                points = np.array([[*np.mean(self.places[n], 0), u["ping_beacon_position"][n, 2]]
+                                   for n in heard])
+                position, R = fit(points, p["beacon_offset"][heard])
+                first = angles(R)
+        if not self.located and enough:
+            self.located = True
+            states = [6, 7, PSI]
+            self.mean[states] = [*position[:2], first[2]]
+            self.P[states, :] = self.P[:, states] = 0
+            self.P[states, states] = [900, 900, 100]
+            if attitude is None:  # ψ + e_ψ is what they say
+                self.mean[PSI] -= self.mean[E_PSI]
+                self.P[PSI, PSI] = variance + self.P[E_PSI, E_PSI]
+                self.P[PSI, E_PSI] = self.P[E_PSI, PSI] = -self.P[E_PSI, E_PSI]
+        own_square, white = p["tilt_std"] ** 2, p["imu_tilt_std"] ** 2
+        if attitude is None:
+            self.down, roll, pitch, tilt_variance = own[2] - body[2], 0.0, 0.0, own_square
+        else:
+            trust = own_square / (own_square + white) if own_square else 0.0
+            self.down, tilt_variance = position[2], trust * white
+            roll, pitch = trust * attitude[0], trust * attitude[1]
+        self.arm[i] = rotation(roll, pitch, 0.0) @ body
+        if not self.located:
+            return
+        if attitude is None:
+            self.place(own[:2], body)
+        else:
+            self.pose(position, attitude[2])
+        if using:
+            self.range(u["range"][i], body, roll, pitch, tilt_variance)
+
+    def pose(self, position: Array, heading: float) -> None:
+        """A reported position and heading: linear, so that one correction is all three."""
+        R = max(self.p["gps_std"], 0.01) ** 2
+        H = np.zeros((3, N))
+        H[0, [6, 10]] = H[1, [7, 11]] = H[2, [PSI, E_PSI]] = 1
+        z = np.array([*position[:2], heading]) - H @ self.mean
+        z[2] = (z[2] + np.pi) % (2 * np.pi) - np.pi
+        self.batch(z, H, np.diag([R, R, max(self.p["imu_heading_std"], 1e-3) ** 2]))
+
+    def place(self, place: Array, body: Array) -> None:
+        """A reported place of a beacon, with the best line over the heading's spread."""
+        spread = self.P[np.ix_([PSI, E_PSI], [PSI, E_PSI])].sum()
+        k, by_cos, by_sin = wrapped_moments(spread)
+        arm = turn(self.mean[PSI] + self.mean[E_PSI]) @ body[:2]
+        across = J @ arm
+
+        def h(x: Any) -> Any:
+            return x[P_] + x[G] + k * (turn(x[PSI] + x[E_PSI]) @ body[:2])
+
+        R = max(self.p["gps_std"], 0.01) ** 2 + by_cos * arm**2 + by_sin * across**2
+        self.batch(place - h(self.mean), gradient(h, self.mean), np.diag(R))
+
+    def batch(self, z: Array, H: Array, R: Array) -> None:
+        """A linear update with several measurements at once."""
+        K = np.linalg.solve(H @ self.P @ H.T + R, H @ self.P).T
+        rest = np.eye(N) - K @ H
+        self.P = rest @ self.P @ rest.T + K @ R @ K.T
+        self.mean, self.P = retract(self.mean, self.P, K @ z)
+
+    def range(
+        self, z: float, body: Array, roll: float, pitch: float, tilt_variance: float
+    ) -> None:
+        """A range, over the spread of bearing and heading."""
+        p, mean, P = self.p, self.mean, self.P
+
+        def h(x: Any, roll: Any = roll, pitch: Any = pitch) -> Any:
+            s = rotation(roll, pitch, x[PSI]) @ body
+            s[:2] += x[P_]
+            s[2] += self.down
+            return (1 + x[KAPPA]) * length(x[X] - s) + x[BETA]
+
+        H = gradient(h, mean)
+        by_tilt = gradient(lambda a: h(mean.astype(complex), a[0], a[1]), np.array([roll, pitch]))
+        R = max(p["range_std"], 1e-3) ** 2 + tilt_variance * (by_tilt @ by_tilt)
+        R += H[2] ** 2 * p["gps_vertical_std"] ** 2
+        value = h(mean)
+        y = mean[:2] - mean[P_]
+        radius = length(y)
+        if radius > 1:
+            e_t = J @ y / radius
+            D = np.zeros((2, N))
+            D[:, :2], D[:, P_] = np.eye(2), -np.eye(2)
+            bearing = e_t @ D / radius
+            spread = np.zeros(N)
+            spread[PSI] = 1
+            turned = min(max((bearing - spread) @ P @ (bearing - spread) - P[PSI, PSI], 0), 2)
+            k, by_cos, by_sin = wrapped_moments(P[PSI, PSI])
+            rho = (value - mean[BETA]) / (1 + mean[KAPPA])
+            arm = y @ (rotation(roll, pitch, mean[PSI]) @ body)[:2] / rho
+            first = (H[:2] @ e_t) * radius
+            second = 0.5 * (k * arm - first**2 / rho) * turned
+            H[PSI] *= k
+            H -= (1 - k) * first * bearing
+            value += (1 - k) * arm + second
+            R += by_cos * arm**2 + by_sin * first**2 + 2 * second**2
+        nu = z - value
+        share = punctual(p, nu, H @ P @ H + R)
+        d, nis = self.update(nu, H, R, share)
+        self.mean, self.P = retract(self.mean, self.P, d)
+        self.nis += nis
+        self.degrees += share > 0.5
+        evidence = np.log(0.9 / max(p["outlier_probability"], 0.01))
+        self.score = max(0.0, self.score + (1 - share) * evidence - 1.1 * share)
+
+    def anew(self, u: Mapping[str, Any]) -> None:
+        """A fix from the newest receptions: least squares over position and clock."""
+        p, mean = self.p, self.mean
+        heard = np.flatnonzero(self.counts)
+        newest = max(u["range_epoch"].max(), u["depth_epoch"])
+        age = newest - u["range_epoch"][heard]
+        center = np.array([*mean[P_], self.down])
+        beacons = center + self.arm[heard] @ rotation(0.0, 0.0, mean[PSI]).T
+        beacons[:, :2] -= age[:, None] * mean[W]
+        z = u["range"][heard]
+        moved = p["prior_velocity_std"] * np.append(age, newest - u["depth_epoch"])
+        variances = np.append(np.full(len(heard), max(p["range_std"], 1e-3) ** 2),
+                              max(p["depth_std"], 1e-3) ** 2 + p["depth_bias_std"] ** 2) + moved**2
+        x = np.append(closed_form(beacons, z, u["depth"]), 0.0)
+
+        for _ in range(20):  # the clock's prior depends on the distance
+            ahead = length(x[:3] - center)
+            offset = p["clock_std"] ** 2 + (p["sound_speed_std"] * ahead) ** 2 + 1e-6
+            scales = np.sqrt(np.concatenate([variances, [offset, 900, 900]]))
+
+            def residuals(x: Any, scales: Array = scales) -> Any:
+                predicted = [length(x[:3] - s) + x[3] for s in beacons]
+                return (np.array([*z, u["depth"], 0, *center[:2]])
+                        - np.array([*predicted, x[2], x[3], x[0], x[1]])) / scales
+
+            x = least_squares(residuals, x, jac=lambda x: gradient(residuals, x), method="lm",
+                              xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        rows = gradient(residuals, x)
+        information = rows.T @ rows
+        cost = (residuals(x) ** 2).sum()
+        near = np.diag([1 / 900, 1 / 900, 0])
+        with_clock = information[:3, 3] / information[3, 3]
+        alone = information[:3, :3] - np.outer(with_clock, information[:3, 3]) - near
+        doubt = max(1.0, cost / max(len(heard) - 2, 1))
+        own = np.linalg.inv(alone / doubt + near)
+        gain = np.array([p["clock_std"] ** 2, p["sound_speed_std"] ** 2 * ahead]) / offset
+        common = (with_clock, 1 / information[3, 3], offset, gain)
+        self.join(x, own, common, 1 / variances[-1] / doubt)
+
+    def join(
+        self, x: Array, own: Array, common: tuple[Array, float, float, Array], depth_weight: float
+    ) -> None:
+        """Mean and covariance: errors of the diver are those of the fix and of the platform."""
+        lean, alone, offset, gain = common
+        p, fresh = self.p, [0, 1, 2, 3, 4, 5, BETA, KAPPA, BIAS]
+        y = x[:2] - self.mean[P_]
+        bias = p["depth_bias_std"] ** 2
+        # Independent parts: fix without the bias, bias, what the offset has alone, v, platform.
+        T = np.eye(N)
+        T[fresh] = 0
+        T[:2, P_] = np.eye(2)
+        T[:2, PSI] = J @ y
+        self.P[fresh, :] = self.P[:, fresh] = 0
+        self.P = T @ self.P @ T.T
+        through = np.zeros(N)  # by an error of 1 m of the bias
+        through[X] = -own[:, 2] * depth_weight
+        through[[BETA, KAPPA]] = -gain * (lean @ through[X])
+        through[BIAS] = 1
+        fixed = np.zeros((N, 3))
+        fixed[X] = np.eye(3)
+        fixed[[BETA, KAPPA]] = -np.outer(gain, lean)
+        rest = own - bias * np.outer(through[X], through[X])
+        self.P += fixed @ rest @ fixed.T + bias * np.outer(through, through)
+        # Clock and speed: what the offset tells of them, and what it does not.
+        both = np.ix_([BETA, KAPPA], [BETA, KAPPA])
+        prior = np.diag([p["clock_std"] ** 2, p["sound_speed_std"] ** 2])
+        self.P[both] += alone * np.outer(gain, gain) + prior - offset * np.outer(gain, gain)
+        self.P[V, V] += p["prior_velocity_std"] ** 2 * np.eye(3)
+        self.mean[fresh] = 0
+        self.mean[X], self.mean[[BETA, KAPPA]] = x[:3], gain * x[3]
+        self.nis, self.degrees = 0.0, 0
+
+    def output(self) -> dict[str, Any]:
+        """Outputs: the moments of the banana, in the order of the ports."""
+        p, mean, P = self.p, self.mean.copy(), self.P.copy()
+        y = mean[:2] - mean[P_]
+        radius = length(y)
+        if radius > 1:
+            e_r = y / radius
+            e_t = J @ e_r
+            P_yy = P[:2, :2] - P[:2, P_] - P[P_, :2] + P[P_, P_]
+            bearing = min(e_t @ P_yy @ e_t / radius**2, 2)
+            s = bearing * np.clip(1 - e_r @ P_yy @ e_r / (bearing * radius**2), 0, 1)
+            c, sn = np.cos(np.sqrt(s) * _GRID), np.sin(np.sqrt(s) * _GRID)
+            along, across = _DENSITY @ (c - _DENSITY @ c) ** 2, _DENSITY @ sn**2 - s
+            mean[:2] = mean[P_] + y * (_DENSITY @ c)
+            P[:2, :2] += radius**2 * (along * np.outer(e_r, e_r) + across * np.outer(e_t, e_t))
+        D = np.zeros((3, N))
+        D[:, X], D[:2, P_] = np.eye(3), -np.eye(2)
+        relative = D @ P @ D.T
+        relative[2, 2] += p["gps_vertical_std"] ** 2
+        P[:2, :2] += p["gps_bias_std"] ** 2 * np.eye(2)
+        order = [0, 3, 1, 4, 2, 5]
+        platform = np.array([*mean[P_], self.down])
+        return {
+            "epoch": self.epoch, "update_count": self.updates,
+            "position": mean[X], "velocity": mean[V], "covariance": P[np.ix_(order, order)],
+            "platform_position": platform, "relative_position": mean[X] - platform,
+            "relative_covariance": relative,
+            "clock_offset": mean[BETA] / p["assumed_sound_speed"],
+            "sound_speed": p["assumed_sound_speed"] / (1 + mean[KAPPA]),
+            "restart_count": self.restarts, "nis": self.nis, "nis_degrees": self.degrees,
+        }
+
+
+def angles(R: Array) -> Array:
+    """Roll, pitch, yaw of a rotation."""
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), -np.arcsin(R[2, 0]),
+                     np.arctan2(R[1, 0], R[0, 0])])
+
+
+def closed_form(beacons: Array, z: Array, depth: float) -> Array:
+    """A position from differences of squared ranges, at a depth."""
+    mean = beacons.mean(0)
+    q = beacons - mean
+    right = ((q**2).sum(1) - z**2) / 2 - q[:, 2] * (depth - mean[2])
+    horizontal = np.linalg.lstsq(q[:, :2].T @ q[:, :2], q[:, :2].T @ right, rcond=None)[0]
+    return np.array([*(mean[:2] + horizontal), depth])

@@ -1,0 +1,163 @@
+"""What `coupled` assumes of the system follows from the scenario's own values."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from math import hypot, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sblcosim.fmus.build.factory import build
+from sblcosim.models import COMPONENTS
+from sblcosim.models.receiver.variables import COUPLED
+from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.scenario.scenario import load, shipped
+from sblcosim.scenario.wiring import applied, connect
+
+COUPLED_KEYS = {v.key for v in COUPLED.of("parameter")}
+README = Path(__file__).parents[3] / "models" / "receiver" / "README.md"
+
+FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
+    ({"acoustics.range_std_m": 0.7}, "range_std_m", 0.7),
+    ({"target.depth_std_m": 0.3}, "depth_std_m", 0.3),
+    ({"platform.arm_length_m": 0.4, "platform.beacon_depth_m": 0.9}, "beacon_offset_m",
+     (0.4, 0, 0.9, 0, 0.4, 0.9, -0.4, 0, 0.9, 0, -0.4, 0.9)),
+    ({"platform.gps_horizontal_std_m": 1.7}, "gps_std_m", 1.7),
+    ({"platform.gps_horizontal_markov_std_m": 1.3}, "gps_markov_std_m", 1.3),
+    ({"platform.gps_correlation_time_s": 33.0}, "gps_correlation_time_s", 33.0),
+    ({"platform.gps_horizontal_bias_std_m": 0.8}, "gps_bias_std_m", 0.8),
+    ({"platform.gps_antenna_offset_m": (0.3, -0.4, 0.6)}, "gps_bias_std_m", 0.5 / sqrt(2)),
+    ({"platform.gps_antenna_offset_m": (0.3, -0.4, 0.6)}, "gps_vertical_std_m", 0.6),
+    ({"platform.gps_vertical_std_m": 0.2, "platform.gps_vertical_markov_std_m": 0.3,
+      "platform.gps_vertical_bias_std_m": 0.6}, "gps_vertical_std_m", 0.7),
+    ({"platform.surge_amplitude_m": 2.0, "platform.surge_frequency_Hz": 0.1,
+      "platform.sway_amplitude_m": 1.0, "platform.sway_frequency_Hz": 0.1},
+     "platform_velocity_std_m_s", 2 * pi * 0.1 * sqrt(5) / 2),
+    ({"platform.surge_amplitude_m": 2.0, "platform.surge_frequency_Hz": 0.1},
+     "platform_velocity_time_s", 1 / (2 * pi * 0.1)),
+    ({"platform.yaw_amplitude_deg": 5.0, "platform.yaw_frequency_Hz": 0.05},
+     "heading_rate_std_deg_s", 2 * pi * 0.05 * 5 / sqrt(2)),
+    ({"platform.yaw_amplitude_deg": 5.0, "platform.yaw_frequency_Hz": 0.05},
+     "heading_rate_time_s", 1 / (2 * pi * 0.05)),
+    ({"platform.roll_amplitude_deg": 3.0, "platform.pitch_amplitude_deg": 4.0}, "tilt_std_deg",
+     2.5),
+    ({"platform.imu_heading_std_deg": 0.9}, "imu_heading_std_deg", 0.9),
+    ({"platform.imu_heading_bias_deg": -2.0, "platform.imu_heading_turn_on_std_deg": 1.0,
+      "platform.imu_heading_step_deg": 2.0}, "imu_heading_error_std_deg", 3.0),
+    ({"platform.imu_heading_bias_deg": -2.0, "platform.imu_heading_markov_std_deg": 1.0},
+     "imu_heading_error_time_s", 1e6),
+    ({"platform.imu_heading_markov_std_deg": 1.0, "platform.imu_correlation_time_s": 44.0},
+     "imu_heading_error_time_s", 44.0),
+    ({"platform.imu_tilt_std_deg": 0.2, "platform.imu_tilt_bias_deg": -0.3,
+      "platform.imu_tilt_turn_on_std_deg": 0.6}, "imu_tilt_std_deg", 0.7),
+    ({"platform.imu_tilt_markov_std_deg": 0.4}, "imu_tilt_std_deg", 0.4),
+    ({"acoustics.outlier_probability": 0.2}, "outlier_probability", 0.2),
+    ({"acoustics.outlier_probability": 0.0}, "outlier_probability", 0.01),
+    ({"acoustics.outlier_probability": 1.0}, "outlier_probability", 0.9),
+    ({"acoustics.outlier_probability": 0.2, "acoustics.outlier_mean_m": 4.0}, "outlier_mean_m",
+     4.0),
+    ({"acoustics.assumed_sound_speed_m_s": 1480.0}, "assumed_sound_speed_m_s", 1480.0),
+    ({"acoustics.clock_offset_s": -1e-3}, "clock_std_m", 1.5),
+    ({"acoustics.processing_delay_s": 5e-3, "acoustics.processing_delay_correction_s": 3e-3},
+     "clock_std_m", 3.0),
+    ({"acoustics.clock_drift_s_s": -1e-6}, "clock_walk_psd_m2_s", 100 * 0.0015**2),
+    ({"acoustics.sound_speed_m_s": 1470.0}, "sound_speed_std", 1500 / 1470 - 1),
+    ({"acoustics.sound_speed_m_s": 100.0}, "sound_speed_std", 0.5),
+    ({"target.depth_bias_m": -0.11}, "depth_bias_std_m", 0.11),
+]
+
+
+@pytest.mark.parametrize(("given", "key", "expected"), FOLLOWS,
+                         ids=[f"{key} from {min(given)}" for given, key, _ in FOLLOWS])
+def test_each_number_follows_from_the_scenario(
+    given: dict[str, Any], key: str, expected: Any
+) -> None:
+    scenario = load({"receiver": {"type": "coupled"}}, given)
+    assert getattr(scenario.receiver, key) == pytest.approx(expected, rel=1e-9)
+    assert key not in scenario.receiver.model_fields_set
+    # The same, when the scenario has another receiver.
+    other = load({"receiver": {"type": "sequential"}}, given)
+    assert other.assumptions()[key] == pytest.approx(expected, rel=1e-9) if (
+        key in other.assumptions()) else expected == 1e6
+
+
+def test_all_of_them_are_tried_and_none_else_is_assumed() -> None:
+    described = {key for _, key, _ in FOLLOWS} - {"range_std_m", "depth_std_m"}
+    assert described == set(SOURCES)
+    assert set(SOURCES) < COUPLED_KEYS
+    known = {f"{name}.{v.key}" for name in ("target", "platform", "acoustics")
+             for v in COMPONENTS[name].of("parameter")}
+    assert {source for sources in SOURCES.values() for source in sources} <= known
+
+
+@pytest.mark.parametrize(("given", "key", "expected"), FOLLOWS[2:],
+                         ids=[f"{key} from {min(given)}" for given, key, _ in FOLLOWS[2:]])
+def test_the_sources_are_as_listed(given: dict[str, Any], key: str, expected: Any) -> None:
+    assert set(given) <= set(SOURCES[key])
+
+
+def test_a_given_key_wins() -> None:
+    given = {"gps_std_m": 9.0, "clock_std_m": 0.0, "tilt_std_deg": 1.0, "range_std_m": 0.9}
+    scenario = load({"receiver": {"type": "coupled", **given},
+                     "platform": {"gps_horizontal_std_m": 0.5, "roll_amplitude_deg": 3.0},
+                     "acoustics": {"clock_offset_s": 0.1, "range_std_m": 0.2}})
+    for key, value in given.items():
+        assert getattr(scenario.receiver, key) == value
+    changed = scenario.override({"platform.gps_horizontal_std_m": 0.7, "platform.beaufort": 4})
+    assert changed.receiver.gps_std_m == 9.0
+    assert changed.receiver.tilt_std_deg == 1.0
+
+
+def test_other_receivers_of_a_scenario_get_them_too() -> None:
+    scenario = load("realistic-dive")
+    assert scenario.receiver.type != "coupled"
+    run = connect(scenario, ["coupled"]).components["coupled"].parameters
+    own = connect(applied(scenario, "coupled")).components["coupled"]
+    assert run.keys() <= own.parameters.keys()
+    for name in own.parameters.keys() & run.keys():
+        assert run[name] == pytest.approx(own.parameters[name]), name
+    swing = scenario.platform
+    assert own.parameters["tilt_std"] == pytest.approx(
+        hypot(swing.roll_amplitude_deg, swing.pitch_amplitude_deg) / 2 * pi / 180)
+    for name in {v.name for v in COUPLED.of("parameter") if v.key in SOURCES}:
+        assert name in own.parameters
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_dumped_scenario_is_the_same_one(name: str) -> None:
+    scenario = applied(load(name), "coupled")
+    again = load(tomllib.loads(scenario.dump_toml()))
+    for key in COUPLED_KEYS - {"prior_position_m", "prior_velocity_m_s"}:
+        value = getattr(scenario.receiver, key)
+        assert getattr(again.receiver, key) == (
+            value if isinstance(value, str) else pytest.approx(value, rel=1e-11)), key
+
+
+def test_nothing_follows_from_what_ours_would_be_where_it_is_somebody_elses() -> None:
+    """A platform without the keys of ours is not one with a perfect GPS that never moves."""
+    tables = {"receiver": {"type": "coupled"},
+              "platform": {"fmu": str(build("platform")), "gps_horizontal_std_m": 0.5}}
+    receiver = load(tables).receiver
+    starts = {v.key: v for v in COUPLED.of("parameter")}
+    assert receiver.gps_std_m == 0.5
+    for key in ("gps_markov_std_m", "platform_velocity_std_m_s", "clock_walk_psd_m2_s"):
+        wanted = 0.0 if key.startswith("clock") else starts[key].starts[0]
+        assert getattr(receiver, key) == wanted
+    assert receiver.tilt_std_deg == pytest.approx(0.07 * 180 / pi)
+    assert receiver.beacon_offset_m == starts["beacon_offset_m"].starts
+    tables["platform"] |= {"arm_length_m": 0.4}
+    assert load(tables).receiver.beacon_offset_m[0] == 0.4
+
+
+def test_the_table_in_the_documents() -> None:
+    text = README.read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|.*\|$", text[text.index("| parameter | from"):],
+                      flags=re.MULTILINE)
+    named = {v.name: v.key for v in COUPLED.of("parameter")}
+    found = {named[name]: set(re.findall(r"`(\w+\.\w+)`", sources))
+             for names, sources in rows for name in re.findall(r"`(\w+)`", names)}
+    expected = {key: set(sources) for key, sources in SOURCES.items()}
+    expected |= {"range_std_m": {"acoustics.range_std_m"}, "depth_std_m": {"target.depth_std_m"}}
+    assert found == expected
