@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
+from math import hypot
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
@@ -111,7 +112,7 @@ class Scenario(Table):
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": DEFAULT_RECEIVER})
         update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
-        derived = {**self.assumptions(), "update_interval_s": update}
+        derived = {**self.assumptions(receiver.type), "update_interval_s": update}
         if receiver.type is None:
             derived = {
                 k: v for k, v in derived.items()
@@ -174,13 +175,17 @@ class Scenario(Table):
         for name in names or ("target", "platform", "acoustics", "receiver"):
             yield name, getattr(self, name)
 
-    def assumptions(self) -> dict[str, Any]:
-        """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system."""
+    def assumptions(self, receiver: str | None = "coupled") -> dict[str, Any]:
+        """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
+
+        One of ours that does not estimate its clock takes the clock's error for one of the ranges.
+        """
         variables = self.receiver.variables
-        levels = {
-            "range_std_m": self.acoustics.range_std_m, "depth_std_m": self.target.depth_std_m,
-            **assumed(self.target, self.platform, self.acoustics),
-        }
+        system = assumed(self.target, self.platform, self.acoustics)
+        noise = self.acoustics.range_std_m
+        if receiver in RECEIVERS and "clock_std_m" not in _starts(receiver):
+            noise = hypot(noise, system["clock_std_m"])
+        levels = {"range_std_m": noise, "depth_std_m": self.target.depth_std_m, **system}
         return {key: within(variables[key], level) for key, level in levels.items()}
 
     def given(self) -> dict[str, Any]:

@@ -192,7 +192,7 @@ def _ours(
 def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part:
     table = scenario.receiver
     if isinstance(source, str):
-        return _ours(source, table, fmi, scenario.assumptions())
+        return _ours(source, table, fmi, scenario.assumptions(source))
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return _foreign("receiver", scenario, source, own)
@@ -299,11 +299,13 @@ def _values(
     variables: Iterable[Variable], table: Any,
     assumptions: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Value]:
-    """Values of some parameters in a table, else what is assumed: FMI names and SI values."""
+    """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
     values = {}
     for v in variables:
         value = getattr(table, v.key)
-        values[v.name] = (v, assumptions.get(v.key) if value is None else value)
+        if v.key not in table.model_fields_set:
+            value = assumptions.get(v.key, value)
+        values[v.name] = (v, value)
     return {name: in_si(v, value) for name, (v, value) in values.items() if value is not None}
 
 

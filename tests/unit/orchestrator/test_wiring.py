@@ -60,6 +60,7 @@ def test_a_system_has_the_four_components_and_the_raw_fix() -> None:
     )
     assert connected(system, "acoustics") == {
         "target_position", "target_velocity", "beacon_position", "reported_beacon_position",
+        "reported_position", "reported_attitude",
     }  # fmt: skip
 
 
@@ -74,13 +75,13 @@ def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
 def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
     components = connect(PAPER, list(RECEIVERS)).components
     raw = connect(PAPER).components["raw"]
-    shared = {"range_std", "depth_std", "measurement_noise", "beacon_position_source"}
-    for spec in (raw, *(components[name] for name in RECEIVERS)):
-        taken = {key: spec.parameters[key] for key in shared}
-        assert taken == {
-            "range_std": 0.1, "depth_std": 0.01, "measurement_noise": 2,
-            "beacon_position_source": 2,
-        }  # fmt: skip
+    expected = {
+        "range_std": 0.1, "depth_std": 0.01, "measurement_noise": 2, "beacon_position_source": 2,
+    }  # fmt: skip
+    for name, spec in (("multilateration", raw), *((name, components[name]) for name in RECEIVERS)):
+        known = {v.name for v in RECEIVERS[name].of("parameter")} & expected.keys()
+        assert {"range_std", "depth_std"} <= known
+        assert {key: spec.parameters[key] for key in known} == {key: expected[key] for key in known}
 
 
 def test_the_run_ends_with_the_path_or_after_the_given_time() -> None:
