@@ -111,7 +111,7 @@ def test_a_given_key_wins() -> None:
 
 
 def test_other_receivers_of_a_scenario_get_them_too() -> None:
-    scenario = load("realistic-dive")
+    scenario = load("paper-scenario-3")
     assert scenario.receiver.type != "coupled"
     run = connect(scenario, ["coupled"]).components["coupled"].parameters
     own = connect(applied(scenario, "coupled")).components["coupled"]
