@@ -391,8 +391,8 @@ class _Batch:
         )
 
     def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
-        flat = (len(sums) * self.lanes, *sums.shape[1:3])
-        by_run = np.moveaxis(sums, 3, 1).reshape(flat)[: self.runs]
+        shape = (len(sums) * self.lanes, *sums.shape[1:3])
+        by_run = np.moveaxis(sums, 3, 1).reshape(shape)[: self.runs]
         lengths = [LENGTHS.index(length) for length in self.lengths]
         ordered = order[:, :, :, lengths].transpose(0, 4, 1, 3, 2)
         ordered = ordered.reshape(len(order) * self.lanes, *ordered.shape[2:])[: self.runs]
