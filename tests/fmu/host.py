@@ -243,6 +243,7 @@ NOISY: Mapping[str, Values] = {
                   "clock_drift": 1e-6},
     "ekf": {"acceleration_psd": 0.1},
     "sequential": {"acceleration_psd": 0.1},
+    "coupled": {"acceleration_psd": 0.1},
     "multilateration": {},
     "range_model": {},
 }
