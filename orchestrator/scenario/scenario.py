@@ -6,7 +6,7 @@ Loading fills in whatever a file leaves out, so a `Scenario` holds every number 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from math import hypot
@@ -112,7 +112,8 @@ class Scenario(Table):
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": DEFAULT_RECEIVER})
         update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
-        derived = {**self.assumptions(receiver.type), "update_interval_s": update}
+        own = RECEIVERS.get(receiver.type, ())
+        derived = {**self.assumptions([v.name for v in own]), "update_interval_s": update}
         if receiver.type is None:
             derived = {
                 k: v for k, v in derived.items()
@@ -175,15 +176,19 @@ class Scenario(Table):
         for name in names or ("target", "platform", "acoustics", "receiver"):
             yield name, getattr(self, name)
 
-    def assumptions(self, receiver: str | None = "coupled") -> dict[str, Any]:
+    def assumptions(self, parameters: Collection[str] = ("clock_std",)) -> dict[str, Any]:
         """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
 
-        One of ours that does not estimate its clock takes the clock's error for one of the ranges.
+        Parameters
+        ----------
+        parameters
+            Those of the receiver. One that does not estimate its clock takes the clock's error for
+            one of the ranges.
         """
         variables = self.receiver.variables
         system = assumed(self.target, self.platform, self.acoustics)
         noise = self.acoustics.range_std_m
-        if receiver in RECEIVERS and "clock_std_m" not in _starts(receiver):
+        if "clock_std" not in parameters:
             noise = hypot(noise, system["clock_std_m"])
         levels = {"range_std_m": noise, "depth_std_m": self.target.depth_std_m, **system}
         return {key: within(variables[key], level) for key, level in levels.items()}

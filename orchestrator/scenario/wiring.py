@@ -192,7 +192,8 @@ def _ours(
 def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part:
     table = scenario.receiver
     if isinstance(source, str):
-        return _ours(source, table, fmi, scenario.assumptions(source))
+        known = [v.name for v in RECEIVERS[source]]
+        return _ours(source, table, fmi, scenario.assumptions(known))
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return _foreign("receiver", scenario, source, own)
@@ -220,7 +221,8 @@ def _foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> 
     wanted = {*SHARED_PARAMETERS, *given}
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
-    values = {"seed": scenario.seed, **_values(table.variables.values(), table)}
+    assumed = scenario.assumptions(has) if table_name == "receiver" else {}
+    values = {"seed": scenario.seed, **_values(table.variables.values(), table, assumed)}
     parameters = {k: v for k, v in values.items() if k in has and k in wanted}
     further = table.parameters or {}
     if table.fmu is None:
