@@ -5,8 +5,8 @@ from pathlib import Path
 import sblcosim
 from matplotlib.figure import Figure
 
-result = sblcosim.run("harbour-square", receiver=["ekf", "sequential"])
-for theme, name in (("light", "harbour-square.png"), ("dark", "harbour-square-dark.png")):
+result = sblcosim.run("realistic-dive", receiver=["coupled", "ekf"])
+for theme, name in (("light", "realistic-dive.png"), ("dark", "realistic-dive-dark.png")):
     figure = result.plot_path(theme=theme).figure
     assert isinstance(figure, Figure)
     figure.savefig(Path(__file__).with_name(name), dpi=110)
