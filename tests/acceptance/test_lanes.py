@@ -264,6 +264,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
     sources = {
         "places.c": source.encode(), "lanes_master.h": lanes_driver.DRIVER.header.encode(),
         **c_files.engine_headers(),
+        **{name: (c_libraries.FOLDER / name).read_bytes() for name in lanes_driver.DRIVER.includes},
     }
     library = tmp_path / "places.so"
     library.write_bytes(
