@@ -82,7 +82,8 @@ levels = [0.1, 3.5]
     out = tmp_path / "out"
     done = call("study", study, "--out", out)
     assert done.exit_code == 0, done.stderr
-    lines = dict(line.split(": ", 1) for line in done.stdout.splitlines()[1:3])
+    said = [line.split(": ", 1) for line in done.stdout.splitlines() if ": " in line]
+    lines = dict(reversed(said))
     assert "of them inconsistent" in lines["ekf"]
     assert "consistency unknown (no estimate has a covariance), " in lines["receiver"]
     table = sblcosim.study.store.table(out)

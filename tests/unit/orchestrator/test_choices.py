@@ -113,6 +113,7 @@ CALLS |= {
                                  ("analysis.factorial.Factorial", FOUND, ()))
 }
 ELSEWHERE = {
+    "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",
     "report.study.save error": "report.factorial.find",
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
