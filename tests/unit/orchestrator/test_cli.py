@@ -369,7 +369,7 @@ def test_an_unknown_command_is_one_line(cli: Callable[..., Result]) -> None:
     done = cli("anaylse", "x")
     (line,) = done.stderr.splitlines()
     assert done.exit_code == 2
-    assert line.startswith("error: sblcosim: the command must be one of run, plan, ")
+    assert line.startswith("error: sblcosim: the command must be one of run, smooth, plan, ")
     assert line.endswith(", got 'anaylse'; did you mean 'analyse'?")
 
 
