@@ -32,7 +32,7 @@ SCENARIO: dict[str, Any] = {
     "title": "A dive",
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 10.0},
     "platform": {"arm_length_m": 0.7},
-    "receiver": {"prior": "true"},
+    "receiver": {"type": "ekf", "prior": "true"},
 }
 SCHEMAS = {
     1: files("fmpy.ssp") / "schema",
