@@ -21,6 +21,7 @@ from sblcosim.fmus.standard import Fmi
 from sblcosim.fmus.terminals import TERMINALS
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model
+from sblcosim.models.ports import PING_POSE, SYSTEM
 
 VERSIONS = get_args(Fmi)
 FUNCTIONS = set(
@@ -98,8 +99,11 @@ def test_own_receivers_honour_the_contract(
     write_fmu(tmp_path / "r.fmu", files)
     report = check_receiver(tmp_path / "r.fmu")
     assert report.ok
-    assert {f.severity for f in report.findings} == {"ok"}
     ports = {v.name for v in RECEIVERS[name] if v.causality != "parameter"}
+    optional = {v.name for v in (*PING_POSE, *SYSTEM)}
+    assert {f.variable for f in report.findings if f.severity == "ok"} == {"FMU", *ports}
+    assert {f.variable for f in report.findings if f.severity == "absent"} == optional - ports
+    assert {f.severity for f in report.findings} <= {"ok", "absent"}
     assert report.names == {port: (port,) for port in ports}
 
 
