@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import Variable, noise_keys, parameter
-from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION, REQUIRED_ESTIMATE, ports
+from sblcosim.models.ports import (
+    DEPTH,
+    ESTIMATE,
+    PING_POSE,
+    RECEPTION,
+    REQUIRED_ESTIMATE,
+    SYSTEM,
+    ports,
+)
 from scipy.optimize import least_squares
 
 from ..errors import ConfigurationError, instance, nearest, quoted
@@ -44,12 +52,20 @@ class Range:
         [m].
     beacon_position
         Where the beacon said it was, in the packet that gave the range: NED [m], shape (3,).
+    platform_position, platform_attitude
+        Where the platform said it was in that packet, NED [m], and its roll, pitch and yaw [rad];
+        shape (3,). Zeros if the packets do not say.
+    arrival_epoch
+        Time at which the packet arrived [s].
     """
 
     epoch: float
     beacon: int
     range: float
     beacon_position: Floats
+    platform_position: Floats
+    platform_attitude: Floats
+    arrival_epoch: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +80,13 @@ Sample = Range | Depth
 
 _RANGE_PORTS = {
     "range_epoch": "epoch", "range": "range", "ping_beacon_position": "beacon_position",
+    "ping_platform_position": "platform_position", "ping_platform_attitude": "platform_attitude",
+    "arrival_epoch": "arrival_epoch",
 }  # fmt: skip
 """Input ports with an element or row per beacon, and their fields in `Range`."""
 _INPUTS = {*_RANGE_PORTS, "reception_count", *(v.name for v in DEPTH)}
-_OPTIONAL = {v.name: v for v in ESTIMATE if v.name not in (*REQUIRED_ESTIMATE, "valid")}
+_OUTPUTS = (*ESTIMATE, *SYSTEM)
+_OPTIONAL = {v.name: v for v in _OUTPUTS if v.name not in (*REQUIRED_ESTIMATE, "valid")}
 _POSITIONS = np.ix_((0, 2, 4), (0, 2, 4))
 _KNOWN = {v.name: v for receiver in RECEIVERS.values() for v in receiver.of("parameter")}
 _GIVEN = {
@@ -88,7 +107,8 @@ class Estimate:
         NED [m].
     outputs
         What `Receiver.outputs` lists: ``velocity`` [m/s]; ``covariance``, 3×3 of the position or
-        6×6 of (x, vx, y, vy, z, vz), SI; and other ports of `sblcosim.models.ports.ESTIMATE`.
+        6×6 of (x, vx, y, vy, z, vz), SI; and other ports of ``ESTIMATE`` and ``SYSTEM`` in
+        `sblcosim.models.ports`.
     """
 
     def __init__(self, epoch: float, position: Any, **outputs: Any) -> None:
@@ -184,8 +204,8 @@ class Receiver:
         return (
             *_GIVEN.values(),
             *self._own(),
-            *(v for v in ports((*RECEPTION, *DEPTH), "input") if v.name in _INPUTS),
-            *(v for v in ESTIMATE if v.name in given),
+            *(v for v in ports((*RECEPTION, *PING_POSE, *DEPTH), "input") if v.name in _INPUTS),
+            *(v for v in _OUTPUTS if v.name in given),
         )
 
     def initialise(
@@ -250,7 +270,7 @@ class Receiver:
                 f"{where} {', '.join(wanted)}, as outputs of the class says, got "
                 f"{', '.join(estimate.values)}"
             )
-        for variable in ESTIMATE:
+        for variable in _OUTPUTS:
             if variable.name in wanted:
                 value = np.asarray(estimate.values[variable.name])
                 if variable.name == "covariance" and value.shape == (3, 3):

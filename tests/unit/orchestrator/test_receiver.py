@@ -11,7 +11,7 @@ import pytest
 import sblcosim
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.models.ports import DEPTH, RECEPTION, REQUIRED_ESTIMATE
+from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, REQUIRED_ESTIMATE
 from sblcosim.scenario.sources import known_source
 from sblcosim.simulation import user_code
 from sblcosim.study import study
@@ -112,9 +112,35 @@ def test_an_estimate_fills_the_ports() -> None:
     assert np.array_equal(values["Noting.covariance"][-1], whole)
     assert values["Noting.update_count"][-1] == len(result.estimates["Noting"])
     names = {v.name for v in Noting().variables if v.causality == "input"}
-    assert names < {v.name for v in (*RECEPTION, *DEPTH)}
+    assert names < {v.name for v in (*RECEPTION, *PING_POSE, *DEPTH)}
     bare = {v.name for v in sblcosim.Receiver().variables if v.causality == "output"}
     assert bare == {"valid", *REQUIRED_ESTIMATE}
+
+
+class Beside(sblcosim.Receiver):
+    """Takes the diver to be below the platform, as the packet has it."""
+
+    outputs: ClassVar = ("relative_position", "platform_position")
+
+    def update(self, samples: Any) -> sblcosim.Estimate | None:
+        heard = [s for s in samples if isinstance(s, sblcosim.Range)]
+        if not heard:
+            return None
+        place = heard[-1].platform_position
+        return sblcosim.Estimate(
+            heard[-1].epoch, place, relative_position=np.zeros(3), platform_position=place
+        )
+
+
+def test_the_pose_of_a_packet_and_what_is_said_of_the_system() -> None:
+    result = sblcosim.run("harbour-square", Beside, SHORT)
+    values, judged = result.record.values, result.estimates["Beside"]
+    said = values["platform.reported_position"]
+    row = np.searchsorted(result.record.time_ns, round(judged.epoch_s.iloc[-1] * 1e9))
+    assert np.array_equal(values["Beside.platform_position"][-1], said[row])
+    assert "own_relative" in result.errors.index.get_level_values("frame")
+    offset = values["target.position"] - values["platform.position"]
+    assert judged.own_relative_error_x_m.iloc[-1] == -offset[row, 0]
 
 
 def test_a_fix_needs_three_ranges_and_a_depth() -> None:
