@@ -128,11 +128,14 @@ def _spread(
                 if part is None:
                     break
                 size = -(-len(part) // (2 * workers))
-                with deferring_sigint():  # this may start a process
-                    futures = [
-                        pool.submit(_work, parcel, part[i : i + size], master)
-                        for i in range(0, len(part), size)
-                    ]
+                try:
+                    with deferring_sigint():  # this may start a process
+                        futures = [
+                            pool.submit(_work, parcel, part[i : i + size], master)
+                            for i in range(0, len(part), size)
+                        ]
+                except BrokenExecutor:
+                    raise ConfigurationError(_ENDED) from None
                 pending.append((part, futures))
             if not pending:
                 return
@@ -149,6 +152,12 @@ def _spread(
                 future.cancel()
 
 
+_ENDED = (
+    "workers: must live until their runs are done, got one that ended (a crash of an FMU, or too "
+    "little memory); runs that are finished are kept, the same command goes on"
+)
+
+
 def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
     try:
         return future.result()
@@ -160,10 +169,7 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
             "finished are kept, the same command goes on"
         ) from None
     except BrokenExecutor:
-        raise ConfigurationError(
-            "workers: must live until their runs are done, got one that ended (a crash of an FMU, "
-            "or too little memory); runs that are finished are kept, the same command goes on"
-        ) from None
+        raise ConfigurationError(_ENDED) from None
     except Exception as error:
         raise ConfigurationError(
             f"workers: must be able to simulate, got {type(error).__name__}: {one_line(error)}; "

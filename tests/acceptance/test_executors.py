@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +166,16 @@ def _lives(pid: int) -> bool:
         return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except FileNotFoundError:
         return False
+
+
+def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
+    """It may end between two parts: then handing over the next one fails."""
+    with ProcessPoolExecutor(1) as pool:
+        with pytest.raises(BrokenExecutor):
+            pool.submit(os._exit, 1).result()
+        spread = executors._spread(pool, None, 1, None, [[object()]], lambda part, share: None)
+        with pytest.raises(ConfigurationError, match=r"workers: must live until their runs are"):
+            next(iter(spread))
 
 
 def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
