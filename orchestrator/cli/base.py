@@ -98,6 +98,10 @@ StepTimeoutOption = Annotated[
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the result of another run in the folder.")
 ]
+TablesOption = Annotated[
+    bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+]
+NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
 
 

@@ -13,11 +13,13 @@ from ..errors import ConfigurationError
 from .base import (
     FmiOption,
     ForceOption,
+    NoFiguresOption,
     ReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
     StepTimeoutOption,
+    TablesOption,
     app,
     beside,
     destination,
@@ -45,9 +47,7 @@ def run(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
-    ] = False,
+    as_json: TablesOption = False,
     fmi: FmiOption = None,
     seed: SeedOption = None,
     master: Annotated[
@@ -59,7 +59,7 @@ def run(
         ),
     ] = None,
     step_timeout: StepTimeoutOption = None,
-    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    no_figures: NoFiguresOption = False,
 ) -> None:
     """Simulate a scenario and write its results.
 
@@ -106,10 +106,8 @@ def smooth(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
-    ] = False,
-    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    as_json: TablesOption = False,
+    no_figures: NoFiguresOption = False,
 ) -> None:
     """Estimate the track of a finished run from all that was received in it.
 

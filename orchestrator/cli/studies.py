@@ -15,7 +15,9 @@ import typer
 from ..errors import ConfigurationError, check_choice
 from .base import (
     ForceOption,
+    NoFiguresOption,
     StepTimeoutOption,
+    TablesOption,
     app,
     beside,
     destination,
@@ -252,10 +254,8 @@ def replay(
         typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
     ] = None,
     force: ForceOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
-    ] = False,
-    no_figures: Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")] = False,
+    as_json: TablesOption = False,
+    no_figures: NoFiguresOption = False,
 ) -> None:
     """Do one run of a study again, with a full record."""
     with waiting() as progress:

@@ -23,6 +23,7 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
 
+from ..limits.recursion import ANYWHERE, transition
 from ..scenario.scenario import Scenario
 from ..scenario.schema import in_si
 from ..simulation.record import Integers
@@ -33,8 +34,6 @@ Indices = NDArray[np.intp]
 PRIOR = number_of(INITIALISATION, "prior")
 FAR_STD = 1000.0
 """Of diver and platform about where the first trajectory begins, where nothing is known [m]."""
-ANYWHERE = 10.0
-"""The same of a heading [rad]."""
 
 
 def parameters(scenario: Scenario, start: Floats) -> Any:
@@ -165,12 +164,7 @@ def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Flo
     steps, which = np.unique(np.diff(epochs_ns, prepend=start_ns), return_inverse=True)
     phi, noise = np.zeros((2, len(steps), STATES, STATES))
     for k, step in enumerate(steps):
-        ones, Q = surroundings.transition(np, p, float(step) / 1e9)
-        phi[k] = np.eye(STATES)
-        for (i, j), value in ones.items():
-            phi[k, i, j] = value
-        for (i, j), value in Q.items():
-            noise[k, i, j] = noise[k, j, i] = value
+        phi[k], noise[k] = transition(p, float(step) / 1e9)
     return phi, noise, which
 
 

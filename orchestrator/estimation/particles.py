@@ -44,6 +44,7 @@ from sblcosim.models.receiver.surroundings import (
 )
 
 from ..errors import ConfigurationError, shortened
+from ..limits.recursion import transition
 from ..results.result import Result
 from ..scenario.overrides import Overrides
 from . import late, model, outcome
@@ -212,12 +213,7 @@ def begun(p: Any, n: int) -> Cloud:
 
 def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     """The particles a time dt [s] later."""
-    ones, upper = surroundings.transition(np, p, dt)
-    phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
-    for (i, j), value in ones.items():
-        phi[i, j] = value
-    for (i, j), value in upper.items():
-        Q[i, j] = Q[j, i] = value
+    phi, Q = transition(p, dt)
     # What is reported is the heading and its error together.
     Q[HEADING, HEADING] += Q[HEADING_ERROR, HEADING_ERROR]
 

@@ -18,7 +18,7 @@ from sblcosim.simulation.system import System
 from typer.testing import CliRunner
 
 SHORT = {"time.duration_s": 40.0}
-RECEIVERS = ("ekf", "sequential")
+RECEIVERS = ("ekf", "sequential", "coupled")
 DIVISORS = {"target": 2, "platform": 1, "acoustics": 5, "ekf": 4}
 
 

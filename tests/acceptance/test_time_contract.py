@@ -14,7 +14,8 @@ from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, System
 
-RECEIVERS = ("ekf", "sequential", "raw")
+CHOSEN = ("ekf", "sequential", "coupled")
+RECEIVERS = (*CHOSEN, "raw")
 SCENARIO = {
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 12.0},
     "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0,
@@ -45,7 +46,7 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
 
 
 def stepped(change: Callable[[str, ComponentSpec], ComponentSpec]) -> System:
-    system = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"))
+    system = connect(sblcosim.load(SCENARIO), CHOSEN)
     components = {name: change(name, spec) for name, spec in system.components.items()}
     return replace(system, components=components)
 
@@ -59,7 +60,7 @@ def reference() -> dict[str, np.ndarray]:
 def test_every_communication_interval_gives_the_same_estimates(
     divisor: int, fmi: int, reference: dict[str, np.ndarray]
 ) -> None:
-    system = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=fmi)
+    system = connect(sblcosim.load(SCENARIO), CHOSEN, fmi=fmi)
     step = 100_000_000 // divisor
     components = {
         name: replace(spec, interval_ns=step) for name, spec in system.components.items()
@@ -78,6 +79,7 @@ def test_receivers_stepped_at_the_ratio_or_at_the_sampling_time(
 
 
 def test_versions_of_fmi_mixed(reference: dict[str, np.ndarray]) -> None:
-    three = connect(sblcosim.load(SCENARIO), ("ekf", "sequential"), fmi=3).components
-    mixed = stepped(lambda name, spec: three[name] if name in ("acoustics", "ekf") else spec)
+    three = connect(sblcosim.load(SCENARIO), CHOSEN, fmi=3).components
+    other = ("acoustics", "ekf", "coupled")
+    mixed = stepped(lambda name, spec: three[name] if name in other else spec)
     same(estimates(mixed), reference)
