@@ -128,7 +128,7 @@ def smooth(
         record, label = start.run_coupled(record, p, scenario), COUPLED
     track = smoother.smooth(p, received, start.trajectory(record, label, p, received), passes)
     estimates = outcome.of_states(p, received, track.mean, track.covariance)
-    origin = outcome.origin_of(p, SMOOTHER, steps_m=track.steps_m)
+    origin = outcome.origin_of(p, SMOOTHER, looks_back=True, steps_m=track.steps_m)
     return Smoothed(outcome.beside(result, SMOOTHER, estimates, origin), track, estimates)
 
 

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 _NOTES = {
     "bound": (
-        "Bound: the posterior Cramér-Rao bound for what was received. No receiver can be better "
-        "(with the stated priors),",
+        "Bound: the posterior Cramér-Rao bound for what was received until then. No filter can be "
+        "better (with the stated priors),",
         "on the average over runs; one run may have luck.",
     ),
     "reference": (
-        "Reference: the posterior Cramér-Rao recursion for what was received, with q = {q:.2g} "
-        "m²/s³ of this path. A path",
+        "Reference: the posterior Cramér-Rao recursion for what was received until then, q = "
+        "{q:.2g} m²/s³ of this path. A path",
         "is not drawn from any model: this is a yardstick, and no bound.",
     ),
 }

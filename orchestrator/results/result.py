@@ -209,8 +209,12 @@ class Result:
 
     @cached_property
     def verdicts(self) -> dict[str, Possible]:
-        """What was possible at the epochs of each receiver's estimates; empty without `limits`."""
-        return possible.verdicts(self.limits, self.record, self.receivers)
+        """What was possible at the epochs of each receiver's estimates; empty without `limits`.
+
+        Not of one that looks back, as a smoother does: it knows more than was received till then.
+        """
+        told = [r for r in self.receivers if not self.origins.get(r, {}).get("looks_back")]
+        return possible.verdicts(self.limits, self.record, told)
 
     @property
     def problems(self) -> list[str]:

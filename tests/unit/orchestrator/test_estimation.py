@@ -76,6 +76,8 @@ def test_the_smoother_is_judged_beside_the_receivers(run: Result) -> None:
     assert smoothed.summary.loc["smoother", "first_fix_s"] == smoothed.estimates.epochs_ns[0] / 1e9
     assert smoothed.track.converged
     assert "smoother: " in str(smoothed)
+    # It knows what came later: what is possible for a filter is no measure of it.
+    assert [*smoothed.result.verdicts] == ["sequential", "coupled", "raw"]
     record = smoothed.result.record.values
     np.testing.assert_array_equal(
         record["smoother.relative_position"][-1][:2] + record["smoother.platform_position"][-1][:2],
