@@ -22,6 +22,7 @@
 #define MOST 0x1.ffp29
 
 typedef int16_t keys __attribute__((vector_size(2 * COLUMNS)));
+typedef int32_t counts __attribute__((vector_size(4 * COLUMNS)));
 
 /* Keys of a row of squares. */
 static inline keys keys_of(const double *squares)
@@ -47,9 +48,9 @@ static inline keys keys_of(const double *squares)
 
 /* Number of rows whose key is below each limit, by column. */
 static void count_below(const keys *rows, int64_t n, const keys limits[TOGETHER],
-                        int32_t count[TOGETHER][COLUMNS])
+                        counts below[TOGETHER])
 {
-    memset(count, 0, TOGETHER * sizeof *count);
+    memset(below, 0, TOGETHER * sizeof *below);
     for (int64_t part; n > 0; rows += part, n -= part) {
         part = n < INT16_MAX ? n : INT16_MAX;
         keys a = {0}, b = {0}, c = {0}, d = {0};
@@ -59,22 +60,11 @@ static void count_below(const keys *rows, int64_t n, const keys limits[TOGETHER]
             c -= rows[i] < limits[2];
             d -= rows[i] < limits[3];
         }
-        const keys sums[TOGETHER] = {a, b, c, d};
-        int16_t below[TOGETHER][COLUMNS];
-        memcpy(below, sums, sizeof below);
-        for (int p = 0; p < TOGETHER; p++)
-            for (int j = 0; j < COLUMNS; j++)
-                count[p][j] += below[p][j];
+        below[0] += __builtin_convertvector(a, counts);
+        below[1] += __builtin_convertvector(b, counts);
+        below[2] += __builtin_convertvector(c, counts);
+        below[3] += __builtin_convertvector(d, counts);
     }
-}
-
-static inline int any(keys v)
-{
-    uint64_t words[sizeof v / 8], all = 0;
-    memcpy(words, &v, sizeof v);
-    for (size_t i = 0; i < sizeof v / 8; i++)
-        all |= words[i];
-    return all != 0;
 }
 
 /* The value at index rank, were they sorted (Hoare's FIND). Changes their order. */
@@ -115,37 +105,34 @@ static void order_statistics(const double *squares, int64_t n, int width, const 
                              const int32_t percentages[TOGETHER], keys *rows, double *candidates,
                              double order[TOGETHER][COLUMNS])
 {
-    int32_t rank[TOGETHER][COLUMNS], smaller[TOGETHER][COLUMNS] = {{0}}, below[TOGETHER][COLUMNS];
-    int16_t found[TOGETHER][COLUMNS] = {{0}}, tried[TOGETHER][COLUMNS];
-    keys wanted[TOGETHER];
+    enum { WORD = sizeof(uint64_t) / sizeof(int16_t) }; /* columns looked at together */
+    counts rank[TOGETHER], smaller[TOGETHER] = {{0}}, below[TOGETHER];
+    keys found[TOGETHER] = {{0}}, tried[TOGETHER];
     for (int64_t i = 0; i < n; i++)
         rows[i] = keys_of(squares + i * width);
     for (int p = 0; p < TOGETHER; p++)
         for (int j = 0; j < COLUMNS; j++) /* as definitions.py */
             rank[p][j] = (int32_t)((count[j] * percentages[p] + 99) / 100) - 1;
-    for (int bit = 1 << (KEY_BITS - 1); bit; bit >>= 1) {
+    for (int16_t bit = 1 << (KEY_BITS - 1); bit; bit >>= 1) {
         for (int p = 0; p < TOGETHER; p++)
-            for (int j = 0; j < COLUMNS; j++)
-                tried[p][j] = (int16_t)(found[p][j] | bit);
-        memcpy(wanted, tried, sizeof wanted);
-        count_below(rows, n, wanted, below);
-        for (int p = 0; p < TOGETHER; p++)
-            for (int j = 0; j < COLUMNS; j++) {
-                const int has = below[p][j] <= rank[p][j];
-                found[p][j] = has ? tried[p][j] : found[p][j];
-                smaller[p][j] = has ? below[p][j] : smaller[p][j];
-            }
+            tried[p] = found[p] | bit;
+        count_below(rows, n, tried, below);
+        for (int p = 0; p < TOGETHER; p++) {
+            const counts has = below[p] <= rank[p];
+            found[p] |= __builtin_convertvector(has, keys) & bit;
+            smaller[p] = (below[p] & has) | (smaller[p] & ~has);
+        }
     }
-    memcpy(wanted, found, sizeof wanted);
     for (int p = 0; p < TOGETHER; p++) {
         int64_t sharing[COLUMNS] = {0};
         for (int64_t i = 0; i < n; i++) {
-            const keys equal = rows[i] == wanted[p];
-            if (!any(equal))
-                continue;
-            for (int j = 0; j < COLUMNS; j++)
-                if (equal[j])
-                    candidates[j * n + sharing[j]++] = squares[i * width + j];
+            const keys equal = rows[i] == found[p];
+            uint64_t words[COLUMNS / WORD];
+            memcpy(words, &equal, sizeof words);
+            for (int k = 0; k < COLUMNS; k += WORD)
+                for (int j = k; words[k / WORD] && j < k + WORD; j++)
+                    if (equal[j])
+                        candidates[j * n + sharing[j]++] = squares[i * width + j];
         }
         for (int j = 0; j < COLUMNS; j++)
             order[p][j] = count[j] ? __builtin_sqrt(select_value(candidates + j * n, sharing[j],
