@@ -29,7 +29,7 @@ from sblcosim.simulation.masters.lanes_driver import engine_of
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve
 
-RECEIVERS = ("multilateration", "ekf", "sequential", "coupled")
+RECEIVERS = ("multilateration", "ekf", "sequential", "coupled", "fixed_lag")
 M7 = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m7+fp_armv8d16")
 SETTLED_S = 5.0
 FREESTANDING = {"string.h": b"""#include <stddef.h>

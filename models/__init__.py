@@ -8,13 +8,14 @@ from .acoustics.variables import COMPONENT as _ACOUSTICS
 from .declaration import Component
 from .platform.variables import COMPONENT as _PLATFORM
 from .range_model.variables import COMPONENT as _RANGE_MODEL
-from .receiver.variables import COUPLED, EKF, MULTILATERATION, SEQUENTIAL
+from .receiver.variables import COUPLED, EKF, FIXED_LAG, MULTILATERATION, SEQUENTIAL
 from .target.variables import COMPONENT as _TARGET
 
 RECEIVERS: Mapping[str, Component] = {
     "ekf": EKF,
     "sequential": SEQUENTIAL,
     "coupled": COUPLED,
+    "fixed_lag": FIXED_LAG,
     "multilateration": MULTILATERATION,
 }
 COMPONENTS: Mapping[str, Component] = {

@@ -71,11 +71,14 @@ class Loop:
         ``guard(p, x, u, t)``: nonzero while the body must run again.
     body
         ``body(p, x, u, w, t)``: the changed states after one pass.
+    inner
+        Loops run after each pass.
     """
 
     name: str
     guard: Callable[[Symbols, Symbols, Symbols, Any], Any]
     body: Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]
+    inner: Sequence[Loop] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +140,12 @@ class Model:
         Functions by value of the component's variant parameter; ``{0: …}`` without variants.
     states
         Shape of each state by name, in the order of the state vector (row by row).
+    advance, iterate
+        Names of the loops, each followed by its inner ones.
     feedthrough
         Declared names (output, input) with direct feedthrough.
+    inner
+        Number of loops inside each, by name.
     """
 
     component: Component
@@ -148,6 +155,7 @@ class Model:
     advance: Sequence[str]
     iterate: Sequence[str]
     feedthrough: frozenset[tuple[str, str]] = field(default_factory=frozenset)
+    inner: Mapping[str, int] = field(default_factory=dict)
 
 
 def build(component: Component, equations: Equations | Mapping[int, Equations]) -> Model:
@@ -172,10 +180,18 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
         variants=functions,
         states=states,
         draws=tuple(first.draws),
-        advance=tuple(loop.name for loop in first.advance),
-        iterate=tuple(loop.name for loop in first.iterate),
+        advance=tuple(loop.name for loop in _all(first.advance)),
+        iterate=tuple(loop.name for loop in _all(first.iterate)),
+        inner={
+            loop.name: len(_all(loop.inner)) for loop in _all((*first.advance, *first.iterate))
+        },
         feedthrough=frozenset(feedthrough),
     )
+
+
+def _all(loops: Sequence[Loop]) -> list[Loop]:
+    """Loops, each followed by those inside it."""
+    return [each for loop in loops for each in (loop, *_all(loop.inner))]
 
 
 def _functions(
@@ -210,7 +226,7 @@ def _functions(
         updated(equations.tick(p, x, u, w, t, k)),
     )
     guards, bodies = {}, {}
-    for loop in (*equations.advance, *equations.iterate):
+    for loop in _all((*equations.advance, *equations.iterate)):
         w, w_vector = noise(loop.name)
         guards[loop.name] = _function(
             "guard", [x_vector, u_vector, p_vector, t], ca.SX(loop.guard(p, x, u, t))

@@ -166,6 +166,8 @@ def _origins(
             origin = {"fmu" if isinstance(source, Path) else "python": component.origin}
         if component.sha256:
             origin["sha256"] = component.sha256
+        if component.lag_s > 0:
+            origin["looks_back"] = True
         origins[label] = {**origin, "parameters": dict(system.components[label].parameters)}
     return origins
 

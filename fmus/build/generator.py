@@ -62,6 +62,7 @@ def _sizes(model: Model, n_blocks: int) -> dict[str, int]:
         "N_BLOCKS": n_blocks,
         "N_ADVANCE": len(model.advance),
         "N_ITERATE": len(model.iterate),
+        "HAS_INNER": int(any(model.inner.values())),
         "P_SEED": indices.get("seed", -1),
         "P_STREAM": indices.get("stream", -1),
         "P_INTERVAL": indices.get(component.interval or "", -1),
@@ -144,6 +145,12 @@ def _loops(model: Model) -> Iterator[str]:
             "const real *w, real t)",
             _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going"),
             ["going", "x", "u", "p", "w", "t"],
+        )
+    if any(model.inner.values()):
+        inner = ", ".join(str(model.inner[loop]) for loop in loops)
+        yield (
+            "/* Number of loops inside each, which follow it. */\n"
+            f"static const int model_inner[] = {{{inner}}};\n"
         )
     numbers = range(len(loops))
     yield _procedure(

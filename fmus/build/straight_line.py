@@ -62,8 +62,9 @@ _COSTLY = tuple(
     f"r_{name}(" for name in ("sin", "cos", "tan", "exp", "log", "atan", "atan2", "asin", "acos")
 )
 _ZERO = f"r_set1({0.0.hex()})"
-_PART = 1000
-"""Statements between two marks that end a part for the compiler (``END_OF_PART`` in real.h)."""
+_WHOLE, _PART = 1000, 400
+"""Statements of a function that is left whole, and of each part of a longer one, which ends with a
+mark for the compiler (``END_OF_PART`` in real.h)."""
 
 Array = str | Sequence[str]
 """An array in C: its name, or an expression for each element."""
@@ -127,9 +128,10 @@ def statements(
 
 
 def _parted(statements: Sequence[str]) -> Iterator[str]:
-    """The statements, with a mark after every `_PART`."""
+    """The statements; if they are many, with a mark after every `_PART`."""
+    many = len(statements) > _WHOLE
     for number, statement in enumerate(statements):
-        if number and number % _PART == 0:
+        if many and number and number % _PART == 0:
             yield "END_OF_PART;"
         yield statement
 

@@ -39,6 +39,14 @@ static inline void engine_noise(const struct block *b, int occasion, bits64 coun
                b->key, count, w);
 }
 
+#if HAS_INNER
+#define INNER_LOOPS(loop) model_inner[loop]
+#else
+#define INNER_LOOPS(loop) 0
+#endif
+
+static inline int engine_loops(struct block *b, int variant, int first, int end, real t);
+
 /* 0 if a loop has no end. Side by side, the lane concerned becomes NaN and the others go on. */
 static inline int engine_loop(struct block *b, int variant, int loop, real t)
 {
@@ -54,6 +62,9 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
         /* Lanes with nothing to do stay as they are. */
         model_body(loop, variant, m_true(going), x, engine_u(b), engine_p(b), w, t);
         b->rounds[loop] += r_integer(r_truth(m_true(going)));
+        if (INNER_LOOPS(loop) > 0
+            && !engine_loops(b, variant, loop + 1, loop + 1 + INNER_LOOPS(loop), t))
+            return 0;
     }
 #if LANES == 1
     return 0;
@@ -64,9 +75,10 @@ static inline int engine_loop(struct block *b, int variant, int loop, real t)
 #endif
 }
 
+/* The loops from first to before end, each with those inside it. */
 static inline int engine_loops(struct block *b, int variant, int first, int end, real t)
 {
-    for (int loop = first; loop < end; loop++)
+    for (int loop = first; loop < end; loop += 1 + INNER_LOOPS(loop))
         if (!engine_loop(b, variant, loop, t))
             return 0;
     return 1;

@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 
 from .least_squares import symmetric
+from .steps import Map
 from .surroundings import (
     HEADING,
     PLATFORM,
@@ -122,8 +123,14 @@ def bent(arc: Arc, row: Range) -> Measurement:
     )
 
 
-def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:
-    """Take a correction d of all states along the arc; the covariance turns with it."""
+def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
+    """Take a correction d of all states along the arc; the covariance turns with it.
+
+    Returns
+    -------
+    mean, P, turn
+        ``turn`` is what the error of the state goes through, A.
+    """
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
     radius = ca.fmax(length, _SHORTEST)
@@ -143,7 +150,7 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:
     G = M @ (radial @ radial.T + (radius + out) / radius * (tangential @ tangential.T))
     lag = (M @ (_J @ xi)) @ tangential.T / radius
     eye = ca.SX.eye(2)
-    A = ca.SX.eye(STATES)
+    A = {}
     for rows, columns, block, without in (
         (_NORTH_EAST, _NORTH_EAST, G, eye),
         (_NORTH_EAST, _PLATFORM, eye - G, ca.SX.zeros(2, 2)),
@@ -151,8 +158,11 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any]:
         (_SPEEDS, _NORTH_EAST, lag, ca.SX.zeros(2, 2)),
         (_SPEEDS, _PLATFORM, -lag, ca.SX.zeros(2, 2)),
     ):
-        A[rows, columns] = ca.if_else(on_arc, block, without)
-    return ca.if_else(on_arc, curved, mean + d), symmetric(A @ P @ A.T)
+        values = ca.if_else(on_arc, block, without)
+        A |= {(i, j): values[n, m] for n, i in enumerate(rows) for m, j in enumerate(columns)}
+    turn = Map(A)
+    matrix = turn.matrix(STATES)
+    return ca.if_else(on_arc, curved, mean + d), symmetric(matrix @ P @ matrix.T), turn
 
 
 def moments(arc: Arc, P: Any) -> tuple[Any, Any]:

@@ -17,7 +17,8 @@ from ..ports import BEACONS
 from . import arc, estimate, least_squares, measurements, pose, start, surroundings
 from .estimate import pack, unpack
 from .least_squares import symmetric
-from .measurements import DEPTH, MEASUREMENTS, with_beacons
+from .measurements import DEPTH, MEASUREMENTS, Samples, with_beacons
+from .steps import Correction, Map, Step
 from .surroundings import (
     CLOCK,
     HEADING,
@@ -50,7 +51,8 @@ _ERFC = (
 Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
 
 
-def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+def initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    """All states of the filter at the start."""
     stds = ca.SX.zeros(STATES)
     for i, std in surroundings.prior_stds(p).items():
         stds[i] = std
@@ -89,42 +91,46 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     }
 
 
-def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+def unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether there is a sample that has not been used."""
     return with_beacons(x, u, u.ping_beacon_position).any_new
 
 
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    return processed(p, x, u)[0]
+
+
+def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[Step]]:
     """The oldest sample; a depth and a packet of one epoch together, the depth first.
 
     The first fix waits for the platform, and for the last of the new samples.
+
+    Returns
+    -------
+    states, steps
+        The states that change, and what the mean and its error go through but for the first place
+        of the platform.
     """
     s = with_beacons(x, u, u.ping_beacon_position)
-    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
-    oldest = ca.mmin(ca.vertcat(*pending))
-    depth = pending[DEPTH] <= oldest
-    which, packet, z = [], ca.SX(0), ca.SX(0)
-    for i in range(BEACONS):  # of equal epochs the first one
-        this = (pending[i] <= oldest) * (packet == 0)
-        which.append(this)
-        packet += this
-        z = ca.if_else(this, s.z[i], z)
-    chosen = ca.vertcat(*which)
+    oldest, depth, packet, chosen, z = _oldest(s)
     newest = oldest >= ca.mmax(s.epoch[:BEACONS])
     epoch = ca.fmax(oldest, x.epoch)
     using = x.ready * (x.passes == 0)
 
-    mean, P = _predicted(p, x, epoch - x.epoch)
+    mean, P, moved = _predicted(p, x, epoch - x.epoch)
     said = pose.read(p, x, u, s, chosen, newest)
     mean, P, located = _located(mean, P, said, packet, x.located)
 
     row = surroundings.depth(p, _elements(mean))
     depth_used = depth * using
-    d, P, depth_nis = _update(P, ca.SX.zeros(STATES), row, s.z[DEPTH] - row.value, depth_used)
+    d, P, depth_nis, sounded = _update(
+        P, ca.SX.zeros(STATES), row, s.z[DEPTH] - row.value, depth_used
+    )
     mean = mean + d
 
-    mean, P = _platform_updated(p, mean, P, said, packet * located)
+    mean, P, posed = _platform_updated(p, mean, P, said, packet * located)
     ranged = packet * located * using
-    mean, P, share, range_nis = _range_updated(p, mean, P, said, z, ranged)
+    mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
 
     score = _score(p, x.score, share, ranged)
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
@@ -133,7 +139,7 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     first = (x.ready == 0) * known * (ca.sum1(s.new) <= packet + depth)
     anew = ca.fmax(first, wrong)
     arm = _turned_arm(said)
-    return {
+    changed = {
         "ready": x.ready + first,
         "update_count": x.update_count + first,
         "seen": ca.if_else(ca.vertcat(chosen, depth), s.mark, x.seen),
@@ -152,6 +158,20 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
+    return changed, [moved, sounded, *posed, *heard]
+
+
+def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
+    """The oldest epoch, whether it has a depth and a packet, of which beacon, and its range."""
+    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
+    oldest = ca.mmin(ca.vertcat(*pending))
+    which, packet, z = [], ca.SX(0), ca.SX(0)
+    for i in range(BEACONS):  # of equal epochs the first one
+        this = (pending[i] <= oldest) * (packet == 0)
+        which.append(this)
+        packet += this
+        z = ca.if_else(this, s.z[i], z)
+    return oldest, pending[DEPTH] <= oldest, packet, ca.vertcat(*which), z
 
 
 def _score(p: Symbols, score: Any, share: Any, ranged: Any) -> Any:
@@ -172,16 +192,15 @@ def _turned_arm(said: pose.Packet) -> Any:
     return ca.vertcat(*surroundings.arm_of(ca, at_zero, said.pose, arm))
 
 
-def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any]:
-    """The state and its covariance a time dt [s] later."""
+def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any, Map]:
+    """The state and its covariance a time dt [s] later, and Φ."""
     phi, noise = surroundings.transition(ca, p, dt)
-    Phi, Q = ca.SX.eye(STATES), ca.SX(STATES, STATES)
-    for (i, j), value in phi.items():
-        Phi[i, j] = value
+    moved = Map(phi)
+    Phi, Q = moved.matrix(STATES), ca.SX(STATES, STATES)
     for (i, j), value in noise.items():
         Q[i, j] = Q[j, i] = value
     P = unpack(x.covariance, STATES)
-    return Phi @ x.mean, symmetric(Phi @ P @ Phi.T + Q)
+    return Phi @ x.mean, symmetric(Phi @ P @ Phi.T + Q), moved
 
 
 def _located(
@@ -221,45 +240,49 @@ def _gain(P: Any, row: Measurement) -> tuple[Any, Any]:
 
 def _update(
     P: Any, d: Any, row: Measurement, innovation: Any, weight: Any
-) -> tuple[Any, Any, Any]:
+) -> tuple[Any, Any, Any, Correction]:
     """Add a linear scalar measurement to a correction d that has not been taken yet.
 
     Returns
     -------
-    d, P, nis
+    d, P, nis, step
         With the measurement, where weight is 1.
     """
     c, S = _gain(P, row)
     rest = innovation - sum(value * d[i] for i, value in row.row.items())
     share = weight / S
-    return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2
+    step = Correction(row.row, c, share * rest, -share)
+    return d + share * rest * c, symmetric(P - share * (c @ c.T)), share * rest**2, step
 
 
 def _platform_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, weight: Any
-) -> tuple[Any, Any]:
+) -> tuple[Any, Any, list[Step]]:
     """What a packet says of the platform, taken as one correction."""
     x = _elements(mean)
     d = ca.SX.zeros(STATES)
     body = [said.body[0], said.body[1]]
     spread = P[HEADING, HEADING] + 2 * P[HEADING, HEADING_ERROR] + P[HEADING_ERROR, HEADING_ERROR]
+    steps: list[Step] = []
     for i, row in enumerate(surroundings.places(ca, p, x, body, spread)):
-        d, P, _ = _update(P, d, row, said.place[i] - row.value, weight)
+        d, P, _, step = _update(P, d, row, said.place[i] - row.value, weight)
+        steps.append(step)
     row = surroundings.heading(ca, p, x)
     off = said.heading - row.value
     wrapped = off - 2 * pi * ca.floor((off + pi) / (2 * pi))
-    d, P, _ = _update(P, d, row, wrapped, weight * (said.is_own == 0))
-    return arc.retract(mean, P, d)
+    d, P, _, step = _update(P, d, row, wrapped, weight * (said.is_own == 0))
+    mean, P, turn = arc.retract(mean, P, d)
+    return mean, P, [*steps, step, turn]
 
 
 def _range_updated(
     p: Symbols, mean: Any, P: Any, said: pose.Packet, z: Any, weight: Any
-) -> tuple[Any, Any, Any, Any]:
+) -> tuple[Any, Any, Any, Any, list[Step]]:
     """A range, which may be late; along the arc, with its second order.
 
     Returns
     -------
-    mean, P, share, nis
+    mean, P, share, nis, steps
         ``share`` is the probability that the range is not late.
     """
     row = surroundings.range_(
@@ -274,8 +297,9 @@ def _range_updated(
     d = kept * innovation * K
     widened = kept * (1 - share) * innovation**2
     P = symmetric(P + (widened - kept * S) * (K @ K.T))
-    mean, P = arc.retract(mean, P, d)
-    return mean, P, share, kept * innovation**2 / S
+    step = Correction(bent.row, c, kept * innovation / S, (widened - kept * S) / S**2)
+    mean, P, turn = arc.retract(mean, P, d)
+    return mean, P, share, kept * innovation**2 / S, [step, turn]
 
 
 def _punctual(p: Symbols, innovation: Any, S: Any) -> Any:
@@ -301,11 +325,23 @@ def _punctual(p: Symbols, innovation: Any, S: Any) -> Any:
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    P = unpack(x.covariance, STATES)
-    seen = arc.about(x.mean, P)
+    return outputs(p, x, x.mean, unpack(x.covariance, STATES), x.platform_down)
+
+
+def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
+    """All outputs of an estimate.
+
+    Parameters
+    ----------
+    x
+        Has what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and ``restarts``.
+    state, P, down
+        State and covariance of the estimate, and how deep the platform was [m].
+    """
+    seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)
     order = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
-    mean = x.mean[order]
+    mean = state[order]
     covariance = P[order, order]
     relative = ca.SX.zeros(3, 3)
     relative[:2, :2] = arc.relative(P) + more
@@ -315,7 +351,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     horizontal = [0, 2]
     mean[horizontal] += shift
     covariance[horizontal, horizontal] += more + p.gps_bias_std**2 * ca.SX.eye(2)
-    platform = ca.vertcat(x.mean[list(PLATFORM)], x.platform_down)
+    platform = ca.vertcat(state[list(PLATFORM)], down)
     there = x.update_count > 0
     return {
         **estimate.outputs(x, mean, covariance),
@@ -329,8 +365,8 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
 
 
 EQUATIONS = Equations(
-    initial=_initial,
+    initial=initial,
     tick=_tick,
     output=_output,
-    iterate=(Loop("process", _unprocessed, _process), start.anew()),
+    iterate=(Loop("process", unprocessed, _process), start.anew()),
 )

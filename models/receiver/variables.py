@@ -160,23 +160,36 @@ _PLATFORM = (
     parameter("imu_tilt_std", "IMU: standard deviation of the error of roll and pitch", "rad",
               start=radians(0.5), min=0.0),
 )
+_SYSTEM_TERMINALS = (
+    terminal("pose", "pose", "The platform's pose in the packets of those receptions", PING_POSE),
+    terminal("system", "system", "Newest estimate of the system around the receiver", SYSTEM),
+)
+_FILTER = (
+    *_START,
+    _PSD,
+    parameter("speed_limit", "A diver estimated to be faster than this is not believed: the "
+              "filter starts anew", "m/s", start=3.0, min=0.1),
+    *_ARRANGEMENT,
+    *_CHANNEL,
+    *_PLATFORM,
+)
 COUPLED = _receiver(
     "Coupled", 8,
     "A Kalman filter of diver, platform and their sensors' errors, with late arrivals and arcs",
+    _FILTER,
+    inputs=PING_POSE,
+    outputs=SYSTEM,
+    terminals=_SYSTEM_TERMINALS,
+)
+FIXED_LAG = _receiver(
+    "FixedLag", 9,
+    "The same filter, whose estimates are of some time ago and know what was received since",
     (
-        *_START,
-        _PSD,
-        parameter("speed_limit", "A diver estimated to be faster than this is not believed: the "
-                  "filter starts anew", "m/s", start=3.0, min=0.1),
-        *_ARRANGEMENT,
-        *_CHANNEL,
-        *_PLATFORM,
+        parameter("lag", "Age of the estimates: what is received in this time after an epoch is "
+                  "used for it, too", "s", start=20.0, min=0.01, max=3600.0),
+        *_FILTER,
     ),
     inputs=PING_POSE,
     outputs=SYSTEM,
-    terminals=(
-        terminal("pose", "pose", "The platform's pose in the packets of those receptions",
-                 PING_POSE),
-        terminal("system", "system", "Newest estimate of the system around the receiver", SYSTEM),
-    ),
+    terminals=_SYSTEM_TERMINALS,
 )

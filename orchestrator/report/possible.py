@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from sblcosim.models import RECEIVERS
 
 from ..analysis.sentences import quantity
 from ..api import run
@@ -19,6 +20,7 @@ from ..errors import SblcosimError
 from ..limits.run import of_run
 from ..limits.verdict import Possible
 from ..scenario.scenario import Scenario
+from ..simulation.plan import LAG
 from ..study.study import Study
 from .formats import number
 from .page import Block, Table
@@ -60,7 +62,7 @@ def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
 
 def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     """A table of the points, or nothing where nothing is known."""
-    column = next((c for c in runs.columns if c.endswith(f".{RMS}")), None)
+    column = next((c for c in runs.columns if c.endswith(f".{RMS}") and not _looks_back(c)), None)
     means = None if column is None else runs.groupby("point")[column].mean()
     rows: list[Sequence[str]] = []
     for point in _chosen(len(study.points.values), means):
@@ -80,6 +82,12 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     receiver = "" if column is None else f", {column.partition('.')[0]}"
     head = ("Point", f"Mean RMS{receiver}", "Reference", "Reference, relative to the platform")
     return [Table("What is possible", head, rows, (), _NOTE)]
+
+
+def _looks_back(column: str) -> bool:
+    """Whether a column is of a receiver of ours that knows what came after its epochs."""
+    receiver = RECEIVERS.get(column.partition(".")[0])
+    return receiver is not None and any(v.name == LAG for v in receiver.of("parameter"))
 
 
 def cells(verdict: Possible) -> tuple[str, str]:

@@ -68,6 +68,10 @@ class Write:
         return tuple(r for port in self.ports for r in port.references)
 
 
+LAG = "lag"
+"""Parameter of a receiver: by how much more its estimates are older [s], at most."""
+
+
 @dataclass(frozen=True)
 class PlannedComponent:
     """A resolved component.
@@ -99,6 +103,15 @@ class PlannedComponent:
     def tick_parameter(self) -> str:
         """Name of the parameter that holds `tick_ns`."""
         return min(TICK_PARAMETERS & self.ports.keys())
+
+    @property
+    def lag_s(self) -> float:
+        """Value of the parameter `LAG` [s]; 0 without one."""
+        port = self.ports.get(LAG)
+        if port is None or port.causality != "parameter" or port.size != 1:
+            return 0.0
+        given = [s.values for s in self.settings if s.port.name == LAG]
+        return float(np.ravel(given[-1] if given else port.start or 0.0)[0])
 
     @property
     def origin(self) -> str:

@@ -17,8 +17,8 @@ from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from typer.testing import CliRunner
 
-SHORT = {"time.duration_s": 40.0}
-RECEIVERS = ("ekf", "sequential", "coupled")
+SHORT = {"time.duration_s": 40.0, "receiver.lag_s": 4.0}
+RECEIVERS = ("ekf", "sequential", "coupled", "fixed_lag")
 DIVISORS = {"target": 2, "platform": 1, "acoustics": 5, "ekf": 4}
 
 

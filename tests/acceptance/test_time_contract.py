@@ -14,13 +14,14 @@ from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, System
 
-CHOSEN = ("ekf", "sequential", "coupled")
+CHOSEN = ("ekf", "sequential", "coupled", "fixed_lag")
 RECEIVERS = (*CHOSEN, "raw")
 SCENARIO = {
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 2, "duration_s": 12.0},
     "platform": {"beaufort": 3, "gps_horizontal_std_m": 0.5, "imu_tilt_std_deg": 1.0,
                  "gps_horizontal_markov_std_m": 0.5},
     "acoustics": {"loss_probability": 0.2, "outlier_probability": 0.05},
+    "receiver": {"lag_s": 0.4},
 }
 
 
@@ -80,6 +81,6 @@ def test_receivers_stepped_at_the_ratio_or_at_the_sampling_time(
 
 def test_versions_of_fmi_mixed(reference: dict[str, np.ndarray]) -> None:
     three = connect(sblcosim.load(SCENARIO), CHOSEN, fmi=3).components
-    other = ("acoustics", "ekf", "coupled")
+    other = ("acoustics", "ekf", "coupled", "fixed_lag")
     mixed = stepped(lambda name, spec: three[name] if name in other else spec)
     same(estimates(mixed), reference)

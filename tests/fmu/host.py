@@ -244,6 +244,7 @@ NOISY: Mapping[str, Values] = {
     "ekf": {"acceleration_psd": 0.1},
     "sequential": {"acceleration_psd": 0.1},
     "coupled": {"acceleration_psd": 0.1},
+    "fixed_lag": {"acceleration_psd": 0.1, "lag": 0.4},
     "multilateration": {},
     "range_model": {},
 }

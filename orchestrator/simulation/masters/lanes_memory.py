@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plan import Plan, PlannedComponent
+from ..plan import LAG, Plan, PlannedComponent
 from .lanes_driver import LENGTHS, MOMENT, Engine, Errors, Floats
 
 
@@ -71,10 +71,6 @@ def receivers_of(plan: Plan) -> list[str]:
     return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
 
 
-LAG = "lag"
-"""Parameter of a receiver: by how much more its estimates are older [s], at most."""
-
-
 def remembered(plan: Plan, variations: Mapping[str, Any] | None = None) -> int:
     """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
 
@@ -100,13 +96,10 @@ def remembered(plan: Plan, variations: Mapping[str, Any] | None = None) -> int:
 
 
 def _lag(component: PlannedComponent, variations: Mapping[str, Any]) -> float:
-    """The largest value of a receiver's parameter `LAG` [s]; 0 without one."""
-    port = component.ports.get(LAG)
-    if port is None or port.causality != "parameter" or port.size != 1:
+    """The largest lag of a receiver in all runs [s]; 0 without one."""
+    if LAG not in component.ports:
         return 0.0
-    start = [0.0 if port.start is None else port.start]
-    settings = [s.values for s in component.settings if s.port.name == LAG]
-    given = variations.get(f"{component.name}.{LAG}", settings[-1] if settings else start)
+    given = variations.get(f"{component.name}.{LAG}", component.lag_s)
     return float(np.max(np.asarray(given, np.float64), initial=0.0))
 
 

@@ -113,9 +113,9 @@ def test_a_shell_goes_into_the_fmus_of_its_version(tree: Path, before: dict[str,
     [
         ("rejected; 0 ", "rejected, 0 ", {"sequential"}),
         ('"Form of Q"', '"The form of Q"', FILTERS),
-        ("start=0.01, min=0.0", "start=0.02, min=0.0", FILTERS | {"coupled"}),
+        ("start=0.01, min=0.0", "start=0.02, min=0.0", FILTERS | {"coupled", "fixed_lag"}),
         ('{1: "variance", 2: "literal"}', '{1: "variances", 2: "literal"}', set(RECEIVERS)),
-        ('"Multilateration", 6,', '"Multilateration", 9,', {"multilateration"}),
+        ('"Multilateration", 6,', '"Multilateration", 99,', {"multilateration"}),
         ("_NOISE = choice", "_NOISE  = choice", set()),
     ],
 )

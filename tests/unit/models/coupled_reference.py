@@ -156,14 +156,25 @@ class Reference:
             if using and enough and self.located and (self.score > 12 or too_fast):
                 self.score, using, fix = 0.0, False, True
                 self.restarts += 1
+            if using and self.located:
+                self.sampled()
         if enough and self.located and not self.ready:
             self.ready = fix = True
         self.updates += self.ready
         if fix:
             self.anew(u)
 
+    def sampled(self) -> None:
+        """A sample has been used."""
+
     def predict(self, dt: float) -> None:
         """Propagate by dt."""
+        F, Q = self.transition(dt)
+        self.mean = F @ self.mean
+        self.P = F @ self.P @ F.T + Q
+
+    def transition(self, dt: float) -> tuple[Array, Array]:
+        """Phi and Q."""
         p, F, Q = self.p, np.eye(N), np.zeros((N, N))
         q = p["acceleration_psd"]
         for i in range(3):
@@ -189,8 +200,11 @@ class Reference:
                 F[i, i] = np.exp(-dt / tau)
                 Q[i, i] = std**2 * (1 - F[i, i] ** 2)
         Q[BETA, BETA] = p["clock_walk_psd"] * dt
-        self.mean = F @ self.mean
-        self.P = F @ self.P @ F.T + Q
+        return F, Q
+
+    def correct(self, d: Array) -> None:
+        """Take the correction d, which P has already seen."""
+        self.mean, self.P = retract(self.mean, self.P, d)
 
     def update(self, nu: float, H: Array, R: float, weight: float = 1.0) -> tuple[Array, float]:
         """A scalar update that is true with probability ``weight``: correction and NIS."""
@@ -292,7 +306,7 @@ class Reference:
         K = np.linalg.solve(H @ self.P @ H.T + R, H @ self.P).T
         rest = np.eye(N) - K @ H
         self.P = rest @ self.P @ rest.T + K @ R @ K.T
-        self.mean, self.P = retract(self.mean, self.P, K @ z)
+        self.correct(K @ z)
 
     def range(
         self, z: float, body: Array, roll: float, pitch: float, tilt_variance: float
@@ -333,7 +347,7 @@ class Reference:
         nu = z - value
         share = punctual(p, nu, H @ P @ H + R)
         d, nis = self.update(nu, H, R, share)
-        self.mean, self.P = retract(self.mean, self.P, d)
+        self.correct(d)
         self.nis += nis
         self.degrees += share > 0.5
         evidence = np.log(0.9 / max(p["outlier_probability"], 0.01))

@@ -57,13 +57,14 @@ class Raft:
         return place + self.body @ rotation(*attitude).T
 
     def dive(
-        self, path: Path = LINE, parameters: Mapping[str, Any] | None = None, **settings: Any
+        self, path: Path = LINE, parameters: Mapping[str, Any] | None = None,
+        receiver: str = "coupled", **settings: Any,
     ) -> Dive:
-        """A dive with `coupled`, which knows how good the sensors are."""
+        """A dive with a receiver that knows how good the sensors are."""
         known = {"beacon_offset": self.body, "gps_std": self.gps_std,
                  "imu_heading_std": self.imu_std, "imu_tilt_std": self.imu_std,
                  "tilt_std": self.tilt, "depth_std": 0.05}
         return dive(
-            "coupled", path, beacons=self.beacons, reported=self.reported, pose=self.pose,
+            receiver, path, beacons=self.beacons, reported=self.reported, pose=self.pose,
             parameters={**known, **(parameters or {})}, **{"depth_std": 0.05, **settings},
         )

@@ -141,12 +141,17 @@ class Stepper:
 
     def _repeat(self, loops: Any, t_ns: int) -> None:
         t = t_ns / 1e9
-        for loop in loops:
+        outermost = 0
+        for i, loop in enumerate(loops):
+            if i < outermost:
+                continue
+            outermost = i + 1 + self.model.inner.get(loop, 0)
             turns = 0
             while self._call(self.functions.guards[loop], self.x, self._u, self._p, t)[0]:
                 self.x = self._call(self.functions.bodies[loop], self.x, self._u, self._p,
                                     self._draw(loop, self.counts[loop]), t)
                 self.counts[loop] += 1
+                self._repeat(loops[i + 1:outermost], t_ns)
                 turns += 1
                 assert turns < MOST_TURNS, f"loop {loop} does not end"
 

@@ -105,7 +105,7 @@ def test_a_degenerate_arrangement_gives_numbers(body: Array, weight: Any) -> Non
 
 
 def taken(mean: Array, P: Array, d: Array) -> tuple[Array, Array]:
-    after, covariance = arc.retract(symbols(mean), symbols(P), symbols(d))
+    after, covariance, _ = arc.retract(symbols(mean), symbols(P), symbols(d))
     return number(after), number(covariance)
 
 

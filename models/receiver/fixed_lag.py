@@ -1,0 +1,174 @@
+"""The filter `coupled`, with estimates that wait: each is as old as the lag, and knows what came.
+
+The filter itself is the same. At every quarter of the lag it keeps a copy of diver and platform, as
+estimated then. What is learnt about the state corrects the copies too, in proportion to their
+covariance with it: a fixed-lag smoother by delayed states (B. D. O. Anderson, J. B. Moore, Optimal
+Filtering, 1979, section 7.3). A copy that is as old as the lag becomes an estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Equations, Loop, Symbols, Values
+from ..ports import DEPTH, PING_POSE, RECEPTION
+from . import coupled, start
+from .estimate import pack, unpack
+from .steps import Delayed, packed, unpacked
+from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
+
+_KEPT = [*POSITION, *VELOCITY, *PLATFORM]
+_SPACING = 4
+"""Copies in a lag."""
+_COPIES = _SPACING + 1
+"""One more than in a lag: the oldest is given out before it makes room for the newest."""
+_SIZE = len(_KEPT)
+_TRIANGLE = _SIZE * (_SIZE + 1) // 2
+_GIVEN = 3 + _SIZE + _TRIANGLE
+_NUMBERS = _GIVEN + _SIZE * STATES
+_SAME = 1e-6
+"""Times that differ by less than this [s] are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Copy:
+    """Diver and platform at a time, as known later.
+
+    Attributes
+    ----------
+    there
+        Whether there is any: 0 or 1.
+    epoch
+        The time [s].
+    down
+        How deep the platform was [m].
+    past
+        Of the states `_KEPT`.
+    """
+
+    there: Any
+    epoch: Any
+    down: Any
+    past: Delayed
+
+    @property
+    def numbers(self) -> Any:
+        """As a row; the first `_GIVEN` are all that an estimate needs."""
+        return ca.vertcat(
+            self.there, self.epoch, self.down, self.past.mean, pack(self.past.covariance),
+            ca.vec(self.past.cross),
+        ).T
+
+
+def _copy(row: Any) -> _Copy:
+    return _Copy(row[0], row[1], row[2], Delayed(
+        row[3 : 3 + _SIZE].T,
+        unpack(row[3 + _SIZE : _GIVEN].T, _SIZE),
+        ca.reshape(row[_GIVEN:], _SIZE, STATES),
+    ))
+
+
+def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    states = coupled.initial(p, w, t)
+    ports = (*RECEPTION, *DEPTH, *PING_POSE)
+    inputs = {v.name: ca.SX.zeros(*(*v.shape, 1, 1)[:2]) for v in ports}
+    _, steps = coupled.processed(p, SimpleNamespace(**states), SimpleNamespace(**inputs))
+    given = ca.SX.zeros(1, _GIVEN)
+    given[1] = t
+    return {
+        **states,
+        "steps": ca.SX.zeros(packed(steps).shape[0]),
+        "copies": ca.SX.zeros(_COPIES, _NUMBERS),
+        "turns": 0,
+        "due": 0,
+        "given": given,
+        "given_nis": 0,
+        "given_degrees": 0,
+    }
+
+
+def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """As `coupled`; then the copies follow. One that starts anew was wrong, as its copies are."""
+    changed, steps = coupled.processed(p, x, u)
+    going = changed["passes"] == 0
+    working = changed["ready"] * changed["located"] * going
+    newest = _copy(x.copies[-1, :])
+    old = changed["epoch"] - newest.epoch >= p.lag / _SPACING - _SAME
+    due = working * ca.fmax(newest.there == 0, old)
+    copies = ca.SX(x.copies)
+    copies[:, 0] *= going
+    return {
+        **changed,
+        "update_count": x.update_count,
+        "steps": packed(steps),
+        "copies": copies,
+        "due": due,
+        "turns": ca.if_else(working, _COPIES + due, 0),
+    }
+
+
+def _turn(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The oldest copy follows, and goes to the end; at last, a new one takes its place."""
+    _, form = coupled.processed(p, x, u)
+    old = _copy(x.copies[0, :])
+    followed = replace(old, past=old.past.after(unpacked(form, x.steps)))
+    P = unpack(x.covariance, STATES)
+    new = _Copy(
+        ca.SX(1), x.epoch, x.platform_down, Delayed(x.mean[_KEPT], P[_KEPT, _KEPT], P[_KEPT, :])
+    )
+    last = ca.if_else(x.due * (x.turns == 1), new.numbers, followed.numbers)
+    return {"copies": ca.vertcat(x.copies[1:, :], last), "turns": x.turns - 1}
+
+
+def _ripe(p: Symbols, x: Symbols, t: Any) -> Any:
+    """Which copies are as old as the lag, (n, 1)."""
+    return x.copies[:, 0] * (t - x.copies[:, 1] >= p.lag - _SAME)
+
+
+def _give(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The newest of the ripe copies becomes the estimate: of several, only one would be seen."""
+    ripe = _ripe(p, x, t)
+    given = x.given
+    for i in range(_COPIES):  # oldest first
+        given = ca.if_else(ripe[i], x.copies[i, :_GIVEN], given)
+    copies = ca.SX(x.copies)
+    copies[:, 0] -= ripe
+    return {
+        "copies": copies,
+        "given": given,
+        "update_count": x.update_count + 1,
+        "given_nis": x.nis,
+        "given_degrees": x.nis_degrees,
+        "nis": 0,
+        "nis_degrees": 0,
+    }
+
+
+def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
+    known = _copy(ca.horzcat(x.given, ca.SX.zeros(1, _SIZE * STATES)))
+    mean, P = ca.SX.zeros(STATES), ca.SX.zeros(STATES, STATES)
+    mean[_KEPT] = known.past.mean
+    P[_KEPT, _KEPT] = known.past.covariance
+    shown = SimpleNamespace(
+        update_count=x.update_count, epoch=known.epoch, nis=x.given_nis,
+        nis_degrees=x.given_degrees, mean=x.mean, restarts=x.restarts,
+    )
+    return coupled.outputs(p, shown, mean, P, known.down)
+
+
+EQUATIONS = Equations(
+    initial=_initial,
+    output=_output,
+    iterate=(
+        Loop(
+            "process", coupled.unprocessed, _process,
+            inner=(Loop("turn", lambda p, x, u, t: x.turns, _turn),),
+        ),
+        start.anew(),
+        Loop("give", lambda p, x, u, t: ca.mmax(_ripe(p, x, t)), _give),
+    ),
+)
