@@ -161,7 +161,7 @@ def _origins(
     for label, source in chosen.items():
         component = planned[label]
         if isinstance(source, str):
-            origin = {"type": source}
+            origin: dict[str, Any] = {"type": source}
         else:
             origin = {"fmu" if isinstance(source, Path) else "python": component.origin}
         if component.sha256:

@@ -150,7 +150,7 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
     G = M @ (radial @ radial.T + (radius + out) / radius * (tangential @ tangential.T))
     lag = (M @ (_J @ xi)) @ tangential.T / radius
     eye = ca.SX.eye(2)
-    A = {}
+    A: dict[tuple[int, int], Any] = {}
     for rows, columns, block, without in (
         (_NORTH_EAST, _NORTH_EAST, G, eye),
         (_NORTH_EAST, _PLATFORM, eye - G, ca.SX.zeros(2, 2)),
