@@ -15,21 +15,20 @@ from .least_squares import symmetric
 from .steps import Map
 from .surroundings import (
     HEADING,
+    NEAREST,
     PLATFORM,
     POSITION,
     STATES,
     VELOCITY,
+    WIDEST,
     Measurement,
     Range,
+    crescent,
 )
 
 _NORTH_EAST = list(POSITION[:2])
 _SPEEDS = list(VELOCITY[:2])
 _PLATFORM = list(PLATFORM)
-_SHORTEST = 1.0
-"""Nearer to the platform than this many m, there is no arc."""
-_WIDEST = 2.0
-"""Largest variance of the bearing [rad²]: beyond, it is nowhere."""
 _J = ca.SX([[0, -1], [1, 0]])
 
 
@@ -40,16 +39,16 @@ class Arc:
     Attributes
     ----------
     y, radius
-        x − p, (2, 1), and its length, at least `_SHORTEST` [m].
+        x − p, (2, 1), and its length, at least `NEAREST` [m].
     radial, tangential
         e_r and e_t, (2, 1).
     far
         Whether there is an arc at all: 0 or 1.
     spread, depth
-        Variances of the bearing, at most `_WIDEST` [rad²], and of the distance [m²].
+        Variances of the bearing, at most `WIDEST` [rad²], and of the distance [m²].
     heading, turned
         Variances of the platform's heading, and what that of the bearing less the heading, which
-        is what bends a range, has more, at most `_WIDEST` [rad²].
+        is what bends a range, has more, at most `WIDEST` [rad²].
     """
 
     y: Any
@@ -67,20 +66,20 @@ def about(mean: Any, P: Any) -> Arc:
     """The arc of a state and its covariance."""
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
-    radius = ca.fmax(length, _SHORTEST)
+    radius = ca.fmax(length, NEAREST)
     radial = y / radius
     tangential = ca.vertcat(-radial[1], radial[0])
     P_yy = relative(P)
     P_yh = P[_NORTH_EAST, HEADING] - P[_PLATFORM, HEADING]
     return Arc(
         y, radius, radial, tangential,
-        far=length > _SHORTEST,
-        spread=ca.fmin(_form(tangential, P_yy) / radius**2, _WIDEST),
+        far=length > NEAREST,
+        spread=ca.fmin(_form(tangential, P_yy) / radius**2, WIDEST),
         depth=_form(radial, P_yy),
         heading=P[HEADING, HEADING],
         turned=ca.fmin(ca.fmax(
             _form(tangential, P_yy) / radius**2 - 2 * ca.dot(tangential, P_yh) / radius, 0,
-        ), _WIDEST),
+        ), WIDEST),
     )
 
 
@@ -133,12 +132,12 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
     """
     y = mean[_NORTH_EAST] - mean[_PLATFORM]
     length = ca.sqrt(ca.sumsqr(y))
-    radius = ca.fmax(length, _SHORTEST)
+    radius = ca.fmax(length, NEAREST)
     radial = y / radius
     tangential = ca.vertcat(-radial[1], radial[0])
     d_y = d[_NORTH_EAST] - d[_PLATFORM]
     out, turn = ca.dot(radial, d_y), ca.dot(tangential, d_y) / radius
-    on_arc = (length > _SHORTEST) * (out > -radius / 2) * (ca.fabs(turn) < 1)
+    on_arc = (length > NEAREST) * (out > -radius / 2) * (ca.fabs(turn) < 1)
     c, s = ca.cos(turn), ca.sin(turn)
     M = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
     v = mean[_SPEEDS]
@@ -168,15 +167,9 @@ def retract(mean: Any, P: Any, d: Any) -> tuple[Any, Any, Map]:
 def moments(arc: Arc, P: Any) -> tuple[Any, Any]:
     """How far the mean of the banana lies from its crest, (2, 1), and what its covariance has more.
 
-    The bearing is normal with the variance s that the distance does not explain; the mean of
-    y turned by such an angle is ``y exp(-s/2)``.
+    See `surroundings.crescent`.
     """
-    s = arc.far * arc.spread * ca.fmin(
-        ca.fmax(1 - arc.depth / ca.fmax(arc.spread * arc.radius**2, 1e-12), 0), 1
-    )
-    once, twice = ca.exp(-s / 2), ca.exp(-2 * s)
-    along = 0.5 * (1 + twice) - ca.exp(-s)
-    across = 0.5 * (1 - twice) - s
+    once, along, across = crescent(ca, arc.radius, arc.far * arc.spread, arc.depth)
     more = arc.radius**2 * (
         along * (arc.radial @ arc.radial.T) + across * (arc.tangential @ arc.tangential.T)
     )

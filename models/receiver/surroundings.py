@@ -135,6 +135,34 @@ def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...
     return phi, Q
 
 
+NEAREST = 1.0
+"""Nearer to the platform than this many m, there is no arc about it."""
+WIDEST = 2.0
+"""Largest variance of a bearing [rad²]: beyond, it is nowhere."""
+
+
+def crescent(m: Any, radius: Any, spread: Any, depth: Any) -> tuple[Any, Any, Any]:
+    """Moments of a place at a known distance whose bearing is normal: a banana.
+
+    Parameters
+    ----------
+    radius
+        Distance from the platform [m].
+    spread, depth
+        Variances of the bearing, at most `WIDEST` [rad²], and of the distance [m²].
+
+    Returns
+    -------
+    kept, along, across
+        The mean of y is ``kept`` y, and its covariance has these shares of ``radius``² more,
+        towards the platform and at right angles to it.
+    """
+    # The part of the bearing's variance that the distance does not explain.
+    s = spread * m.fmin(m.fmax(1 - depth / m.fmax(spread * radius**2, 1e-12), 0), 1)
+    once, twice = m.exp(-s / 2), m.exp(-2 * s)
+    return once, 0.5 * (1 + twice) - m.exp(-s), 0.5 * (1 - twice) - s
+
+
 def sounding_variance(std: Any) -> Any:
     """Variance of a range or of a depth of a standard deviation, or of the least one [m²]."""
     return (0.5 * (std + LEAST_SOUNDING_STD + abs(std - LEAST_SOUNDING_STD))) ** 2

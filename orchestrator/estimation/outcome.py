@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sblcosim.models.receiver.surroundings import CLOCK, PLATFORM, POSITION, SPEED, VELOCITY
+from sblcosim.models.receiver.surroundings import (
+    CLOCK,
+    NEAREST,
+    PLATFORM,
+    POSITION,
+    SPEED,
+    VELOCITY,
+    WIDEST,
+    crescent,
+)
 from sblcosim.models.receiver.variables import COUPLED
 
 from ..results.result import Result
@@ -75,7 +84,10 @@ def of_states(
     relative[:, 2] -= down
     relative_covariance = D @ covariance @ D.T
     relative_covariance[:, 2, 2] += p.gps_vertical_std**2
+    bent = _bent(relative[:, :2], relative_covariance[:, :2, :2])
+    relative_covariance[:, :2, :2] += bent
     own = covariance[:, ORDER][:, :, ORDER]
+    own[:, ::2, ::2][:, :2, :2] += bent
     own[:, [0, 2], [0, 2]] += p.gps_bias_std**2
     c = p.assumed_sound_speed
     there = epochs >= first_ns(p, samples)
@@ -84,6 +96,25 @@ def of_states(
         relative[there], relative_covariance[there],
         np.column_stack([mean[:, list(PLATFORM)], down])[there],
         mean[there, CLOCK] / c, c / (1 + mean[there, SPEED]),
+    )
+
+
+def _bent(y: Floats, P: Floats) -> Floats:
+    """What a posterior that bends about the platform adds to the covariance of y, (n, 2, 2).
+
+    About its crest, where the most probable place is, not about its mean.
+    """
+    length = np.linalg.norm(y, axis=1)
+    radius = np.maximum(length, NEAREST)
+    radial = y / radius[:, None]
+    tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+    spread, depth = (np.einsum("ni,nij,nj->n", e, P, e) for e in (tangential, radial))
+    spread = np.where(length > NEAREST, np.minimum(spread / radius**2, WIDEST), 0.0)
+    kept, along, across = crescent(np, radius, spread, depth)
+    shares = ((along + (1 - kept) ** 2, radial), (across, tangential))
+    return sum(
+        ((share * radius**2)[:, None, None] * e[:, :, None] * e[:, None, :] for share, e in shares),
+        np.zeros_like(P),
     )
 
 

@@ -2,7 +2,9 @@
 
 Each pass is a linear problem about the last trajectory ℓ: a range r counts as r − h(ℓ) + H ℓ, with
 the variance R/λ, λ being the probability that it is not late, at its residual there
-(expectation-maximisation). The fixed point is the maximum of the posterior.
+(expectation-maximisation). The fixed point is the maximum of the posterior. The covariance of the
+states is that of the linear problem there; of a place on an arc about the platform it has the
+moments of a banana more (`sblcosim.estimation.outcome`).
 """
 
 from __future__ import annotations
