@@ -4,7 +4,7 @@
 import sys
 from io import TextIOWrapper
 
-from . import simulate, studies, components, export
+from . import simulate, studies, components, export, schemas
 from .base import app
 
 

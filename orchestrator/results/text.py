@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
-from ..layout import WIDTH, fitted
+from ..layout import WIDTH, fitted, meters
 from ..scenario.sources import RAW
 from . import possible
 from .consistency import COVARIANCES, Verdict
@@ -168,14 +168,6 @@ def _claim(result: Result, receiver: str) -> str:
 def _without_covariance(result: Result, receiver: str) -> str:
     claims = f"{receiver}.covariance" in result.record.values
     return "its covariance is never positive definite" if claims else "no covariance"
-
-
-def meters(length: float) -> str:
-    """A length in m for a sentence, with two digits that mean something."""
-    if not np.isfinite(length):
-        return "– m"
-    digits = 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
-    return f"{length:,.{digits}f} m"
 
 
 def frames_in(table: pd.DataFrame) -> list[str]:

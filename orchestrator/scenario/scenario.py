@@ -73,10 +73,12 @@ class Scenario(Table):
         The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: Name = "scenario"
-    title: str = ""
-    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
-    fmi: Literal[2, 3] = 2
+    name: Name = Field(default="scenario", description="For display, and of the folder of results")
+    title: str = Field(default="", description="For display")
+    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
+        default=int(SEED.starts[0]), description="Seed of all random numbers"
+    )
+    fmi: Literal[2, 3] = Field(default=2, description="FMI version of the components")
     time: Time = Field(default_factory=Time)
     target: Target = Field(default_factory=Target)
     platform: Platform = Field(default_factory=Platform)
