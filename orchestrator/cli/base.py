@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, shortened
+from . import completion
 from .outcome import ErrorReportingGroup, say_warnings
 
 if TYPE_CHECKING:
@@ -60,7 +61,6 @@ def numeric(
 
 app = typer.Typer(
     cls=ErrorReportingGroup,
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -68,7 +68,12 @@ app = typer.Typer(
 )
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="TOML file, or a name from 'sblcosim scenarios'.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="TOML file, or a name from 'sblcosim scenarios'.",
+        autocompletion=completion.scenarios,
+    ),
 ]
 ReceiverOption = Annotated[
     list[str] | None,
@@ -76,12 +81,16 @@ ReceiverOption = Annotated[
         "--receiver",
         metavar="NAME|FILE.fmu|FILE.py:CLASS",
         help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+        autocompletion=completion.receivers,
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY=VALUE", help="Change a key, e.g. platform.arm_length_m=0.4."
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key, e.g. platform.arm_length_m=0.4.",
+        autocompletion=completion.keys,
     ),
 ]
 FmiOption = Annotated[

@@ -10,13 +10,19 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completion
 from .base import JsonOption, app, numeric, say, show, waiting
 
 
 @app.command()
 def build(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Components; none: all.",
+            autocompletion=completion.components,
+        ),
     ] = None,
     fmi: Annotated[
         int | None, numeric("--fmi", int, "2|3", "FMI version; none: both.", low=2, high=3)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import check_choice
+from . import completion
 from .base import app, table
 
 _FILES: Mapping[str, str] = {
@@ -17,29 +18,42 @@ _FILES: Mapping[str, str] = {
 }
 
 
+def _names() -> dict[str, str]:
+    """The schemas, each with what it is for."""
+    from .documents import DOCUMENTS
+
+    printed = {f"{it}.json": f"what 'sblcosim {it} --json' prints" for it in DOCUMENTS}
+    return {**_FILES, **printed}
+
+
+def _offers(incomplete: str) -> completion.Offers:
+    return completion.starting(_names().items(), incomplete)
+
+
 @app.command()
 def schema(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="scenario, study, or COMMAND.json.")
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="scenario, study, or COMMAND.json.",
+            autocompletion=_offers,
+        ),
     ] = None,
 ) -> None:
-    """Print a JSON schema: of the files that commands read, or of what they print with --json.
+    """Print a JSON schema of files, or of what --json prints.
 
-    Without a name, list all. Editors of TOML take the first two, e.g. Even Better TOML.
+    Editors of TOML take those of files, e.g. Even Better TOML, to complete and explain keys.
+    Without a name, list all.
     """
-    from .documents import DOCUMENTS
-
-    printed = {f"{command}.json": command for command in DOCUMENTS}
     if name is None:
-        rows = [*_FILES.items()]
-        rows += [(file, f"what 'sblcosim {it} --json' prints") for file, it in printed.items()]
-        table(rows)
+        table([*_names().items()])
         return
-    check_choice("schema", name, [*_FILES, *printed])
-    typer.echo(json.dumps(_schema(name, printed), indent=2))
+    check_choice("schema", name, [*_names()])
+    typer.echo(json.dumps(_schema(name), indent=2))
 
 
-def _schema(name: str, printed: Mapping[str, str]) -> dict[str, Any]:
+def _schema(name: str) -> dict[str, Any]:
     if name == "scenario":
         from ..scenario.file_schema import scenario_schema
 
@@ -50,4 +64,4 @@ def _schema(name: str, printed: Mapping[str, str]) -> dict[str, Any]:
         return study_schema()
     from .documents import schema as schema_of
 
-    return schema_of(printed[name])
+    return schema_of(name.removesuffix(".json"))

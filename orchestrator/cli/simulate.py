@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completion
 from .base import (
     FmiOption,
     ForceOption,
@@ -62,6 +63,7 @@ def run(
             "--master",
             metavar="native|python|lanes",
             help="What runs it [default: native if it can].",
+            autocompletion=completion.words("native", "python", "lanes"),
         ),
     ] = None,
     step_timeout: StepTimeoutOption = None,
@@ -103,6 +105,7 @@ def smooth(
             "--set",
             metavar="KEY=VALUE",
             help="Change what is assumed, e.g. receiver.acceleration_psd_m2_s3=0.003.",
+            autocompletion=completion.keys,
         ),
     ] = None,
     out: Annotated[
@@ -261,11 +264,19 @@ def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
     source: Annotated[
         str | None,
-        typer.Option("--from", metavar="SCENARIO", help="Begin with the keys of this scenario."),
+        typer.Option(
+            "--from",
+            metavar="SCENARIO",
+            help="Begin with the keys of this scenario.",
+            autocompletion=completion.scenarios,
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
-    """Write a scenario file to begin with, and its schema for editors beside it."""
+    """Write a scenario file to begin with.
+
+    Its schema, with which editors complete and explain keys, is written beside it.
+    """
     from sblcosim.fmus.files import write_file
 
     from ..scenario.file_schema import FILE_NAME, scenario_schema

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from ..errors import ConfigurationError, check_choice
+from . import completion
 from .base import (
     ForceOption,
     JsonOption,
@@ -37,7 +38,12 @@ if TYPE_CHECKING:
     from .study_documents import Study as StudyDocument
 
 StudyArgument = Annotated[
-    str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
+    str,
+    typer.Argument(
+        metavar="STUDY",
+        help="TOML file, or a name from 'sblcosim studies'.",
+        autocompletion=completion.studies,
+    ),
 ]
 ResultsArgument = Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")]
 ReplicatesOption = Annotated[

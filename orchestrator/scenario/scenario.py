@@ -20,7 +20,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
-from . import effects
+from . import effects, library
 from .assumptions import assumed
 from .messages import is_table, lines
 from .overrides import Overrides, clear_for_presets, pairs, without_none
@@ -269,10 +269,9 @@ def _relative(file: Path, folder: Path) -> str:
 # --- Reading -------------------------------------------------------------------------------------
 
 
-@cache
 def shipped() -> tuple[str, ...]:
     """Names of the shipped scenarios."""
-    return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
+    return library.shipped("sblcosim.scenario")
 
 
 def shipped_text(name: str) -> str:
