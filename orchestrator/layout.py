@@ -8,11 +8,11 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 from math import isfinite
 
 WIDTH = 80
 """Columns of what has a layout of its own, where no terminal says otherwise."""
-_UNLIMITED = 10_000
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:%|m|s)(?:\W|$))")
 _KEPT = "\N{NO-BREAK SPACE}"
 
@@ -57,7 +57,7 @@ def table(
     head: Sequence[str] = (),
     right: Sequence[int] = (),
 ) -> Iterator[str]:
-    """The lines of a table; cells are wrapped where it would be too wide.
+    """The lines of a table; cells are wrapped where it would be too wide, between words if it can.
 
     Parameters
     ----------
@@ -70,19 +70,32 @@ def table(
     right
         Columns that are aligned to the right, counted from 0.
     """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table(box=None, pad_edge=False, show_header=bool(head), header_style="")
-    lines = [*rows]
-    for i in range(len(head) or len(lines[0])):
-        side = "right" if i in right else "left"
-        grid.add_column(Text(head[i]) if head else "", justify=side, overflow="fold")  # type: ignore[arg-type]
+    lines = [*([head] if head else []), *rows]
+    columns = [*zip(*lines, strict=True)]
+    words = [max((len(word) for cell in cells for word in cell.split()), default=1)
+             for cells in columns]  # fmt: skip
+    gaps = len(columns) - 1
+    gap = 2 if width is None or sum(words) + 2 * gaps <= width else 1
+    sizes = [max(map(len, cells)) for cells in columns]
+    if width is not None:
+        _shrink(sizes, words, width - gap * gaps)
     for line in lines:
-        grid.add_row(*map(Text, line))
-    screen = Console(width=width or _UNLIMITED, color_system=None, legacy_windows=False)
-    with screen.capture() as captured:
-        screen.print(grid)
-    for text in captured.get().splitlines():
-        yield text.rstrip()
+        parts = [
+            [cell] if len(cell) <= size else textwrap.wrap(cell, size, break_on_hyphens=False)
+            for cell, size in zip(line, sizes, strict=True)
+        ]
+        for row in zip_longest(*parts, fillvalue=""):
+            yield (" " * gap).join(
+                part.rjust(size) if i in right else part.ljust(size)
+                for i, (part, size) in enumerate(zip(row, sizes, strict=True))
+            ).rstrip()
+
+
+def _shrink(sizes: list[int], words: Sequence[int], room: int) -> None:
+    """Make the widest columns narrower until all fit; break words only if there is no other way."""
+    while sum(sizes) > room:
+        free = [i for i, size in enumerate(sizes) if size > words[i]]
+        widest = max(free or range(len(sizes)), key=sizes.__getitem__)
+        if sizes[widest] == 1:
+            return
+        sizes[widest] -= 1
