@@ -1,170 +1,40 @@
-"""What an FMU is known by: a change of one model changes its own FMU and no other."""
+"""What an FMU is made from, as its sources' import statements say."""
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable
-from dataclasses import fields, replace
+import ast
 from pathlib import Path
 
 import pytest
-from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import Component, Condition, Terminal, Variable, parameter
+import sblcosim.fmus
+import sblcosim.models
+from sblcosim.fmus.build.ingredients import _statements
 
-ROOT = Path(__file__).parents[3]
-KEYS = """
-import json, sys, sblcosim
-from sblcosim.fmus.build.factory import key
-from sblcosim.models import COMPONENTS
-assert sblcosim.__file__.startswith(sys.argv[1]), sblcosim.__file__
-print(json.dumps({f"{name} {fmi}": key(name, fmi) for name in COMPONENTS for fmi in (2, 3)}))
-assert "casadi" not in sys.modules
-"""
-
-Keys = Callable[[], dict[str, str]]
+SOURCES = [
+    file for package in (sblcosim.fmus, sblcosim.models)
+    for file in Path(package.__path__[0]).rglob("*.py")
+]  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the sources, as they are installed."""
-    tree = tmp_path_factory.mktemp("tree") / "sblcosim"
-    for source, target in (("orchestrator", "."), ("models", "models"), ("fmus", "fmus")):
-        skip = shutil.ignore_patterns("__pycache__", "ready")
-        shutil.copytree(ROOT / source, tree / target, ignore=skip, dirs_exist_ok=True)
-    return tree
+def imports(nodes: object) -> set[int]:
+    return {n.lineno for n in nodes if isinstance(n, ast.Import | ast.ImportFrom)}  # type: ignore[attr-defined]
 
 
-def keys(tree: Path) -> dict[str, str]:
-    """The key of each FMU, ``ekf 2``, as a process sees it that runs from a copy."""
-    output = subprocess.run(
-        [sys.executable, "-B", "-c", KEYS, str(tree)],
-        env={**os.environ, "PYTHONPATH": str(tree.parent)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert output.returncode == 0, output.stderr
-    result: dict[str, str] = json.loads(output.stdout)
-    return result
-
-
-@pytest.fixture(scope="module")
-def before(tree: Path) -> dict[str, str]:
-    return keys(tree)
-
-
-ALL = set(COMPONENTS)
-FILTERS = {"ekf", "sequential"}
+def test_imports_are_found_in_all_our_sources() -> None:
+    assert len(SOURCES) > 50
+    for file in SOURCES:
+        tree = ast.parse(file.read_text("utf-8"))
+        assert imports(_statements(tree)) == imports(ast.walk(tree)), file
 
 
 @pytest.mark.parametrize(
-    ("file", "changed"),
-    [
-        ("models/receiver/ekf.py", {"ekf"}),
-        ("models/receiver/kalman.py", FILTERS),
-        ("models/receiver/least_squares.py", set(RECEIVERS)),
-        ("models/receiver/README.md", set(RECEIVERS)),
-        ("models/geometry.py", {"platform"}),
-        ("models/equations.py", ALL),
-        ("models/__init__.py", set()),
-        ("models/platform/beaufort.py", set()),
-        ("fmus/files.py", set()),
-        ("fmus/host/instances.py", set()),
-        ("fmus/conformance/kit.py", set()),
-        ("scenario/wiring.py", set()),
-        ("simulation/c/native.c", set()),
-        ("fmus/platforms.py", ALL),
-        ("fmus/c/engine.h", ALL),
-        ("fmus/build/generator.py", ALL),
-        ("fmus/build/documentation.html.jinja", ALL),
-    ],
-)
-def test_a_changed_file_changes_the_fmus_that_it_goes_into(
-    file: str, changed: set[str], tree: Path, before: dict[str, str]
-) -> None:
-    content = (tree / file).read_text()
-    comment = {".py": "# changed", ".md": "changed", ".jinja": "changed"}
-    try:
-        (tree / file).write_text(content + comment.get(Path(file).suffix, "/* changed */") + "\n")
-        after = keys(tree)
-    finally:
-        (tree / file).write_text(content)
-    assert {name.split()[0] for name in after if after[name] != before[name]} == changed
-    assert {name for name in after if after[name] != before[name]} == {
-        f"{name} {fmi}" for name in changed for fmi in (2, 3)
-    }
-
-
-def test_a_shell_goes_into_the_fmus_of_its_version(tree: Path, before: dict[str, str]) -> None:
-    file = tree / "fmus/c/fmi3.c"
-    content = file.read_text()
-    try:
-        file.write_text(content + "/* changed */\n")
-        after = keys(tree)
-    finally:
-        file.write_text(content)
-    assert {name for name in after if after[name] != before[name]} == {f"{n} 3" for n in ALL}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "changed"),
-    [
-        ("rejected; 0 ", "rejected, 0 ", {"sequential"}),
-        ('"Form of Q"', '"The form of Q"', FILTERS),
-        ("start=0.01, min=0.0", "start=0.02, min=0.0", FILTERS | {"coupled"}),
-        ('{1: "variance", 2: "literal"}', '{1: "variances", 2: "literal"}', set(RECEIVERS)),
-        ('"Multilateration", 6,', '"Multilateration", 9,', {"multilateration"}),
-        ("_NOISE = choice", "_NOISE  = choice", set()),
-    ],
-)
-def test_a_changed_declaration_changes_the_fmus_of_its_component(
-    old: str, new: str, changed: set[str], tree: Path, before: dict[str, str]
-) -> None:
-    file = tree / "models/receiver/variables.py"
-    content = file.read_text()
-    assert content.count(old) == 1
-    try:
-        file.write_text(content.replace(old, new))
-        after = keys(tree)
-    finally:
-        file.write_text(content)
-    assert {name.split()[0] for name in after if after[name] != before[name]} == changed
-
-
-CHOICE = Variable("v", "A value", "parameter", choices={1: "one", 2: "two"}, start=1)
-NUMBER = parameter("v", "A value", "m", shape=(2,), start=1.0, min=0.0, max=9.0)
-
-
-@pytest.mark.parametrize(
-    ("declared", "others"),
-    [
-        (
-            NUMBER,
-            {"name": "w", "description": "Another", "causality": "input", "unit": "s",
-             "shape": (2, 1), "start": 2.0, "min": -1.0, "max": 8.0, "type": "Int32",
-             "variability": "discrete", "choices": {1: "one"},
-             "needs": ((Condition("v", (1,)),),)},
-        ),
-        (Condition("v", (1,)), {"parameter": "w", "values": (2,)}),
-        (
-            Terminal("t", "depth", "A terminal", {"a": "b"}),
-            {"name": "u", "kind": "estimate", "description": "Another", "members": {"a": "c"}},
-        ),
-        (
-            Component("C", 1, "A component", (NUMBER,), None),
-            {"name": "D", "number": 2, "description": "Another", "variables": (CHOICE,),
-             "interval": "v", "variant": "v", "step_size": 0.2, "stop_time": 9.0,
-             "terminals": (Terminal("t", "depth", "A terminal", {}),)},
-        ),
-    ],
-)
-def test_the_text_of_a_declaration_holds_every_field(declared, others) -> None:
-    assert set(others) == {field.name for field in fields(declared)}
-    for name, value in others.items():
-        if name == "choices":
-            other = replace(declared, choices=value, start=1, shape=(), causality="input")
-            assert repr(value) in repr(other)
-        else:
-            assert repr(replace(declared, **{name: value})) != repr(declared), name
+    "where",
+    ["{}", "def f():\n {}", "class C:\n {}", "if a: {}", "if a: pass\nelse: {}", "for x in y: {}",
+     "while a: pass\nelse: {}", "with a: {}", "try: {}\nfinally: pass",
+     "try: pass\nexcept A: {}", "try: pass\nexcept A: pass\nelse: {}", "try: pass\nfinally: {}",
+     "async def f():\n async with a: {}", "match a:\n case 1: {}", "try: pass\nexcept* A: {}",
+     "if a:\n def f():\n  try: pass\n  finally: {}"],
+)  # fmt: skip
+def test_an_import_is_found_wherever_it_stands(where: str) -> None:
+    tree = ast.parse(where.format("import os"))
+    assert imports(_statements(tree)) == imports(ast.walk(tree)) != set()
