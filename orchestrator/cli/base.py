@@ -173,10 +173,10 @@ def where(folder: Path, wanted: Path) -> str:
     return f"written to {folder}{other}"
 
 
-def report_run(
+def report(
     result: Any, folder: Path, wanted: Path, command: str, as_json: bool, verbose: bool
 ) -> None:
-    """Print what came of a run; the exit code is 1 if a receiver has given no estimate at all."""
+    """Print what came of a run."""
     if as_json:
         from .documents import DOCUMENTS
 
@@ -184,6 +184,10 @@ def report_run(
     else:
         typer.echo(result.text(verbose=verbose, width=width()))
         say(f"\n{where(folder, wanted)}")
+
+
+def refuse_silence(result: Any) -> None:
+    """End with exit code 1 if a receiver has given no estimate at all."""
     for line in result.problems:
         typer.echo(f"error: {line}", err=True)
     if result.problems:

@@ -28,7 +28,8 @@ from .base import (
     destination,
     numeric,
     overrides,
-    report_run,
+    refuse_silence,
+    report,
     say,
     show,
     table,
@@ -91,7 +92,8 @@ def run(
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report_run(result, folder, wanted, "run", as_json, verbose)
+    report(result, folder, wanted, "run", as_json, verbose)
+    refuse_silence(result)
 
 
 @app.command()
@@ -132,7 +134,7 @@ def smooth(
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
         written = smoothed.save(wanted, figures=not no_figures, other=other)
-    report_run(smoothed, written, wanted, "smooth", as_json, verbose)
+    report(smoothed, written, wanted, "smooth", as_json, verbose)
 
 
 @app.command()

@@ -24,7 +24,8 @@ from .base import (
     beside,
     destination,
     numeric,
-    report_run,
+    refuse_silence,
+    report,
     say,
     show,
     table,
@@ -264,7 +265,8 @@ def replay(
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report_run(result, folder, wanted, "replay", as_json, verbose)
+    report(result, folder, wanted, "replay", as_json, verbose)
+    refuse_silence(result)
 
 
 @app.command()
@@ -311,14 +313,14 @@ def analyse(
             practical=practical,
             command=shlex.join(["sblcosim", *sys.argv[1:]]),
         )
-    report = out / reports.REPORT
+    page = out / reports.REPORT
     if as_json:
         from . import contents
 
-        show(contents.analysis(found, out, report))
+        show(contents.analysis(found, out, page))
     else:
         typer.echo(found.text(verbose=verbose, width=width()))
-        say(f"\nwritten to {out}; the report is {report}")
+        say(f"\nwritten to {out}; the report is {page}")
 
 
 @app.command()

@@ -76,11 +76,6 @@ class Smoothed:
         own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
         return {**self.result.to_json(), **plain(own)}
 
-    @property
-    def problems(self) -> list[str]:
-        """As `Result.problems`."""
-        return self.result.problems
-
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """As `Result.text`, with how the passes have converged."""
         told = self.result.text(verbose=verbose, width=width)
