@@ -114,11 +114,21 @@ def _imports(module: str) -> tuple[Import, ...]:
     """What a module takes from modules of ours, wherever in it the import stands."""
     return tuple(
         wanted
-        for statement in ast.walk(ast.parse(_source(module)))
+        for statement in _statements(ast.parse(_source(module)))
         if isinstance(statement, ast.Import | ast.ImportFrom)
         for wanted in _imported(module, statement)
         if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _file(wanted.module).is_file()
     )
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """All statements, also inside of others; no expressions, which take `ast.walk` its time."""
+    waiting: list[ast.AST] = [*tree.body]
+    while waiting:
+        statement = waiting.pop()
+        yield statement
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += getattr(statement, block, ())
 
 
 def _imported(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[Import]:

@@ -31,6 +31,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .. import layout
 from ..errors import ConfigurationError, nearest
 from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
 from .runs import check_columns
@@ -143,9 +144,10 @@ class Advice(Question):
 
     def _answers(self) -> list[str]:
         both = [self] if self.beside is None else [self, self.beside]
-        return [a._own_answer() for a in sorted(both, key=lambda a: a.percentile is None)]
+        return [a.own_answer() for a in sorted(both, key=lambda a: a.percentile is None)]
 
-    def _own_answer(self) -> str:
+    def own_answer(self) -> str:
+        """What to buy, by this question alone."""
         unit = f" {self.unit}" if self.unit else ""
         if self.limit is None:
             front = int(self.points["front"].sum())
@@ -203,17 +205,40 @@ class Advice(Question):
         levels = self.points.loc[row, list(self.factors)].astype(float)
         return ", ".join(f"{name} {level:g}" for name, level in levels.items())
 
-    def __str__(self) -> str:
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """What to buy, then the points worth their cost.
+
+        Parameters
+        ----------
+        verbose
+            With how to read the numbers.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        shown = self._shown()
+        rows = [
+            [_figure(x) if isinstance(x, float) else _words(x) for x in row]
+            for row in shown.itertuples(index=False)
+        ]
+        head = [str(name) for name in shown.columns]
         lines = [
             *self._answers(),
             "",
             f"By the {self.statistic}, points that no other one beats in cost and estimate"
             + (", and the chosen one:" if self.chosen is not None else ":"),
-            self._shown().to_string(index=False, float_format=_figure),
-            "",
-            *self._notes(),
+            *layout.table(rows, width, head, range(len(head))),
+            *(["", *self._notes()] if verbose else self._assumed()),
         ]
-        return "\n".join(lines)
+        return layout.fitted("\n".join(lines), width)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _assumed(self) -> list[str]:
+        """What is assumed of costs that were not given."""
+        if not self.free:
+            return []
+        return [f"No cost was given for {', '.join(self.free)}: taken as free."]
 
     def _notes(self) -> list[str]:
         """How to read the numbers."""
@@ -232,9 +257,7 @@ class Advice(Question):
             )
         elif self.points["lost"].any():
             lines.append("A run that is lost is worse than any limit.")
-        if self.free:
-            lines.append(f"No cost was given for {', '.join(self.free)}: taken as free.")
-        return lines
+        return [*lines, *self._assumed()]
 
     def _shown(self) -> pd.DataFrame:
         """The points worth their cost, for people."""
@@ -258,6 +281,10 @@ class Advice(Question):
 
 def _figure(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else "none"
+
+
+def _words(value: object) -> str:
+    return ("no", "yes")[bool(value)] if isinstance(value, bool | np.bool_) else str(value)
 
 
 def advise(

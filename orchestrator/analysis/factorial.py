@@ -61,12 +61,20 @@ if TYPE_CHECKING:
 class Factorial(Analysis):
     __doc__ = Analysis.__doc__  # the class that users see
 
-    def summary(self, most: int = 12) -> str:
-        """The analysis in words, with the `most` largest effects."""
-        return sentences.summary(self.readable, most)
+    def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
+        """The analysis in words: the answer, then the `most` largest effects.
+
+        Parameters
+        ----------
+        verbose
+            With standard errors, t and p, and how it was analysed.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        return sentences.summary(self.readable, most, verbose, width)
 
     def __str__(self) -> str:
-        return self.summary()
+        return self.text()
 
     def _repr_html_(self) -> str:
         shown = self.readable

@@ -7,30 +7,42 @@ from typing import Any
 
 import numpy as np
 
+from ..layout import fitted, table
 from .model import MAX_LISTED
 from .ranking import tied_groups
 from .tables import Analysis
 
 
-def summary(analysis: Analysis, most: int) -> str:
-    """The answer, the `most` largest effects, and notes."""
-    columns = ["effect", "std_error", "low", "high", "t", "p", "share"]
-    columns += [c for c in ("ratio", "verdict") if c in analysis.effects]
-    shown = analysis.ranked()[columns].head(most)
-    formats: dict[Any, Any] = dict.fromkeys([*columns, "ratio"], "{:.4g}".format)
-    formats |= {"share": percent, "p": _p, "t": "{:.2f}".format}
-    formats.pop("verdict", None)
+def summary(
+    analysis: Analysis, most: int, verbose: bool = False, width: int | None = None
+) -> str:
+    """The answer, then the `most` largest effects.
+
+    Parameters
+    ----------
+    verbose
+        With standard errors, t and p, and how it was analysed.
+    width
+        Columns to fit into; None: sentences are not wrapped.
+    """
+    shown = analysis.ranked().head(most)
+    columns = ["effect", "low", "high", *(["std_error", "t", "p"] if verbose else []), "share"]
+    columns += [c for c in ("ratio", "verdict") if c in shown]
+    formats: dict[str, Any] = {"share": percent, "p": _p, "t": "{:.2f}".format, "verdict": str}
+    rows = [
+        (str(term), *(formats.get(str(c), "{:.4g}".format)(value) for c, value in row.items()))
+        for term, row in zip(shown.index, shown[columns].to_dict(orient="records"), strict=True)
+    ]
     rest = len(analysis.effects) - len(shown)
     lines = [
-        f"Effects on {analysis.quantity}",
         answer(analysis),
         "",
-        shown.to_string(formatters=formats, index_names=False),
+        f"Effects on {analysis.quantity}, {100 * analysis.confidence:.4g} % intervals:",
+        *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
-        "",
-        *notes(analysis),
+        *(["", *notes(analysis)] if verbose else _left_out(analysis)),
     ]
-    return "\n".join(lines)
+    return fitted("\n".join(lines), width)
 
 
 def _p(p: float) -> str:
@@ -159,6 +171,14 @@ def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
     return f"{sign}{rounded(row.effect)}{unit}", f"{rounded(row.low)} to {rounded(row.high)}"
 
 
+def _left_out(analysis: Analysis) -> list[str]:
+    """The number of runs that did not count, if there are any."""
+    if not analysis.dropped:
+        return []
+    why = ", or an incomplete replicate" if analysis.seeding == "common" else ""
+    return [f"{analysis.dropped} runs are left out: no finite response{why}."]
+
+
 def notes(analysis: Analysis) -> list[str]:
     """Method, quality and tests of the model, in sentences."""
     a = analysis
@@ -176,9 +196,7 @@ def notes(analysis: Analysis) -> list[str]:
         f"{a.runs} {'values' if a.transform == 'spread' else 'runs'} at {points} points, "
         f"{len(a.effects)} terms; {how}."
     ]
-    if a.dropped:
-        lines.append(f"{a.dropped} runs are left out: no finite response"
-                     + (", or an incomplete replicate." if a.seeding == "common" else "."))
+    lines += _left_out(a)
     if np.isfinite(a.r2_adjusted):
         predicted = f", predicted {a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else ""
         lines.append(f"R² {a.r2:.2%}, adjusted {a.r2_adjusted:.2%}{predicted}; "

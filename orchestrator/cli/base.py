@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
+import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, shortened
+from . import completion
 from .outcome import ErrorReportingGroup, say_warnings
 
 if TYPE_CHECKING:
     from ..artifacts import Other
+    from .document import Document
 
 PATIENCE = 2.0
 """Seconds after which a command shows what it is doing."""
@@ -59,7 +61,6 @@ def numeric(
 
 app = typer.Typer(
     cls=ErrorReportingGroup,
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -67,7 +68,12 @@ app = typer.Typer(
 )
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="TOML file, or a name from 'sblcosim scenarios'.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="TOML file, or a name from 'sblcosim scenarios'.",
+        autocompletion=completion.scenarios,
+    ),
 ]
 ReceiverOption = Annotated[
     list[str] | None,
@@ -75,12 +81,16 @@ ReceiverOption = Annotated[
         "--receiver",
         metavar="NAME|FILE.fmu|FILE.py:CLASS",
         help="Receiver in place of the scenario's; repeat it to compare several on equal noise.",
+        autocompletion=completion.receivers,
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY=VALUE", help="Change a key, e.g. platform.arm_length_m=0.4."
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key, e.g. platform.arm_length_m=0.4.",
+        autocompletion=completion.keys,
     ),
 ]
 FmiOption = Annotated[
@@ -98,8 +108,14 @@ StepTimeoutOption = Annotated[
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the result of another run in the folder.")
 ]
-TablesOption = Annotated[
-    bool, typer.Option("--json", help="Print the tables as JSON, and nothing else.")
+JsonOption = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print JSON and nothing else; its schema: sblcosim schema COMMAND.json."
+    ),
+]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", help="Say how to read the numbers, and give more of them.")
 ]
 NoFiguresOption = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 SeedOption = Annotated[int | None, numeric("--seed", int, "N", "Seed of all random numbers.")]
@@ -134,17 +150,44 @@ def destination(out: Path | None, default: Path, force: bool) -> tuple[Path, Oth
     return out or default, "replace" if force else "number" if out is None else "refuse"
 
 
-def report(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
+def width() -> int | None:
+    """Columns of the terminal; None in a pipe or a file, where nothing is wrapped."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+def say(text: str) -> None:
+    """Print a text that fits the terminal."""
+    from ..layout import fitted
+
+    typer.echo(fitted(text, width()))
+
+
+def show(document: Document) -> None:
+    """Print JSON."""
+    typer.echo(document.text())
+
+
+def where(folder: Path, wanted: Path) -> str:
+    """The line that says where the results are."""
+    other = "" if folder == wanted else f"; {wanted} holds something else"
+    return f"written to {folder}{other}"
+
+
+def report(
+    result: Any, folder: Path, wanted: Path, command: str, as_json: bool, verbose: bool
+) -> None:
+    """Print what came of a run."""
     if as_json:
-        typer.echo(json.dumps(result.to_json() | {"folder": str(folder)}, indent=2))
+        from .documents import DOCUMENTS
+
+        show(DOCUMENTS[command].of(result.to_json() | {"folder": str(folder)}))
     else:
-        other = "" if folder == wanted else f"; {wanted} holds something else"
-        typer.echo(f"{result}\n\nwritten to {folder}{other}")
+        typer.echo(result.text(verbose=verbose, width=width()))
+        say(f"\n{where(folder, wanted)}")
 
 
-def report_run(result: Any, folder: Path, as_json: bool, wanted: Path) -> None:
-    """As `report`; the exit code is 1 if a receiver has given no estimate at all."""
-    report(result, folder, as_json, wanted)
+def refuse_silence(result: Any) -> None:
+    """End with exit code 1 if a receiver has given no estimate at all."""
     for line in result.problems:
         typer.echo(f"error: {line}", err=True)
     if result.problems:
@@ -159,9 +202,9 @@ def beside(results: Path, what: str) -> Path:
 
 
 def table(rows: list[tuple[str, str]]) -> None:
-    width = max(len(first) for first, _ in rows)
-    for first, second in rows:
-        typer.echo(f"{first:{width}}  {second}")
+    from ..layout import table as laid_out
+
+    typer.echo("\n".join(laid_out(rows, width())))
 
 
 @contextmanager

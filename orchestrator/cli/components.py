@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ..errors import ConfigurationError
-from .base import app, numeric, waiting
+from . import completion
+from .base import JsonOption, app, numeric, say, show, waiting
 
 
 @app.command()
 def build(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Components; none: all.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Components; none: all.",
+            autocompletion=completion.components,
+        ),
     ] = None,
     fmi: Annotated[
         int | None, numeric("--fmi", int, "2|3", "FMI version; none: both.", low=2, high=3)
@@ -59,7 +65,10 @@ def build(
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)]) -> None:
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=False)],
+    as_json: JsonOption = False,
+) -> None:
     """Say whether an FMU can be a receiver.
 
     Lists its variables against the contract and loads it; the exit code is 1 if either fails.
@@ -67,7 +76,13 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE.fmu", readable=Fals
     from sblcosim.fmus.conformance.receiver_contract import check_receiver
 
     report = check_receiver(file, load=True)
-    typer.echo(str(report))
+    if as_json:
+        from .documents import Check
+
+        findings = [asdict(finding) for finding in report.findings]
+        show(Check.of({"fmu": str(report.path), "ok": report.ok, "findings": findings}))
+    else:
+        say(str(report))
     if not report.ok:
         raise typer.Exit(1)
 
@@ -86,7 +101,7 @@ def conformance(
     strict: Annotated[
         bool, typer.Option("--strict", help="The exit code is 1 for warnings, too.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
 
@@ -96,13 +111,18 @@ def conformance(
     """
     from sblcosim.fmus.conformance.kit import Result, examine
 
-    def show(result: Result) -> None:
+    def say_so(result: Result) -> None:
         if not as_json:
-            typer.echo(str(result))
+            say(str(result))
             sys.stdout.flush()  # also into a file: whoever waits sees how far it is
 
     with waiting("checking"):
-        report = examine(file, only=checks or (), patience=timeout, each=show)
-    typer.echo(json.dumps(report.to_json(), indent=2) if as_json else report.summary)
+        report = examine(file, only=checks or (), patience=timeout, each=say_so)
+    if as_json:
+        from .documents import Conformance
+
+        show(Conformance.of(report.to_json()))
+    else:
+        say(report.summary)
     if not report.ok or (strict and report.count("warning")):
         raise typer.Exit(1)

@@ -45,7 +45,7 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
-        if name not in self.commands and not name.startswith("-"):
+        if name not in self.commands and not (name.startswith("-") or ctx.resilient_parsing):
             known = list(self.commands)
             raise ConfigurationError(
                 f"{ctx.command_path}: the command must be one of {', '.join(known)}, got "
@@ -60,6 +60,8 @@ class ErrorReportingGroup(Commands):
     def make_context(
         self, info_name: str | None, args: list[str], *arguments: Any, **options: Any
     ) -> Any:
+        if options.get("resilient_parsing"):  # the shell completes: it wants no messages
+            return super().make_context("sblcosim", args, *arguments, **options)
         with _in_lines():  # messages say what people type, however the program was started
             _check_surroundings(args)
             return super().make_context("sblcosim", args, *arguments, **options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -10,25 +11,31 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completion
 from .base import (
     FmiOption,
     ForceOption,
+    JsonOption,
     NoFiguresOption,
     ReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
     StepTimeoutOption,
-    TablesOption,
+    VerboseOption,
     app,
     beside,
     destination,
     numeric,
     overrides,
+    refuse_silence,
     report,
-    report_run,
+    say,
+    show,
     table,
     waiting,
+    where,
+    width,
 )
 
 
@@ -47,7 +54,8 @@ def run(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: TablesOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
     fmi: FmiOption = None,
     seed: SeedOption = None,
     master: Annotated[
@@ -56,6 +64,7 @@ def run(
             "--master",
             metavar="native|python|lanes",
             help="What runs it [default: native if it can].",
+            autocompletion=completion.words("native", "python", "lanes"),
         ),
     ] = None,
     step_timeout: StepTimeoutOption = None,
@@ -63,8 +72,8 @@ def run(
 ) -> None:
     """Simulate a scenario and write its results.
 
-    Prints the table of errors; the record, a manifest and the figures go to a folder. The exit
-    code is 1 if a receiver has given no estimate at all.
+    Prints a verdict for each receiver and the table of errors; the record, a manifest and the
+    figures go to a folder. The exit code is 1 if a receiver has given no estimate at all.
     """
     with waiting() as progress:
         from .. import api, artifacts
@@ -83,7 +92,8 @@ def run(
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report_run(result, folder, as_json, wanted)
+    report(result, folder, wanted, "run", as_json, verbose)
+    refuse_silence(result)
 
 
 @app.command()
@@ -97,6 +107,7 @@ def smooth(
             "--set",
             metavar="KEY=VALUE",
             help="Change what is assumed, e.g. receiver.acceleration_psd_m2_s3=0.003.",
+            autocompletion=completion.keys,
         ),
     ] = None,
     out: Annotated[
@@ -106,7 +117,8 @@ def smooth(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: TablesOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
 ) -> None:
     """Estimate the track of a finished run from all that was received in it.
@@ -122,7 +134,7 @@ def smooth(
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
         written = smoothed.save(wanted, figures=not no_figures, other=other)
-    report(smoothed, written, as_json, wanted)
+    report(smoothed, written, wanted, "smooth", as_json, verbose)
 
 
 @app.command()
@@ -132,6 +144,7 @@ def plan(
     set_: SetOption = None,
     fmi: FmiOption = None,
     seed: SeedOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Print what would run, and how it is connected."""
     with waiting():
@@ -143,7 +156,12 @@ def plan(
         settled = load(scenario, overrides(set_, seed))
         resolved = resolve(connect(settled, receiver or (), fmi))
         check_size(resolved)
-    typer.echo(str(resolved))
+    if as_json:
+        from .contents import plan as content
+
+        show(content(resolved))
+    else:
+        typer.echo(resolved.text(width()))
 
 
 @app.command()
@@ -173,7 +191,7 @@ def calibrate(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Calibrate the speed of sound and test the ranges.
 
@@ -198,25 +216,49 @@ def calibrate(
             fmi=3 if fmi == 3 else 2,
         )
         folder = result.save(wanted, other=other)
-    report(result, folder, as_json, wanted)
+    if as_json:
+        from .documents import Calibration
+
+        show(Calibration.of(result.to_json() | {"folder": str(folder)}))
+    else:
+        say(f"{result}\n\n{where(folder, wanted)}")
 
 
 @app.command()
-def scenarios() -> None:
+def scenarios(as_json: JsonOption = False) -> None:
     """List the scenarios that come with the project."""
     from ..scenario.scenario import load, shipped
 
-    table([(name, load(name).title) for name in shipped()])
+    rows = [(name, load(name).title) for name in shipped()]
+    if as_json:
+        from .document import Entry
+        from .documents import Scenarios
+
+        show(Scenarios(scenarios=[Entry(name=name, title=title) for name, title in rows]))
+    else:
+        table(rows)
 
 
 @app.command()
-def receivers() -> None:
+def receivers(as_json: JsonOption = False) -> None:
     """List the receivers that can be chosen by name."""
     from sblcosim.models import RECEIVERS
 
+    if as_json:
+        from .documents import ReceiverEntry, Receivers
+
+        entries = [
+            ReceiverEntry(
+                name=name, description=component.description,
+                keys=[variable.key for variable in component.of("parameter")],
+            )
+            for name, component in RECEIVERS.items()
+        ]  # fmt: skip
+        show(Receivers(receivers=entries))
+        return
     table([(name, component.description) for name, component in RECEIVERS.items()])
-    typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
-    typer.echo("or FILE.py:CLASS, a class made from sblcosim.Receiver")
+    say("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
+    say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 
 
 @app.command()
@@ -224,13 +266,22 @@ def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
     source: Annotated[
         str | None,
-        typer.Option("--from", metavar="SCENARIO", help="Begin with the keys of this scenario."),
+        typer.Option(
+            "--from",
+            metavar="SCENARIO",
+            help="Begin with the keys of this scenario.",
+            autocompletion=completion.scenarios,
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
-    """Write a scenario file to begin with."""
+    """Write a scenario file to begin with.
+
+    Its schema, with which editors complete and explain keys, is written beside it.
+    """
     from sblcosim.fmus.files import write_file
 
+    from ..scenario.file_schema import FILE_NAME, scenario_schema
     from ..scenario.starter import starter
 
     if not re.match(r"\w", file.name):
@@ -242,8 +293,10 @@ def new(
     text = starter(file.stem, source)
     if not file.parent.is_dir():
         raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
+    schema = file.with_name(FILE_NAME)
     try:
         write_file(file, text.encode(), replace=force)
+        write_file(schema, json.dumps(scenario_schema(), indent=1).encode())
     except FileExistsError:
         raise ConfigurationError(
             f"{file}: must not exist yet, got an existing file; --force replaces it"
@@ -251,4 +304,4 @@ def new(
     except OSError as error:
         raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
     command = shlex.join(["sblcosim", "run", str(file)])
-    typer.echo(f"written to {file}; simulate it with: {command}")
+    say(f"written to {file}; simulate it with: {command}")

@@ -8,31 +8,43 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
 from ..errors import ConfigurationError, check_choice
+from . import completion
 from .base import (
     ForceOption,
+    JsonOption,
     NoFiguresOption,
     StepTimeoutOption,
-    TablesOption,
+    VerboseOption,
     app,
     beside,
     destination,
     numeric,
-    report_run,
+    refuse_silence,
+    report,
+    say,
+    show,
     table,
     waiting,
+    width,
 )
 from .outcome import Terminated
 
 if TYPE_CHECKING:
     from ..study.study import Study
+    from .study_documents import Study as StudyDocument
 
 StudyArgument = Annotated[
-    str, typer.Argument(metavar="STUDY", help="TOML file, or a name from 'sblcosim studies'.")
+    str,
+    typer.Argument(
+        metavar="STUDY",
+        help="TOML file, or a name from 'sblcosim studies'.",
+        autocompletion=completion.studies,
+    ),
 ]
 ResultsArgument = Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder of a study.")]
 ReplicatesOption = Annotated[
@@ -125,6 +137,8 @@ def study(
     ] = False,
     master: MasterOption = None,
     step_timeout: StepTimeoutOption = None,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Run a factorial study, or what is missing of it.
 
@@ -139,7 +153,7 @@ def study(
             settled = settled.with_replicates(replicates)
         out = out or Path("studies", settled.name)
         if dry_run:
-            text = _what_would_run(settled, out, workers, master, step_timeout)
+            told = _what_would_run(settled, out, workers, master, step_timeout)
         else:
             try:
                 runs = settled.run(
@@ -149,36 +163,53 @@ def study(
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-    if dry_run:
-        typer.echo(text)
+    from . import contents
+
+    if not dry_run:
+        told = contents.study(settled, out, **contents.finished(runs))
+    if as_json:
+        show(told)
+    elif dry_run:
+        say(_estimated(told))
     else:
-        _say_what_ran(runs, out)
+        lines = contents.study_lines(told, verbose)
+        say("\n".join([*lines, "", f"written to {out}"]))
+    if told.failed == told.runs:
+        typer.echo(f"error: all {told.runs} runs failed: there is nothing to analyse", err=True)
+        raise typer.Exit(1)
 
 
 def _what_would_run(
-    study: Study, out: Path, workers: int | None, master: str | None, step_timeout: float | None
-) -> str:
+    definition: Study, out: Path, workers: int | None, master: str | None,
+    step_timeout: float | None,
+) -> StudyDocument:  # fmt: skip
     from ..study import campaign, runner
+    from . import contents
 
-    prepared = campaign.prepare(study, master, step_timeout)
+    prepared = campaign.prepare(definition, master, step_timeout)
     missing = runner.missing(prepared, out, tell=True)
-    seconds = runner.estimate(prepared, missing, workers, master)
-    done = prepared.runs - missing.runs
+    seconds = runner.estimate(prepared, missing, workers, master) if missing.runs else (None, None)
+    return contents.study(
+        definition,
+        out,
+        finished=prepared.runs - missing.runs,
+        estimate={
+            "steps": prepared.steps, "seconds_from": seconds[0], "seconds_to": seconds[1],
+        },
+    )  # fmt: skip
+
+
+def _estimated(told: StudyDocument) -> str:
+    """What a study would take."""
+    assert told.estimate is not None
+    least, most = told.estimate.seconds_from, told.estimate.seconds_to
+    time = "" if least is None or most is None else f"; {_duration(least, most)} on this machine"
     return (
-        f"{len(prepared.points)} points x {study.replicates} replicates = {prepared.runs} "
-        f"runs, {prepared.steps} steps"
-        + (f"; {done} runs are in {out}" if done else "")
-        + (f"; {_duration(*seconds)} on this machine" if missing.runs else "")
-        + "; nothing was run"
+        f"{told.points} points x {told.replicates} replicates = {told.runs} runs, "
+        f"{told.estimate.steps} steps"
+        + (f"; {told.finished} runs are in {told.folder}" if told.finished else "")
+        + f"{time}; nothing was run"
     )
-
-
-def _say_what_ran(runs: Any, out: Path) -> None:
-    typer.echo(_summary(runs))
-    typer.echo(f"\nwritten to {out}")
-    if runs["error"].notna().all():
-        typer.echo(f"error: all {len(runs)} runs failed: there is nothing to analyse", err=True)
-        raise typer.Exit(1)
 
 
 def _say_how_to_resume(out: Path, runs: int) -> None:
@@ -212,39 +243,6 @@ def _amount(seconds: float) -> tuple[str, str]:
     return f"{seconds / 86400:,.0f}", "days"
 
 
-def _summary(runs: Any) -> str:
-    """The outcome of a study, for each receiver over all its runs."""
-    failed = runs[runs["error"].notna()]
-    lines = [f"{len(runs)} runs, {len(failed)} failed"]
-    lines += [f"  e.g. {row.run_id}: {row.error}" for row in failed.head(1).itertuples()]
-    from ..analysis import covariance
-
-    covariances = covariance.sentences(covariance.by_point(runs))
-    suffix = ".absolute_total_rms_m"
-    for column in runs.columns[runs.columns.str.endswith(suffix)]:
-        if runs[column].isna().all():
-            continue
-        name = column.removesuffix(suffix)
-        if runs[column].isna().all():
-            lines.append(f"{name}: no estimate in any run")
-            continue
-        lines.append(
-            f"{name}: RMS total error {runs[column].mean():.3g} m on average over all runs, "
-            f"{_inconsistent(runs[f'{name}.inconsistent'])}, "
-            f"{runs[f'{name}.lost'].mean():.0%} lost"
-        )
-        lines += [f"  {sentence}" for sentence in covariances.get(name, ())]
-    return "\n".join(lines)
-
-
-def _inconsistent(flags: Any) -> str:
-    known = flags.dropna()
-    if known.empty:
-        return "consistency unknown (no estimate has a covariance)"
-    whose = "them" if len(known) == len(flags) else f"the {len(known)} with a covariance"
-    return f"{known.mean():.0%} of {whose} inconsistent"
-
-
 @app.command()
 def replay(
     results: ResultsArgument,
@@ -254,7 +252,8 @@ def replay(
         typer.Option("--out", metavar="DIR", help="Folder for the results [default: runs/RUN_ID]."),
     ] = None,
     force: ForceOption = False,
-    as_json: TablesOption = False,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
     no_figures: NoFiguresOption = False,
 ) -> None:
     """Do one run of a study again, with a full record."""
@@ -266,7 +265,8 @@ def replay(
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
         folder = result.save(wanted, figures=not no_figures, other=other)
-    report_run(result, folder, as_json, wanted)
+    report(result, folder, wanted, "replay", as_json, verbose)
+    refuse_silence(result)
 
 
 @app.command()
@@ -286,6 +286,8 @@ def analyse(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-analysis]."),
     ] = None,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Say which factor of a study matters: report, tables and the paper's four pictures.
 
@@ -300,7 +302,7 @@ def analyse(
         check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
-        text = reports.save(
+        found = reports.save(
             results,
             out,
             response or workflow.RESPONSE,
@@ -311,8 +313,14 @@ def analyse(
             practical=practical,
             command=shlex.join(["sblcosim", *sys.argv[1:]]),
         )
-    typer.echo(text)
-    typer.echo(f"\nwritten to {out}; the report is {out / reports.REPORT}")
+    page = out / reports.REPORT
+    if as_json:
+        from . import contents
+
+        show(contents.analysis(found, out, page))
+    else:
+        typer.echo(found.text(verbose=verbose, width=width()))
+        say(f"\nwritten to {out}; the report is {page}")
 
 
 @app.command()
@@ -335,6 +343,8 @@ def advise(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder [default: RESULTS-advice].")
     ] = None,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Find the cheapest design of a study that is good enough.
 
@@ -363,8 +373,13 @@ def advise(
         )
         shown = workflow.readable_advice(found, results)
         folder = workflow.save_advice(found, out, shown=shown)
-    typer.echo(shown)
-    typer.echo(f"\nwritten to {folder}")
+    if as_json:
+        from . import contents
+
+        show(contents.advice(found, shown, folder))
+    else:
+        typer.echo(shown.text(verbose=verbose, width=width()))
+        say(f"\nwritten to {folder}")
     if found.limit is not None and found.chosen is None:
         raise typer.Exit(1)
 
@@ -407,15 +422,22 @@ def paper(
             _say_what_is_there(*papers.progress_of(out, quick), out)
             raise typer.Exit(_stopped(stop)) from None
     for number, text in outcome.answers.items():
-        typer.echo(f"Scenario {number}: {text}\n")
+        say(f"Scenario {number}: {text}\n")
     rows = [(name, f"{seconds:6.1f} s") for name, seconds in outcome.seconds.items()]
     table([*rows, ("together", f"{sum(outcome.seconds.values()):6.1f} s")])
     typer.echo(f"\nthe report is {outcome.report}")
 
 
 @app.command()
-def studies() -> None:
+def studies(as_json: JsonOption = False) -> None:
     """List the studies that come with the project."""
     from ..study.study import load, shipped
 
-    table([(name, load(name).title) for name in shipped()])
+    rows = [(name, load(name).title) for name in shipped()]
+    if as_json:
+        from .document import Entry
+        from .study_documents import Studies
+
+        show(Studies(studies=[Entry(name=name, title=title) for name, title in rows]))
+    else:
+        table(rows)

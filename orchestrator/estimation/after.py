@@ -11,6 +11,7 @@ from sblcosim.models import RECEIVERS
 
 from ..artifacts import Other, plain
 from ..errors import ConfigurationError, instance, nearest, shortened
+from ..layout import fitted
 from ..results.result import Result
 from ..scenario.overrides import Overrides, pairs
 from ..scenario.scenario import Scenario, load
@@ -75,8 +76,13 @@ class Smoothed:
         own = {"steps_m": list(self.track.steps_m), "converged": self.track.converged}
         return {**self.result.to_json(), **plain(own)}
 
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """As `Result.text`, with how the passes have converged."""
+        told = self.result.text(verbose=verbose, width=width)
+        return f"{told}\n\n{fitted(self._convergence(), width)}"
+
     def __str__(self) -> str:
-        return f"{self.result}\n{self._convergence()}"
+        return self.text()
 
     def _convergence(self) -> str:
         steps = self.track.steps_m

@@ -131,7 +131,7 @@ class Possible:
 
     def __str__(self) -> str:
         if self.accuracy:
-            return f"{self.kind} {self.absolute_rms:.2f}"
+            return f"possible: {self.absolute_rms:.2f} m RMS ({self.kind})"
         return (
             "no accuracy is possible: with a bearing known to "
             f"{np.rad2deg(self.bearing_std):.0f}°, places all around the platform fit"

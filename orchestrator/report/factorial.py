@@ -60,6 +60,10 @@ class Findings:
     detectable: pd.Series[float]
     missing: tuple[str, ...]
 
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """As `sblcosim.analysis.factorial.Factorial.text`."""
+        return self.shown.text(verbose=verbose, width=width)
+
 
 def find(
     study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[Choices]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .. import artifacts
+from .. import artifacts, layout
 from ..analysis import covariance, sweep, workflow
 from ..analysis.options import Error, Transform
 from ..analysis.sentences import quantity as quantity_of
@@ -41,7 +41,7 @@ def save(
     error: Error = "pure",
     practical: float | None = None,
     command: str = "",
-) -> str:
+) -> Findings | Means:
     """Analyse a study; write its tables, figures and report into a folder.
 
     Parameters
@@ -53,8 +53,8 @@ def save(
 
     Returns
     -------
-    str
-        The analysis in words.
+    Findings or Means
+        Of a factorial design, or of a sweep and a study without factors.
 
     Raises
     ------
@@ -102,18 +102,48 @@ class _Source:
     possible: list[Block]
 
 
-def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> str:
+@dataclass(frozen=True, eq=False)
+class Means:
+    """The mean response at each level of a sweep, or of a study without factors.
+
+    Attributes
+    ----------
+    response, unit
+        Column of the table of runs, and its unit.
+    table
+        Of `sblcosim.analysis.sweep.means`.
+    answer
+        In a sentence or two.
+    """
+
+    study: Study
+    response: str
+    unit: str
+    table: pd.DataFrame
+    answer: str
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the table; as `sblcosim.analysis.factorial.Factorial.text`."""
+        shown = self.table.replace({"factor": self.study.labels})
+        shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
+        rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
+        head = [str(name) for name in shown.columns]
+        lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head)))]
+        return layout.fitted("\n".join(lines), width)
+
+
+def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> Findings:
     with artifacts.folder(directory, workflow.about(findings.data)) as folder:
         workflow.write(findings.data, folder)
         _write_verdicts(source, folder)
         page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
-    return str(findings.shown)
+    return findings
 
 
 def _save_means(
     table: pd.DataFrame, column: str, directory: str | Path, source: _Source
-) -> str:
+) -> Means:
     study = source.study
     means = sweep.means(table, list(study.factors), column, study.sweep_base)
     about = {"analysis": {"response": column, "factors": list(study.factors)}}
@@ -122,10 +152,9 @@ def _save_means(
         _write_verdicts(source, folder)
         page = _means_page(table, means, column, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
-    shown = means.replace({"factor": study.labels})
-    shown = shown if study.factors else shown.drop(columns=["factor", "value"])
-    text = _means_answer(study, means, workflow.words(column, table), unit_of(column))
-    return f"{text}\n\n{shown.to_string(index=False, float_format='{:.4g}'.format)}"
+    unit = unit_of(column)
+    answer = _means_answer(study, means, workflow.words(column, table), unit)
+    return Means(study, column, unit, means, answer)
 
 
 def _write_verdicts(source: _Source, folder: Path) -> None:

@@ -45,6 +45,9 @@ TAIL = 0.001
 """Probability that the largest of some run means of normal errors is called far above."""
 LEAST_MEDIAN = float(chdtri(DEGREES, 0.5))
 """Smallest median of the run means of a right covariance."""
+MOST_OF_ONE_RUN = DEGREES * float(chdtri(1, 0.05))
+"""Mean NEES of one run that right covariances exceed in no more than 1 run of 20: the errors of a
+run cannot follow each other more than one that stays."""
 MOST_RUNS = 10**9
 NEES_COLUMNS = {
     "absolute": "nees_position",
@@ -100,6 +103,19 @@ class Verdict:
         if not self.factor > 0:
             return math.inf if self.factor == 0 else math.nan
         return max(self.factor, 1 / self.factor)
+
+    @property
+    def claim(self) -> str:
+        """Of one run: what the receiver claims is ``too little``, ``perhaps too little``,
+        ``fits``, or is ``perhaps too much``.
+
+        Only the first is sure: see `MOST_OF_ONE_RUN`.
+        """
+        if self.mean_nees > MOST_OF_ONE_RUN:
+            return "too little"
+        if self.by <= TELLING:
+            return "fits"
+        return f"perhaps too {'little' if self.factor > 1 else 'much'}"
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, with the sentence."""

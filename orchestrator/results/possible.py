@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,13 +19,12 @@ if TYPE_CHECKING:
 _NOTES = {
     "bound": (
         "Bound: the posterior Cramér-Rao bound for what was received until then. No filter can be "
-        "better (with the stated priors),",
-        "on the average over runs; one run may have luck.",
+        "better (with the stated priors), on the average over runs; one run may have luck."
     ),
     "reference": (
         "Reference: the posterior Cramér-Rao recursion for what was received until then, q = "
-        "{q:.2g} m²/s³ of this path. A path",
-        "is not drawn from any model: this is a yardstick, and no bound.",
+        "{q:.2g} m²/s³ of this path. A path is not drawn from any model: this is a yardstick, and "
+        "no bound."
     ),
 }
 _COVARIANCE = {"absolute": "absolute", "own_relative": "relative"}
@@ -52,17 +51,19 @@ def verdicts(
     return {name: verdict for name, verdict in found.items() if verdict is not None}
 
 
-def lines(possible: Mapping[str, Possible], errors: Any) -> Iterator[str]:
-    """A line for each receiver, from the table of errors."""
+def lines(possible: Mapping[str, Possible]) -> Iterator[str]:
+    """What was possible, for the receivers together for which that is the same."""
+    whose: dict[str, list[str]] = {}
     for name, verdict in possible.items():
-        reached = errors.loc[(name, "absolute", "total"), "rms_m"]
-        yield f"{name}: {reached:.2f} m RMS, {verdict}"
+        whose.setdefault(str(verdict), []).append(name)
+    for said, names in whose.items():
+        yield said if len(whose) == 1 else f"{said} at the epochs of {', '.join(names)}"
 
 
 def notes(possible: Mapping[str, Possible]) -> list[str]:
     """What these lines mean."""
     for verdict in possible.values():
-        return [line.format(q=verdict.acceleration_psd) for line in _NOTES[verdict.kind]]
+        return [_NOTES[verdict.kind].format(q=verdict.acceleration_psd)]
     return []
 
 

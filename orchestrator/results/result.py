@@ -16,8 +16,8 @@ from ..scenario.sources import RAW
 from . import figures as plots
 from . import metrics, possible, text
 from .catalogue import Figure, by_name, jobs
-from .consistency import COVARIANCES, NEES_COLUMNS, Verdict, of_runs
-from .definitions import FRAME_WORDS, judge
+from .consistency import NEES_COLUMNS, Verdict, of_runs
+from .definitions import FRAME_WORDS
 from .description import RunDescription
 
 if TYPE_CHECKING:
@@ -25,38 +25,6 @@ if TYPE_CHECKING:
 
     from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
-
-_CONSISTENCY = {
-    "nees_position": "NEES of the position",
-    "relative_nees_position": "relative NEES of the position",
-    "own_relative_nees_position": "own relative NEES of the position",
-    "nees_state": "NEES of the state",
-    "nis": "NIS",
-}
-_VERDICTS = {
-    "optimistic": "optimistic, errors larger than claimed",
-    "pessimistic": "pessimistic, errors smaller than claimed",
-}
-_NOTES = (
-    "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
-    "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
-    "at the estimate's epoch.",
-)
-_OWN_NOTES = (
-    "Relative to the platform's true position, by the receiver's own account: its "
-    "relative_position against the truth.",
-    "Own relative NEES is of that error, and of the relative_covariance beside it.",
-)
-_RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
-_CONSISTENCY_NOTES = (
-    "NEES and NIS are errors and innovations, squared and in units of the filter's own covariance.",
-    "NEES is of the absolute error, so an error of GPS common to all beacons counts; relative NEES "
-    "leaves it out.",
-    "95 % is for independent samples; the errors of one run follow each other, so even a "
-    "consistent filter leaves",
-    "the band more often. A test takes the mean over many runs.",
-)
-
 
 FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
@@ -220,7 +188,7 @@ class Result:
     def problems(self) -> list[str]:
         """A line for each receiver, except the raw fix, that has failed or has no estimate."""
         return [*self.failures.values()] + [
-            f"{receiver}: must give at least one estimate, got none; {self._silence(receiver)}"
+            f"{receiver}: must give at least one estimate, got none; {text.silence(self, receiver)}"
             for receiver in self.receivers
             if receiver != RAW and self.estimates[receiver].empty
         ]
@@ -344,78 +312,20 @@ class Result:
         )
         return result
 
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The run in words: a verdict for each receiver, then the tables of errors.
+
+        Parameters
+        ----------
+        verbose
+            With availability, NEES and NIS of each receiver, and what all these numbers mean.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        return text.of_run(self, verbose, width)
+
     def __str__(self) -> str:
-        width = max(16, *(len(receiver) + 2 for receiver in self.receivers))
-        lines = [
-            self.title,
-            *self.remarks,
-            *(f"failed: {message}" for message in self.failures.values()),
-            "",
-            *text.errors(self.errors, self.receivers, width),
-            "",
-            *text.percentiles(self.percentiles, self.receivers, width),
-        ]
-        if self.verdicts:
-            lines += ["", *possible.lines(self.verdicts, self.errors)]
-        for receiver in self.receivers:
-            lines += ["", *self._about(receiver)]
-        return "\n".join([*lines, "", *self._notes()])
-
-    def _about(self, receiver: str) -> list[str]:
-        """Availability and consistency of a receiver, in words."""
-        row: Any = self._judged.loc[receiver]
-        if not row.estimates:
-            return [f"{receiver}: no estimate; {self._silence(receiver)}"]
-        first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
-        lines = [
-            f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
-            f"{100 * row.availability:.1f} % of the time"
-        ]
-        if pd.notna(row.update_share):
-            lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
-        for name, words in _CONSISTENCY.items():
-            if pd.notna(row[name]):
-                lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
-        for frame, verdict in self.consistency[receiver].items():
-            lines.append(f"  {COVARIANCES[frame]}: {verdict}")
-        if pd.isna(row.inconsistent):
-            claims = f"{receiver}.covariance" in self.record.values
-            why = "its covariance is never positive definite" if claims else "no covariance"
-            lines.append(f"  consistency unknown: {why}")
-        if row.lost:
-            silent = not judge(self.record, receiver).late.any()
-            lines.append(
-                "  lost: no estimate in the last quarter"
-                if silent
-                else "  lost: in the last quarter its error exceeds the distance to the platform"
-            )
-        return lines
-
-    def _silence(self, receiver: str) -> str:
-        """Why there may be no estimate, and which outputs to look at."""
-        values = self.record.values
-        count = values[f"{receiver}.update_count"].astype(int)
-        look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
-        look = [name for name in look if name in values]
-        why = (
-            f"update_count reached {count.max()}, but there was no valid fix when it changed"
-            if count.any()
-            else "update_count stayed 0"
-        )
-        heard = values.get("acoustics.reception_count")
-        if heard is not None:
-            look.append("acoustics.reception_count")
-            beacons = ", ".join(str(n) for n in heard[-1].tolist())
-            why += f"; packets received from each beacon: {beacons}"
-        return f"{why}; look at {', '.join(look)} in the record"
-
-    def _notes(self) -> list[str]:
-        """Explanations of the printed numbers."""
-        raw = [_RAW_NOTE] if RAW in self.receivers else []
-        claims = self._judged[list(_CONSISTENCY)].notna().any(axis=None)
-        own = _OWN_NOTES if "own_relative" in text.frames_in(self.errors) else ()
-        noted = [*own, *possible.notes(self.verdicts), *raw]
-        return [*_NOTES, *noted, *(_CONSISTENCY_NOTES if claims else ())]
+        return self.text()
 
     def _repr_html_(self) -> str:
         wide = pd.concat(
@@ -426,23 +336,10 @@ class Result:
             axis=1,
         ).reindex(self.errors.xs("absolute", level="frame").index)
         within = self.percentiles.rename(index=FRAME_WORDS, level="frame")
-        lines = [*possible.lines(self.verdicts, self.errors)]
-        lines += [line for name in self.receivers for line in self._about(name)]
-        failed = [f"failed: {message}" for message in self.failures.values()]
-        notes = "\n".join([*self.remarks, *failed, *lines, "", *self._notes()])
+        lines = [line for name in self.receivers for line in text.about(self, name)]
+        notes = "\n".join([*text.verdicts(self), "", *lines, "", *text.notes(self)])
         return (
             f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
             f"{within.to_html(float_format='{:.3f}'.format)}"
             f"<pre>{escape(notes)}</pre>"
         )
-
-
-def _compared(row: Any, name: str) -> str:
-    """Compare a mean NEES or NIS in a `metrics.summary` row with that of a consistent filter."""
-    if pd.isna(row[f"{name}_expected"]):
-        return "of unknown degrees of freedom"
-    low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))
-    return (
-        f"expected {row[f'{name}_expected']:.2f} (95 %: {low:.2f} to {high:.2f}): "
-        f"{_VERDICTS.get(word, word)}"
-    )

@@ -1,13 +1,48 @@
-"""The tables of a run's errors as text."""
+"""A run in words: a verdict for each receiver, the tables of its errors, and what they mean."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
 import pandas as pd
 
-from .definitions import AXES, FRAMES, PERCENTAGES
+from ..layout import WIDTH, fitted, meters
+from ..scenario.sources import RAW
+from . import possible
+from .consistency import COVARIANCES, Verdict
+from .definitions import AXES, FRAMES, PERCENTAGES, judge
+
+if TYPE_CHECKING:
+    from ..limits.verdict import Possible
+    from ..simulation.record import Record
+
+
+class Result(Protocol):
+    """What is told of a `sblcosim.Result`."""
+
+    record: Record
+    receivers: tuple[str, ...]
+    failures: dict[str, str]
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def remarks(self) -> Sequence[str]: ...
+    @property
+    def estimates(self) -> dict[str, pd.DataFrame]: ...
+    @property
+    def errors(self) -> pd.DataFrame: ...
+    @property
+    def percentiles(self) -> pd.DataFrame: ...
+    @property
+    def summary(self) -> pd.DataFrame: ...
+    @property
+    def consistency(self) -> Mapping[str, Mapping[str, Verdict]]: ...
+    @property
+    def verdicts(self) -> Mapping[str, Possible]: ...
+
 
 STATISTICS = ("mean_m", "rms_m", "std_m")
 _HEADS = {
@@ -16,7 +51,123 @@ _HEADS = {
     "own_relative": ("relative to the platform's", "true position, own account"),
 }
 """The frames in two lines; `definitions.FRAME_WORDS` fits into no column."""
-_GAP = "   "
+_GAP = "  "
+_LONGEST_LABEL = 16
+"""Of a receiver that stands in the line of its first row; a longer one has a line of its own."""
+_SURE = "too little"
+"""What `Verdict.claim` says of a covariance that one run is enough to distrust."""
+_ONE_RUN = "Whether a covariance is right, one run cannot tell; a study can."
+_CONSISTENCY = {
+    "nees_position": "NEES of the position",
+    "relative_nees_position": "relative NEES of the position",
+    "own_relative_nees_position": "own relative NEES of the position",
+    "nees_state": "NEES of the state",
+    "nis": "NIS",
+}
+_VERDICTS = {
+    "optimistic": "optimistic, errors larger than claimed",
+    "pessimistic": "pessimistic, errors smaller than claimed",
+}
+_NOTES = (
+    "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
+    "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
+    "at the estimate's epoch.",
+)
+_OWN_NOTES = (
+    "Relative to the platform's true position, by the receiver's own account: its "
+    "relative_position against the truth.",
+    "Own relative NEES is of that error, and of the relative_covariance beside it.",
+)
+_RAW_NOTE = "raw is the multilateration fix without a filter, always run for comparison."
+_CLAIM_NOTE = (
+    "A receiver claims the RMS error that its covariance expects; whether that fits is judged by "
+    "NEES. Not to be trusted is what even an error that stays throughout a run would exceed in 1 "
+    "run of 20 only."
+)
+_CONSISTENCY_NOTES = (
+    "NEES and NIS are errors and innovations, squared and in units of the filter's own covariance.",
+    "NEES is of the absolute error, so an error of GPS common to all beacons counts; relative NEES "
+    "leaves it out.",
+    "95 % is for independent samples; the errors of one run follow each other, so even a "
+    "consistent filter leaves the band more often. A test takes the mean over many runs.",
+)
+
+
+def of_run(result: Result, verbose: bool = False, width: int | None = None) -> str:
+    """Verdicts, then the tables of errors.
+
+    Parameters
+    ----------
+    verbose
+        With availability, NEES and NIS of each receiver, and what all these numbers mean.
+    width
+        Columns of the terminal; None: sentences are not wrapped.
+    """
+    size = width or WIDTH
+    lines = [
+        *verdicts(result),
+        "",
+        result.title,
+        "",
+        *errors(result.errors, result.receivers, size),
+        "",
+        *percentiles(result.percentiles, result.receivers, size),
+    ]
+    if verbose:
+        for receiver in result.receivers:
+            lines += ["", *about(result, receiver)]
+        lines += ["", *notes(result)]
+    return fitted("\n".join(lines), width)
+
+
+def verdicts(result: Result) -> Iterator[str]:
+    """What came out: a line for each receiver, what was possible, and remarks on the run."""
+    for receiver in result.receivers:
+        yield f"{receiver}: {_verdict(result, receiver)}"
+    for message in result.failures.values():
+        yield f"failed: {message}"
+    yield from possible.lines(result.verdicts)
+    told = [found["absolute"] for found in result.consistency.values() if "absolute" in found]
+    if any(verdict.claim != _SURE for verdict in told):
+        yield _ONE_RUN
+    yield from result.remarks
+
+
+def _verdict(result: Result, receiver: str) -> str:
+    row: Any = result.summary.loc[receiver]
+    if not row.estimates:
+        return f"no estimate; {silence(result, receiver)}"
+    which = (receiver, "absolute", "total")
+    reached: Any = result.errors.loc[which, "rms_m"]
+    most: Any = result.percentiles.loc[which, "p95_m"]
+    lost = "lost; " if row.lost else ""
+    return (
+        f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
+    )
+
+
+def _claim(result: Result, receiver: str) -> str:
+    """What a receiver says of its own error, and whether to believe it."""
+    judged: Verdict | None = result.consistency[receiver].get("absolute")
+    if judged is None:
+        return _without_covariance(result, receiver)
+    track = result.estimates[receiver]
+    variances = (track[[f"std_{axis}_m" for axis in AXES]] ** 2).sum(axis=1, skipna=False)
+    said = float(np.sqrt(variances[track["nees_position"].notna()].mean()))
+    reached: Any = result.errors.loc[(receiver, "absolute", "total"), "rms_m"]
+    if judged.claim == _SURE:
+        trust = "do not trust its covariance"
+    elif judged.claim == "fits":
+        trust = "looks right"
+    else:  # the length may be right, and yet the errors lie where the covariance has none
+        fits = (said < reached) == (judged.factor > 1)
+        trust = judged.claim if fits else "perhaps of wrong shape"
+    return f"claims {meters(said)}: {trust}"
+
+
+def _without_covariance(result: Result, receiver: str) -> str:
+    claims = f"{receiver}.covariance" in result.record.values
+    return "its covariance is never positive definite" if claims else "no covariance"
 
 
 def frames_in(table: pd.DataFrame) -> list[str]:
@@ -25,56 +176,140 @@ def frames_in(table: pd.DataFrame) -> list[str]:
     return [frame for frame in FRAMES if frame in there or frame != "own_relative"]
 
 
-def errors(table: pd.DataFrame, receivers: Sequence[str], width: int) -> Iterator[str]:
-    """The lines of `metrics.error_table`.
+def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) -> Iterator[str]:
+    """The lines of `metrics.error_table`; frames that do not fit beside each other follow.
 
     Parameters
     ----------
     width
-        Of the first column.
+        Columns that there are.
     """
-    frames = frames_in(table)
-    yield from _heads(f"{'Error [m]':<{width + 8}}", frames, 27)
-    yield f"{'receiver':<{width}}{'axis':<8}" + _GAP.join(
-        ["     mean      RMS      std"] * len(frames)
-    )
-    rows = _rows(table[list(STATISTICS)])
-    for receiver in receivers:
-        for axis in (*AXES, "total"):
-            cells = _GAP.join(
-                "".join(map(_cell, rows.get((receiver, frame, axis), [None] * len(STATISTICS))))
-                for frame in frames
-            )
-            yield f"{receiver if axis == 'x' else '':<{width}}{axis:<8}{cells}"
+    heads = ("Error [m]", "axis", "     mean      RMS      std")
+    rows = {name: list(map(_cell, row)) for name, row in _rows(table[list(STATISTICS)]).items()}
+    blank = [_cell(None)] * len(STATISTICS)
+    yield from _blocks(heads, frames_in(table), receivers, (*AXES, "total"), rows, blank, width)
 
 
-def percentiles(table: pd.DataFrame, receivers: Sequence[str], width: int) -> Iterator[str]:
+def percentiles(
+    table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH
+) -> Iterator[str]:
     """The lines of `metrics.percentile_table`; width as in `errors`."""
-    frames = frames_in(table)
     part = "".join(f"{f'{p} %' if p < 100 else 'all':>7}" for p in PERCENTAGES)
-    yield from _heads(f"{'Within [m]':<{width + 11}}", frames, len(part))
-    yield f"{'receiver':<{width}}{'error':<11}" + _GAP.join([part] * len(frames))
-    rows = _rows(table)
-    for receiver in receivers:
-        for length in ("horizontal", "total"):
-            cells = _GAP.join(
-                "".join(
-                    f"{value:7.3f}" if pd.notna(value) else f"{'–':>7}"
-                    for value in rows.get((receiver, frame, length), [None] * len(PERCENTAGES))
-                )
-                for frame in frames
-            )
-            yield f"{receiver if length == 'horizontal' else '':<{width}}{length:<11}{cells}"
+    rows = {name: [_cell(value, 7) for value in row] for name, row in _rows(table).items()}
+    blank = [_cell(None, 7)] * len(PERCENTAGES)
+    heads = ("Within [m]", "error", part)
+    lengths = ("horizontal", "total")
+    yield from _blocks(heads, frames_in(table), receivers, lengths, rows, blank, width)
+
+
+def _blocks(
+    heads: tuple[str, str, str],
+    frames: Sequence[str],
+    receivers: Sequence[str],
+    kinds: Sequence[str],
+    rows: dict[Any, list[str]],
+    blank: list[str],
+    width: int,
+) -> Iterator[str]:
+    """A table for as many frames as fit beside each other, then one for the next."""
+    title, kind_head, columns = heads
+    label = max(len(name) for name in (*receivers, "receiver") if len(name) <= _LONGEST_LABEL) + 1
+    first = label + max(map(len, (*kinds, kind_head))) + 1
+    size = len(columns)
+    beside = max(1, (width - first + len(_GAP)) // (size + len(_GAP)))
+    for start in range(0, len(frames), beside):
+        some = frames[start : start + beside]
+        if start:
+            yield ""
+        for line, name in enumerate((title, "")):
+            heading = _GAP.join(f"{_HEADS[frame][line]:^{size}}" for frame in some)
+            if line == 0 or heading.strip():
+                yield f"{name:<{first}}{heading}".rstrip()
+        head = f"{'receiver':<{label}}{kind_head:<{first - label}}"
+        yield head + _GAP.join([columns] * len(some))
+        known = {receiver for receiver, frame, _ in rows if frame in some}
+        for receiver in receivers:
+            if receiver not in known:
+                continue
+            if len(receiver) > _LONGEST_LABEL:
+                yield receiver
+            for kind in kinds:
+                name = receiver if kind == kinds[0] and len(receiver) <= _LONGEST_LABEL else ""
+                cells = _GAP.join("".join(rows.get((receiver, f, kind), blank)) for f in some)
+                yield f"{name:<{label}}{kind:<{first - label}}{cells}"
 
 
 def _rows(table: pd.DataFrame) -> dict[Any, Any]:
     return dict(zip(table.index, table.to_numpy(), strict=True))
 
 
-def _heads(first: str, frames: Sequence[str], size: int) -> Iterator[str]:
-    for line, title in enumerate((first, " " * len(first))):
-        yield (title + _GAP.join(f"{_HEADS[f][line]:^{size}}" for f in frames)).rstrip()
+def _cell(value: Any, size: int = 9) -> str:
+    return f"{'–':>{size}}" if pd.isna(value) else f"{value:{size}.3f}"
 
 
-def _cell(value: Any) -> str:
-    return f"{'–':>9}" if pd.isna(value) else f"{value:9.3f}"
+def about(result: Result, receiver: str) -> list[str]:
+    """Availability and consistency of a receiver, in words."""
+    row: Any = result.summary.loc[receiver]
+    if not row.estimates:
+        return [f"{receiver}: no estimate; {silence(result, receiver)}"]
+    first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
+    lines = [
+        f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
+        f"{100 * row.availability:.1f} % of the time"
+    ]
+    if pd.notna(row.update_share):
+        lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
+    for name, words in _CONSISTENCY.items():
+        if pd.notna(row[name]):
+            lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
+    for frame, verdict in result.consistency[receiver].items():
+        lines.append(f"  {COVARIANCES[frame]}: {verdict}")
+    if pd.isna(row.inconsistent):
+        lines.append(f"  consistency unknown: {_without_covariance(result, receiver)}")
+    if row.lost:
+        silent = not judge(result.record, receiver).late.any()
+        lines.append(
+            "  lost: no estimate in the last quarter"
+            if silent
+            else "  lost: in the last quarter its error exceeds the distance to the platform"
+        )
+    return lines
+
+
+def silence(result: Result, receiver: str) -> str:
+    """Why there may be no estimate, and which outputs to look at."""
+    values = result.record.values
+    count = values[f"{receiver}.update_count"].astype(int)
+    look = [f"{receiver}.{port}" for port in ("update_count", "valid")]
+    look = [name for name in look if name in values]
+    why = (
+        f"update_count reached {count.max()}, but there was no valid fix when it changed"
+        if count.any()
+        else "update_count stayed 0"
+    )
+    heard = values.get("acoustics.reception_count")
+    if heard is not None:
+        look.append("acoustics.reception_count")
+        beacons = ", ".join(str(n) for n in heard[-1].tolist())
+        why += f"; packets received from each beacon: {beacons}"
+    return f"{why}; look at {', '.join(look)} in the record"
+
+
+def notes(result: Result) -> list[str]:
+    """Explanations of the printed numbers."""
+    raw = [_RAW_NOTE] if RAW in result.receivers else []
+    claims = result.summary[list(_CONSISTENCY)].notna().any(axis=None)
+    own = _OWN_NOTES if "own_relative" in frames_in(result.errors) else ()
+    noted = [*own, *possible.notes(result.verdicts), *raw]
+    return [*_NOTES, *noted, *((_CLAIM_NOTE, *_CONSISTENCY_NOTES) if claims else ())]
+
+
+def _compared(row: Any, name: str) -> str:
+    """Compare a mean NEES or NIS in a `metrics.summary` row with that of a consistent filter."""
+    if pd.isna(row[f"{name}_expected"]):
+        return "of unknown degrees of freedom"
+    low, high, word = (row[f"{name}_{what}"] for what in ("low", "high", "verdict"))
+    return (
+        f"expected {row[f'{name}_expected']:.2f} (95 %: {low:.2f} to {high:.2f}): "
+        f"{_VERDICTS.get(word, word)}"
+    )

@@ -20,7 +20,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
-from . import effects
+from . import effects, library
 from .assumptions import assumed
 from .messages import is_table, lines
 from .overrides import Overrides, clear_for_presets, pairs, without_none
@@ -73,10 +73,12 @@ class Scenario(Table):
         The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: Name = "scenario"
-    title: str = ""
-    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = int(SEED.starts[0])
-    fmi: Literal[2, 3] = 2
+    name: Name = Field(default="scenario", description="For display, and of the folder of results")
+    title: str = Field(default="", description="For display")
+    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
+        default=int(SEED.starts[0]), description="Seed of all random numbers"
+    )
+    fmi: Literal[2, 3] = Field(default=2, description="FMI version of the components")
     time: Time = Field(default_factory=Time)
     target: Target = Field(default_factory=Target)
     platform: Platform = Field(default_factory=Platform)
@@ -267,10 +269,9 @@ def _relative(file: Path, folder: Path) -> str:
 # --- Reading -------------------------------------------------------------------------------------
 
 
-@cache
 def shipped() -> tuple[str, ...]:
     """Names of the shipped scenarios."""
-    return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
+    return library.shipped("sblcosim.scenario")
 
 
 def shipped_text(name: str) -> str:

@@ -13,7 +13,15 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    create_model,
+)
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
@@ -54,7 +62,17 @@ def _name(value: str) -> str:
 
 LONGEST_NAME = 200
 """Longest name of a scenario or study [bytes]: with a suffix, it must fit into a folder name."""
-Name = Annotated[str, AfterValidator(_name)]
+Name = Annotated[
+    str,
+    AfterValidator(_name),
+    WithJsonSchema(
+        {
+            "type": "string",
+            "maxLength": LONGEST_NAME,
+            "pattern": r"^[^\x00-/:-@\[-^`{-\x7f][^/\\\x00-\x1f\x7f]*$",
+        }
+    ),
+]
 
 
 class Table(BaseModel):
@@ -163,9 +181,32 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
         if variable.name in _TICKS:
             annotation = Annotated[annotation, AfterValidator(settled)]
     if variable.shape:
-        check = partial(_flat, variable.shape, _is_list(variables, variable))
-        annotation = Annotated[tuple[annotation, ...], BeforeValidator(check)]
+        partial_rows = _is_list(variables, variable)
+        check = partial(_flat, variable.shape, partial_rows)
+        annotation = Annotated[
+            tuple[annotation, ...],
+            BeforeValidator(check),
+            WithJsonSchema(_arrays(variable.shape, partial_rows, low, high)),
+        ]
     return annotation
+
+
+def _arrays(
+    shape: tuple[int, ...], partial_rows: bool, low: float | None, high: float | None
+) -> dict[str, Any]:
+    """JSON schema of what `_flat` takes: elements one after another, or by rows."""
+    bounds = {"minimum": low, "maximum": high}
+    element = {"type": "number"} | {k: v for k, v in bounds.items() if v is not None}
+
+    def array(items: dict[str, Any], count: int) -> dict[str, Any]:
+        least = 0 if partial_rows else count
+        return {"type": "array", "items": items, "minItems": least, "maxItems": count}
+
+    flat = array(element, math.prod(shape))
+    if len(shape) == 1:
+        return flat
+    row = {"type": "array", "items": element, "minItems": shape[1], "maxItems": shape[1]}
+    return {"anyOf": [array(row, shape[0]), flat]}
 
 
 def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
@@ -284,7 +325,18 @@ class Time(Table):
     ekf_ratio: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1, description="Updates of the receiver come every ekf_ratio sampling times"
     )
-    duration_s: Annotated[float | Literal["path"], BeforeValidator(_duration)] = Field(
+    duration_s: Annotated[
+        float | Literal["path"],
+        BeforeValidator(_duration),
+        WithJsonSchema(
+            {
+                "anyOf": [
+                    {"enum": [PATH]},
+                    {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": MAX_SECONDS},
+                ]
+            }
+        ),
+    ] = Field(
         default=PATH, description="Length of the run; 'path': until the end of the target's path"
     )
 

@@ -10,6 +10,7 @@ from typing import Any
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 
+from .file_schema import DIRECTIVE, TITLES
 from .scenario import load
 from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
 
@@ -33,13 +34,6 @@ _IN_USE: Mapping[str, Any] = {
     },
     "acoustics": {"range_std_m": 0.1, "loss_probability": 0.1},
     "receiver": {"type": "coupled"},
-}
-_TITLES = {
-    "time": "When things happen",
-    "target": "The diver and the depth sensor",
-    "platform": "The platform: beacons, waves, GPS and IMU",
-    "acoustics": "The acoustic channel",
-    "receiver": "The receiver that computes the position",
 }
 _EXAMPLES: Mapping[str, Any] = {
     "fmu": "other.fmu",
@@ -70,6 +64,7 @@ def starter(name: str, source: str | Path | None = None) -> str:
     scenario = load(_IN_USE if source is None else source)
     given = scenario.given()
     lines = [
+        DIRECTIVE,
         "# A scenario for sblcosim. Keys end with their unit; angles are in degrees.",
         "# What is commented out shows what holds without it, or an example.",
         "",
@@ -78,7 +73,7 @@ def starter(name: str, source: str | Path | None = None) -> str:
         f"seed = {scenario.seed}  # of all random numbers",
         f"fmi = {scenario.fmi}  # version of the standard that the components follow: 2 or 3",
     ]
-    for table_name, title in _TITLES.items():
+    for table_name, title in TITLES.items():
         table = getattr(scenario, table_name)
         fields = type(table).model_fields
         in_use = given.get(table_name, {})

@@ -23,6 +23,7 @@ from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
+from ..layout import table
 from .system import Connection, PythonComponent
 from .user_code import PythonSource
 
@@ -197,75 +198,68 @@ class Plan:
         sizes = ((kind, n) for kind, n in self.sizes.items())
         return 8 + sum(n * np.dtype(DTYPES[kind]).itemsize for kind, n in sizes)
 
+    def text(self, width: int | None = None) -> str:
+        """Everything as tables.
+
+        Parameters
+        ----------
+        width
+            Columns to fit into; None: as wide as the tables are.
+        """
+        return "\n".join(_lines(self, width))
+
     def __str__(self) -> str:
-        return "\n".join(_lines(self))
+        return self.text()
 
 
-def _lines(plan: Plan) -> Iterator[str]:
+def _lines(plan: Plan, width: int | None) -> Iterator[str]:
     span = f"{text_of(plan.start_ns)} to {text_of(plan.stop_ns)}"
     yield f"Run from {span}: {plan.count} communication instants"
-    yield ""
-    yield from _table(
-        ("component", "from", "FMI", "sha256", "interval", "ticks"),
-        [
-            (
-                c.name,
-                c.origin,
-                str(c.source.fmi) if isinstance(c.source, Fmu) else "Python",
-                c.sha256[:12],
-                text_of(c.interval_ns),
-                "" if c.tick_ns is None else text_of(c.tick_ns),
-            )
-            for c in plan.components
-        ],
-    )
-    yield ""
-    yield from _table(
-        ("parameter", "type", "references", "value"),
-        [
-            (
-                f"{c.name}.{s.port.name}",
-                s.port.type,
-                _ranges(s.port.references),
-                _brief(s.values) + (f" {s.port.unit}" if s.port.unit else ""),
-            )
-            for c in plan.components
-            for s in c.settings
-        ],
-    )
-    yield ""
-    yield from _table(
-        ("input", "type", "references", "from"),
-        [
-            (connection.target, w.type, _ranges(port.references), connection.source)
-            for c in plan.components
-            for w in c.writes
-            for port, connection in zip(w.ports, w.connections, strict=True)
-        ],
-    )
-    yield ""
-    yield from _table(
-        ("recorded", "type", "references", "place"),
-        [
-            (
-                column.name + (f"[{'×'.join(map(str, column.shape))}]" if column.shape else ""),
-                column.type,
-                _ranges(port.references),
-                _ranges(range(column.start, column.stop)),
-            )
-            for column, port in zip(
-                plan.columns,
-                (port for c in plan.components for r in c.reads for port in r.ports),
-                strict=True,
-            )
-        ],
-    )
-
-
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    for row in (head, tuple("-" * width for width in widths), *rows):
-        yield "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+    components = [
+        (
+            c.name,
+            c.origin,
+            str(c.source.fmi) if isinstance(c.source, Fmu) else "Python",
+            c.sha256[:12],
+            text_of(c.interval_ns),
+            "" if c.tick_ns is None else text_of(c.tick_ns),
+        )
+        for c in plan.components
+    ]
+    parameters = [
+        (
+            f"{c.name}.{s.port.name}",
+            s.port.type,
+            _ranges(s.port.references),
+            _brief(s.values) + (f" {s.port.unit}" if s.port.unit else ""),
+        )
+        for c in plan.components
+        for s in c.settings
+    ]
+    inputs = [
+        (connection.target, w.type, _ranges(port.references), connection.source)
+        for c in plan.components
+        for w in c.writes
+        for port, connection in zip(w.ports, w.connections, strict=True)
+    ]
+    read = (port for c in plan.components for r in c.reads for port in r.ports)
+    recorded = [
+        (
+            column.name + (f"[{'×'.join(map(str, column.shape))}]" if column.shape else ""),
+            column.type,
+            _ranges(port.references),
+            _ranges(range(column.start, column.stop)),
+        )
+        for column, port in zip(plan.columns, read, strict=True)
+    ]
+    for head, rows in (
+        (("component", "from", "FMI", "sha256", "interval", "ticks"), components),
+        (("parameter", "type", "references", "value"), parameters),
+        (("input", "type", "references", "from"), inputs),
+        (("recorded", "type", "references", "place"), recorded),
+    ):
+        yield ""
+        yield from table(rows, width, head)
 
 
 def _ranges(numbers: Sequence[int]) -> str:

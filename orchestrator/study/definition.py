@@ -66,8 +66,8 @@ class FactorTable(Table):
 
     keys: _Texts
     levels: Annotated[tuple[Any, ...], BeforeValidator(_levels)]
-    label: str = ""
-    unit: str = ""
+    label: str = Field(default="", description="Display name")
+    unit: str = Field(default="", description="Shown after the levels; else that of the keys")
 
 
 class DesignTable(Table):
@@ -87,11 +87,21 @@ class DesignTable(Table):
         Interactions up to this order must not be aliased with each other.
     """
 
-    kind: Literal["full", "fraction", "sweep", "single"] = "full"
-    generators: _Texts = ()
-    resolution: Annotated[int, Field(ge=3)] | None = None
-    centre_points: Annotated[int, Field(ge=0, le=1000)] = 0
-    order: Annotated[int, Field(ge=1)] = 1
+    kind: Literal["full", "fraction", "sweep", "single"] = Field(
+        default="full",
+        description="Two levels, all combinations or a part of them; one factor at a time; or the "
+        "scenario itself",
+    )
+    generators: _Texts = Field(default=(), description="Of a fraction: C=AB")
+    resolution: Annotated[int, Field(ge=3)] | None = Field(
+        default=None, description="Of a fraction"
+    )
+    centre_points: Annotated[int, Field(ge=0, le=1000)] = Field(
+        default=0, description="Number of points in the middle of all factors"
+    )
+    order: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="Interactions up to this order must not be aliased with each other"
+    )
 
 
 class Definition(Table):
@@ -120,15 +130,22 @@ class Definition(Table):
         Keys of the scenario to change in all runs.
     """
 
-    name: Name = "study"
-    title: str = ""
+    name: Name = Field(default="study", description="Of the folder of results")
+    title: str = Field(default="", description="For display")
     scenario: str | dict[str, Any]
-    replicates: Annotated[int, Field(ge=1)] = 1
-    seeding: Literal["independent", "common"] = "independent"
-    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = 1
+    replicates: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="Number of runs at each point"
+    )
+    seeding: Literal["independent", "common"] = Field(
+        default="independent",
+        description="Each run has its own noise, or all points of a replicate share it",
+    )
+    seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
+        default=1, description="Of the first run, and of the run order"
+    )
     settling_time_s: Annotated[
         float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
-    ] = 0.0
+    ] = Field(default=0.0, description="Errors count from this time after the start")
     receivers: Annotated[tuple[Any, ...], BeforeValidator(_sources)] = ()
     responses: Annotated[tuple[Any, ...], BeforeValidator(_array)] = ()
     fixed: dict[str, Any] = Field(default_factory=dict)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
 from ..results.user_responses import of_file, of_function, of_origin
+from ..scenario import library
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
@@ -59,10 +59,9 @@ class Study(Definition):
         )
 
 
-@cache
 def shipped() -> tuple[str, ...]:
     """Names of the shipped studies."""
-    return tuple(sorted(f.name.removesuffix(".toml") for f in _SHIPPED.iterdir()))
+    return library.shipped("sblcosim.study")
 
 
 def load(

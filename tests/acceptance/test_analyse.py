@@ -70,7 +70,7 @@ def test_it_says_where_the_error_of_the_effects_is_from(
 ) -> None:
     out = tmp_path / "out"
     done = CliRunner().invoke(
-        app, ["analyse", str(results), "--order", "1", "--out", str(out), *option]
+        app, ["analyse", str(results), "--order", "1", "--verbose", "--out", str(out), *option]
     )
     assert done.exit_code == 0, done.output
     assert f"errors from {said}" in done.stdout
@@ -203,7 +203,7 @@ def test_an_analysis_in_python_reads_as_on_the_command_line(tmp_path: Path) -> N
 def test_an_unreplicated_study_says_in_words_what_it_cannot_have(tmp_path: Path) -> None:
     text = STUDY.replace("replicates = 3", "replicates = 1")
     text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
-    out, html = reported(tmp_path, text, "--order", "3")
+    out, html = reported(tmp_path, text, "--order", "3", "--verbose")
     assert "The spread of the response cannot be analysed: that takes at least 2 runs" in html
     assert "The Box–Cox profile cannot be computed" in html
     assert "absolute_total_rms_m" not in html
@@ -222,7 +222,7 @@ def test_centre_points_show_curvature_in_the_report(tmp_path: Path) -> None:
 def test_a_fraction_s_report_names_what_is_aliased(tmp_path: Path) -> None:
     text = STUDY.replace('kind = "full"', 'kind = "fraction"\ngenerators = ["C=AB"]')
     text += '\n[factors.range]\nkeys = ["acoustics.range_std_m"]\nlevels = [0.1, 1.0]\n'
-    out, html = reported(tmp_path, text)
+    out, html = reported(tmp_path, text, "--verbose")
     assert "may be neglected: the design points cannot tell gps from " in out
     assert "Main effects only" in out
     assert "Aliased terms" in html

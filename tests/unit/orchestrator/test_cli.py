@@ -70,9 +70,10 @@ def test_scenarios_and_receivers_are_listed(cli: Callable[..., Result]) -> None:
 
 
 def test_run_prints_the_table_and_writes_into_a_folder(cli: Callable[..., Result]) -> None:
-    done = cli("run", "paper-scenario-1", *SHORT)
+    done = cli("run", "paper-scenario-1", *SHORT, "--verbose")
     assert done.exit_code == 0
     assert done.stderr == ""
+    assert done.stdout.startswith("ekf: 0.")
     for word in ("The paper's Scenario 1", "ekf", "raw", "RMS", "total", "NEES", "NIS"):
         assert word in done.stdout
     assert done.stdout.endswith("written to runs/paper-scenario-1\n")
@@ -351,9 +352,9 @@ def test_a_wrong_number_is_one_line_that_names_the_option(
         ("run x y z", "sblcosim run: must have no arguments beside SCENARIO, got y z"),
         ("scenarios x", "sblcosim scenarios: must have no arguments, got x"),
         ("plan x --sed 3", "sblcosim plan: an option must be one of --receiver, --set, --fmi, "
-         "--seed, --help, got '--sed'; did you mean '--seed'?"),
-        ("--versoin", "sblcosim: an option must be one of --version, --help, got '--versoin'; did "
-         "you mean '--version'?"),
+         "--seed, --json, --help, got '--sed'; did you mean '--seed'?"),
+        ("--versoin", "sblcosim: an option must be one of --version, --install-completion, "
+         "--show-completion, --help, got '--versoin'; did you mean '--version'?"),
         ("export spp x", "sblcosim export: the command must be one of ssp, fmu, got 'spp'; did you "
          "mean 'ssp'?"),
     ],

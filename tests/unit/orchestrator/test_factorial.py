@@ -86,10 +86,13 @@ def test_the_error_is_the_scatter_about_the_means_of_the_points_as_far_as_there_
     x = np.column_stack([np.ones(22), left[["a", "b", "c"]]])
     errors = 2 * found.sigma * np.sqrt(np.diag(np.linalg.inv(x.T @ x)))
     np.testing.assert_allclose(found.effects["std_error"], errors[1:])
-    assert "errors from the scatter between replicates (pure error), 14 degrees" in str(found)
+    assert "errors from the scatter between replicates (pure error), 14 degrees" in found.text(
+        verbose=True
+    )
     other = analyse(table, "abc", "y", order=1, error="residual")
     assert (other.error, other.df, other.sigma) == ("residual", 22 - 4, other.rmse)
-    assert "errors from the scatter about the model (residual, lack of fit in it), 18" in str(other)
+    told = other.text(verbose=True)
+    assert "errors from the scatter about the model (residual, lack of fit in it), 18" in told
     assert found.rmse == other.rmse
     assert found.lack_of_fit == other.lack_of_fit
 
@@ -488,7 +491,7 @@ def test_without_an_order_a_fraction_is_analysed_as_far_as_it_goes():
     found = analyse(half_fraction(), "abcd", "y", unit="m")
     assert found.reduced
     assert len(found.effects) == 4
-    text = str(found)
+    text = found.text(verbose=True)
     assert "This holds as far as interactions that are not in the model may be neglected" in text
     assert "a from b × c × d" in text
     assert "the design points cannot tell the interactions of two factors apart" in text

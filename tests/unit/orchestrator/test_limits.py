@@ -458,7 +458,7 @@ def test_a_ring_is_wide_and_thin() -> None:
 
 def test_what_a_verdict_says() -> None:
     some = verdict.Possible("bound", 2.126, 1.31, 0.1, True, 0.001)
-    assert str(some) == "bound 2.13"
+    assert str(some) == "possible: 2.13 m RMS (bound)"
     assert some.to_json()["absolute_rms_m"] == 2.126
     none = verdict.Possible("reference", 8.1, 8.0, 0.52, False, 0.004)
     assert "no accuracy" in str(none)

@@ -45,6 +45,10 @@ def result():
     return Result(description, record, update_interval_ns=100_000_000)
 
 
+def told(result):
+    return result.text(verbose=True)
+
+
 def run_of(receivers, record):
     return Result(RunDescription("dive", {}, receivers), record)
 
@@ -64,17 +68,17 @@ def without(record, *ports, **values):
 
 
 def test_of_a_receiver_without_covariance_it_is_said_that_consistency_is_unknown(result):
-    assert "consistency unknown" not in str(result)
+    assert "consistency unknown" not in told(result)
     record = without(result.record, "ekf.covariance")
     bare = run_of(("ekf", "raw"), record)
-    assert "  consistency unknown: no covariance\n" in str(bare)
+    assert "  consistency unknown: no covariance\n" in told(bare)
     assert "consistency unknown" in bare._repr_html_()
     flags = {name: row["inconsistent"] for name, row in bare.to_json()["summary"].items()}
     assert flags == {"ekf": None, "raw": True}
     json.dumps(bare.to_json(), allow_nan=False)
     useless = {"ekf.covariance": np.zeros((101, 6, 6))}
     bad = run_of(("ekf", "raw"), without(result.record, **useless))
-    assert "  consistency unknown: its covariance is never positive definite\n" in str(bad)
+    assert "  consistency unknown: its covariance is never positive definite\n" in told(bad)
 
 
 def test_the_written_summary_of_a_receiver_without_covariance_misses_the_flag(result, tmp_path):
@@ -95,7 +99,7 @@ def test_a_receiver_without_an_estimate_is_a_problem_in_words():
         "ekf.update_count, ekf.valid, acoustics.reception_count in the record"
     )
     assert result.problems == [f"ekf: must give at least one estimate, got none; {why}"]
-    text = str(result)
+    text = told(result)
     assert f"ekf: no estimate; {why}" in text
     assert "nan" not in text.lower()
 
@@ -113,12 +117,12 @@ def test_the_raw_fix_runs_along_and_may_have_no_estimate(result):
     invalid = without(result.record, **{"raw.valid": np.zeros(101, bool)})
     bare = run_of(("ekf", "raw"), invalid)
     assert bare.problems == []
-    assert "raw: no estimate" in str(bare)
+    assert "raw: no estimate" in told(bare)
 
 
 def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(result):
-    text = str(result)
-    assert text.startswith("A hand-made dive")
+    text = told(result)
+    assert "\n\nA hand-made dive <1>\n\nError [m]" in text
     (total,) = [line for line in text.splitlines() if line.split()[:1] == ["total"]][:1]
     assert total.split() == ["total", "5.000", "5.000", "0.000", "4.000", "4.000", "0.000"]
     assert "ekf: 99 estimates, the first at 0.1 s; a fix available 98.0 % of the time" in text
@@ -127,15 +131,14 @@ def test_text_shows_both_frames_of_each_receiver_and_what_its_filter_claims(resu
     assert f"mean NEES of the position 100.00, {comparison}" in text
     assert f"mean relative NEES of the position 64.00, {comparison}" in text
     assert "mean NIS 5.00, expected 5.00 (95 %: 4.40 to 5.64): consistent\n" in text
-    assert all(len(line) <= 120 for line in text.splitlines())
 
 
 def test_one_run_is_said_to_be_no_proof_of_a_covariance(result):
     words = "  covariance: looks optimistic by a factor of 5.77; one run cannot tell, for "
-    assert words in str(result)
+    assert words in told(result)
     right = make_record({"ekf": np.array([[np.sqrt(0.75), 0, 0]])})
-    assert "  covariance: looks right; one run cannot tell" in str(run_of(("ekf",), right))
-    assert "one run cannot tell" not in str(run_of(("ekf",), make_record(optional_ports=False)))
+    assert "  covariance: looks right; one run cannot tell" in told(run_of(("ekf",), right))
+    assert "one run cannot tell" not in told(run_of(("ekf",), make_record(optional_ports=False)))
 
 
 @pytest.fixture
@@ -169,11 +172,15 @@ def test_own_relative_errors_are_beside_the_others_and_absent_of_whom_has_none(w
 
 
 def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, result):
-    text = str(with_own)
-    assert len(re.findall(r"relative to the platform +relative to the platform's\n", text)) == 2
-    assert len(re.findall(r"as it reports itself +true position, own account\n", text)) == 2
-    totals = [line.split() for line in text.splitlines() if line.split()[:1] == ["total"]]
-    assert totals[0][-3:] == ["3.000", "3.000", "0.000"]
+    text = told(with_own)
+    assert len(re.findall(r"absolute +relative to the platform\n", text)) == 2
+    assert len(re.findall(r" {6,}relative to the platform's\n +true position, own acc", text)) == 2
+    own = text.partition("relative to the platform's\n")[2].partition("\n\n")[0]
+    totals = [line.split() for line in own.splitlines() if line.split()[:1] == ["total"]]
+    assert totals == [["total", "3.000", "3.000", "0.000"]]  # and no rows for who has none
+    wide = with_own.text(width=120)
+    assert len(re.findall(r"relative to the platform +relative to the platform's\n", wide)) == 2
+    totals = [line.split() for line in wide.splitlines() if line.split()[:1] == ["total"]]
     assert totals[1][-3:] == ["–", "–", "–"]
     assert "mean own relative NEES of the position 3.00" in text
     assert "covariance relative to the platform: looks right; one run" in text
@@ -181,13 +188,13 @@ def test_both_relative_errors_are_named_apart_wherever_they_stand(with_own, resu
     page = html.unescape(with_own._repr_html_())
     assert "relative to the platform as it reports itself" in page
     assert "relative to the platform's true position, by the receiver's own account" in page
-    assert "own account" not in str(result)
+    assert "own account" not in told(result)
     assert "own account" not in result._repr_html_()
-    assert str(result).count("as it reports itself") == 3
+    assert told(result).count("as it reports itself") == 3
 
 
 def test_text_says_what_its_numbers_mean(result):
-    for page in (str(result), html.unescape(result._repr_html_())):
+    for page in (told(result), html.unescape(result._repr_html_())):
         for words in (
             "x, y, z are north, east, down",
             "error = estimate − truth",
@@ -201,21 +208,21 @@ def test_text_says_what_its_numbers_mean(result):
 
 
 def test_text_explains_only_what_is_there():
-    text = str(run_of(("ekf",), make_record(optional_ports=False)))
+    text = told(run_of(("ekf",), make_record(optional_ports=False)))
     assert "north, east, down" in text
     assert "raw" not in text
     assert "NEES" not in text
 
 
 def test_small_errors_are_pessimistic_in_words():
-    text = str(run_of(("ekf",), make_record({"ekf": np.array([[0.1, 0, 0]])})))
+    text = told(run_of(("ekf",), make_record({"ekf": np.array([[0.1, 0, 0]])})))
     assert "pessimistic, errors smaller than claimed" in text
 
 
 def test_nis_of_unknown_degrees_is_not_compared():
     record = make_record()
     values = {name: v for name, v in record.values.items() if name != "ekf.nis_degrees"}
-    text = str(run_of(("ekf",), Record(record.time_ns, values)))
+    text = told(run_of(("ekf",), Record(record.time_ns, values)))
     assert "mean NIS 5.00, of unknown degrees of freedom" in text
 
 
@@ -223,9 +230,64 @@ def test_long_labels_keep_the_table_s_columns_in_line():
     labels = ("a_receiver_with_a_rather_long_name", "ekf")
     record = make_record(dict.fromkeys(labels, np.ones((1, 3))))
     lines = str(run_of(labels, record)).splitlines()
-    table = lines[4:13]
-    assert len({len(line) for line in table}) == 1
-    assert table[0].index("axis") == table[1].index(" x ") + 1 == table[2].index(" y ") + 1
+    start = next(i for i, line in enumerate(lines) if line.startswith("receiver"))
+    head, name, *table = lines[start : start + 10]
+    assert name == labels[0]
+    assert {len(line) for line in table} == {len(head)}
+    assert head.index("axis") == table[0].index("x ") == table[4].index("x ")
+
+
+def test_the_first_lines_are_a_verdict_for_each_receiver(result):
+    lines = str(result).splitlines()
+    assert lines[0] == (
+        "ekf: 5.0 m RMS, 95 % within 5.0 m; claims 0.87 m: do not trust its covariance"
+    )
+    assert lines[1].startswith("raw: 2.0 m RMS, 95 % within 2.0 m; claims 0.87 m: ")
+    right = make_record({"ekf": np.array([[0.5, 0.5, 0.5]]), "raw": np.array([[1.0, 0, 0]])})
+    fits, less = str(run_of(("ekf", "raw"), right)).splitlines()[:2]
+    assert fits.endswith("claims 0.87 m: looks right")
+    assert less.endswith("claims 0.87 m: perhaps too little")
+    small = str(run_of(("ekf",), make_record({"ekf": np.array([[0.1, 0, 0]])})))
+    assert small.splitlines()[0].endswith("claims 0.87 m: perhaps too much")
+    bare = without(result.record, "ekf.covariance")
+    assert str(run_of(("ekf",), bare)).startswith("ekf: 5.0 m RMS, 95 % within 5.0 m; no covar")
+    silent = without(result.record, **{"ekf.valid": np.zeros(101, bool)})
+    assert str(run_of(("ekf",), silent)).startswith("ekf: no estimate; update_count reached 99")
+    far = run_of(("ekf",), make_record({"ekf": np.array([[50.0, 0, 0]])}))
+    assert str(far).startswith("ekf: lost; 50 m RMS")
+
+
+def test_one_run_is_said_not_to_tell_unless_it_does(result):
+    telling = "Whether a covariance is right, one run cannot tell; a study can.\n"
+    sure = make_record({"ekf": np.array([[3.0, 4, 0]])})
+    assert telling not in str(run_of(("ekf",), sure))
+    assert telling in str(run_of(("ekf",), make_record({"ekf": np.array([[1.0, 0, 0]])})))
+    assert telling not in str(run_of(("ekf",), make_record(optional_ports=False)))
+
+
+def test_errors_where_the_covariance_has_none_are_of_its_shape():
+    flat = np.diag([100.0, 1, 0.04, 1, 0.04, 1])  # position and velocity of each axis
+    record = make_record({"ekf": np.array([[0.0, 0.5, 0]])})
+    own = {"ekf.covariance": np.tile(flat, (101, 1, 1))}
+    result = run_of(("ekf",), without(record, "ekf.position_std", **own))
+    assert result.consistency["ekf"]["absolute"].factor > 1.1
+    assert str(result).splitlines()[0].endswith("claims 10 m: perhaps of wrong shape")
+
+
+def test_explanations_and_consistency_are_told_on_request(with_own):
+    short = str(with_own)
+    for words in ("NEES", "north, east, down", "available", "Reference", "by the receiver's own"):
+        assert words not in short
+        assert words in told(with_own) or words == "Reference"
+    assert told(with_own).startswith(short)
+
+
+@pytest.mark.parametrize("width", [60, 72, 80, 100, 120, 200])
+def test_text_fits_the_width(with_own, width):
+    text = with_own.text(verbose=True, width=width)
+    assert max(map(len, text.splitlines())) <= width
+    words = with_own.text(verbose=True, width=1000).split()
+    assert set(words) == {"–", *text.split()}
 
 
 def test_text_counts_one_estimate_as_one():
@@ -234,16 +296,16 @@ def test_text_counts_one_estimate_as_one():
     values = {**record.values, "ekf.update_count": np.minimum(
         record.values["ekf.update_count"], 1
     )}
-    text = str(run_of(("ekf",), Record(record.time_ns, values)))
+    text = told(run_of(("ekf",), Record(record.time_ns, values)))
     assert "ekf: 1 estimate, the first" in text
 
 
 def test_text_says_why_a_receiver_is_lost():
     far = run_of(("ekf",), make_record({"ekf": np.array([[50.0, 0, 0]])}))
-    assert "lost: in the last quarter its error exceeds the distance" in str(far)
+    assert "lost: in the last quarter its error exceeds the distance" in told(far)
     quiet = run_of(("ekf",), make_record({"ekf": np.zeros((40, 3))}))
-    assert "lost: no estimate in the last quarter\n" in str(quiet)
-    assert "exceeds" not in str(quiet)
+    assert "lost: no estimate in the last quarter\n" in told(quiet)
+    assert "exceeds" not in told(quiet)
 
 
 def test_html_shows_the_table_and_escapes_the_title(result):
@@ -329,7 +391,7 @@ def test_plots_are_those_of_the_run(result):
 
 def test_plain_scenario_without_a_title_goes_by_its_name():
     result = Result(RunDescription("dive", {"speed_m_s": 0.5}, ("ekf",)), make_record())
-    assert str(result).startswith("dive\n")
+    assert "\n\ndive\n\n" in str(result)
     assert np.isnan(result.summary.loc["ekf", "update_share"])
 
 
@@ -351,5 +413,5 @@ def test_manifest_and_file_tell_what_the_receivers_were(result, tmp_path):
         {"label": "raw", "type": "multi"},
     ]
     assert (folder / "scenario.toml").read_text().startswith("# The receiver of the run, Mine, was")
-    for text in (str(result), result._repr_html_(), json.dumps(result.to_json())):
+    for text in (told(result), result._repr_html_(), json.dumps(result.to_json())):
         assert "simulated half of it" in text

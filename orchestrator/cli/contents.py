@@ -1,0 +1,216 @@
+"""Results as the documents that commands print, and what is said of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import documents, study_documents
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..analysis.advice import Advice
+    from ..report.factorial import Findings
+    from ..report.study import Means
+    from ..simulation.plan import Plan
+    from ..study.study import Study as Definition
+
+_CHANCE = 0.05
+"""Share of the points at which a right covariance leaves its band."""
+
+
+def plan(plan: Plan) -> documents.Plan:
+    """What would run."""
+    from sblcosim.fmus.read.ports import Fmu
+
+    return documents.Plan.of(
+        {
+            "start_s": plan.start_ns / 1e9,
+            "stop_s": plan.stop_ns / 1e9,
+            "instants": plan.count,
+            "components": [
+                {
+                    "name": c.name,
+                    "origin": c.origin,
+                    "fmi": c.source.fmi if isinstance(c.source, Fmu) else None,
+                    "sha256": c.sha256,
+                    "interval_s": c.interval_ns / 1e9,
+                    "tick_s": None if c.tick_ns is None else c.tick_ns / 1e9,
+                }
+                for c in plan.components
+            ],
+            "parameters": [
+                {
+                    "name": f"{c.name}.{s.port.name}",
+                    "type": s.port.type,
+                    "unit": s.port.unit,
+                    "references": s.port.references,
+                    "values": s.values,
+                }
+                for c in plan.components
+                for s in c.settings
+            ],
+            "connections": [
+                {"source": connection.source, "target": connection.target}
+                for c in plan.components
+                for w in c.writes
+                for connection in w.connections
+            ],
+            "recorded": [
+                {"name": c.name, "type": c.type, "shape": c.shape} for c in plan.columns
+            ],
+        }
+    )
+
+
+def study(definition: Definition, out: Path, **known: Any) -> study_documents.Study:
+    """A study, before or after its runs; `known` are further fields."""
+    points = len(definition.points.values)
+    blank: dict[str, Any] = {
+        "finished": 0, "failed": 0, "failure": None, "receivers": {}, "estimate": None,
+    }  # fmt: skip
+    return study_documents.Study.of(
+        {
+            "folder": str(out),
+            "points": points,
+            "replicates": definition.replicates,
+            "runs": points * definition.replicates,
+            **blank,
+            **known,
+        }
+    )
+
+
+def finished(runs: pd.DataFrame) -> dict[str, Any]:
+    """Fields of a study that has its table of runs."""
+    failed = runs["error"].dropna()
+    return {
+        "finished": len(runs),
+        "failed": len(failed),
+        "failure": f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}"
+        if len(failed) else None,
+        "receivers": _receivers(runs),
+    }  # fmt: skip
+
+
+def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
+    from ..analysis import covariance
+
+    verdicts = covariance.by_point(runs)
+    words = covariance.sentences(verdicts)
+    found: dict[str, Any] = {}
+    suffix = ".absolute_total_rms_m"
+    for column in runs.columns[runs.columns.str.endswith(suffix)]:
+        name = column.removesuffix(suffix)
+        if runs[column].isna().all():
+            continue
+        found[name] = {
+            "rms_m": runs[column].mean(),
+            "inconsistent": runs[f"{name}.inconsistent"].astype("Float64").mean(),
+            "lost": runs[f"{name}.lost"].astype("Float64").mean(),
+            "covariances": {},
+        }
+    said = {name: iter(sentences) for name, sentences in words.items()}
+    for row in covariance.summary(verdicts).to_dict(orient="records"):
+        receiver, frame = row.pop("receiver"), row.pop("frame")
+        sentence = next(said[receiver])
+        if receiver in found:
+            found[receiver]["covariances"][frame] = {**row, "words": sentence}
+    return found
+
+
+def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
+    """A verdict for each receiver, then how many runs there are.
+
+    Parameters
+    ----------
+    verbose
+        With what is said of each covariance, and the share of inconsistent runs.
+    """
+    from ..layout import meters
+
+    for name, receiver in study.receivers.items():
+        lost = f", {receiver.lost:.0%} lost" if receiver.lost else ""
+        mean = "–" if receiver.rms_m is None else meters(receiver.rms_m)
+        yield f"{name}: {mean} RMS on average over all runs{lost}; {_trust(receiver)}"
+        if verbose:
+            if receiver.inconsistent is not None:
+                yield f"  {receiver.inconsistent:.0%} of its runs inconsistent"
+            for covariance in receiver.covariances.values():
+                yield f"  {covariance.words}"
+    yield f"{study.finished} runs, {study.failed} failed"
+    if study.failure is not None:
+        yield f"  e.g. {study.failure}"
+
+
+def _trust(receiver: study_documents.StudyReceiver) -> str:
+    """Whether to believe a receiver's absolute covariance."""
+    found = receiver.covariances.get("absolute")
+    if found is None:
+        return "no covariance"
+    if found.optimistic > _CHANCE * found.points:
+        return f"do not trust its covariance: optimistic{_at(found.optimistic, found)}"
+    if found.untold == found.points:
+        return "too few runs to tell whether its covariance is right"
+    if found.pessimistic > _CHANCE * found.points:
+        return f"its covariance is pessimistic{_at(found.pessimistic, found)}"
+    return f"its covariance is in band{_at(found.in_band, found)}"
+
+
+def _at(points: int, found: study_documents.CovarianceOverPoints) -> str:
+    return "" if found.points == 1 else f" at {points} of {found.points} points"
+
+
+def analysis(found: Findings | Means, folder: Path, report: Path) -> study_documents.Analysis:
+    """Effects of a factorial design, or means of a sweep."""
+    from ..report.factorial import Findings
+
+    content: dict[str, Any] = {
+        "folder": str(folder), "report": str(report), "transform": "none", "method": None,
+        "confidence": 0.95, "dropped": 0, "r2": None, "effects": [], "means": [], "notes": [],
+    }  # fmt: skip
+    if isinstance(found, Findings):
+        from ..analysis import sentences
+
+        a = found.data
+        effects = a.ranked().drop(columns=["coefficient"])
+        content |= {
+            "response": a.response, "unit": a.unit, "answer": sentences.answer(found.shown),
+            "transform": a.transform, "method": a.method, "confidence": a.confidence,
+            "runs": a.runs, "dropped": a.dropped, "r2": a.r2,
+            "effects": effects.rename_axis("term").reset_index().to_dict(orient="records"),
+            "notes": sentences.notes(found.shown),
+        }  # fmt: skip
+    else:
+        content |= {
+            "response": found.response, "unit": found.unit, "answer": found.answer,
+            "runs": int(found.table["runs"].sum()),
+            "means": found.table.to_dict(orient="records"),
+        }  # fmt: skip
+    return study_documents.Analysis.of(content)
+
+
+def advice(found: Advice, shown: Advice, folder: Path) -> study_documents.Advice:
+    """The points by cost; `shown` is the same with the labels for people."""
+    beside = None if found.beside is None or shown.beside is None else (
+        _answer(found.beside, shown.beside)
+    )
+    return study_documents.Advice.of(
+        {**_answer(found, shown), "folder": str(folder), "beside": beside}
+    )
+
+
+def _answer(found: Advice, shown: Advice) -> dict[str, Any]:
+    kept = [name for name in study_documents.DesignPoint.model_fields if name != "levels"]
+    rows = found.points.to_dict(orient="records")
+    return {
+        **{name: getattr(found, name) for name in study_documents.Answer.model_fields
+           if name not in ("answer", "points")},
+        "answer": shown.own_answer(),
+        "points": [
+            {"levels": {name: row[name] for name in found.factors}, **{k: row[k] for k in kept}}
+            for row in rows
+        ],
+    }  # fmt: skip

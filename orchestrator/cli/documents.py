@@ -1,0 +1,315 @@
+"""What commands print with ``--json``, by command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import Field, create_model
+
+from ..scenario.json_schema import Plainly
+from .document import Claimed, Document, Entry, Number, Part
+from .study_documents import Advice, Analysis, Studies, Study
+
+Frame = Literal["absolute", "relative", "own_relative"]
+Axis = Literal["x", "y", "z", "total"]
+Length = Literal["horizontal", "total"]
+Verdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
+
+
+class Scenarios(Document):
+    """The scenarios that come with the project."""
+
+    scenarios: list[Entry]
+
+
+class ReceiverEntry(Part):
+    """A receiver that can be chosen by name."""
+
+    name: str
+    description: str
+    keys: list[str]
+    """Keys of the table ``[receiver]`` that it has."""
+
+
+class Receivers(Document):
+    """The receivers that can be chosen by name."""
+
+    receivers: list[ReceiverEntry]
+
+
+class Statistics(Part):
+    """Of an error, over all estimates."""
+
+    mean_m: Number
+    rms_m: Number
+    std_m: Number
+    n: int
+    """Number of estimates."""
+
+
+class Percentiles(Part):
+    """Order statistics of the length of an error; of the horizontal one, p50 is CEP50."""
+
+    p50_m: Number
+    p67_m: Number
+    p95_m: Number
+    max_m: Number
+
+
+class Covariance(Part):
+    """Whether a covariance is right, from the mean NEES of some runs."""
+
+    verdict: Literal["in band", "optimistic", "pessimistic", "one run", "unknown"]
+    factor: Number
+    """True standard deviation over the claimed one; above 1 is optimistic."""
+    runs: int
+    """With a NEES."""
+    mean_nees: Number
+    basis: Literal["mean", "median"]
+    """What is compared with 3; the median if few runs make the mean."""
+    centre: Number
+    """That mean or median."""
+    low: Number
+    """Of its 95 % interval."""
+    high: Number
+    """Of its 95 % interval."""
+    runs_far_above: int
+    """Runs beyond what normal errors explain."""
+    runs_needed: int | None
+    """To tell a factor of 1.1."""
+    words: str
+    """All this as a sentence."""
+
+
+class Possible(Part):
+    """What was possible at the epochs of a receiver's estimates."""
+
+    kind: Literal["bound", "reference"]
+    absolute_rms_m: Number
+    relative_rms_m: Number
+    accuracy: bool
+    """False where no accuracy is possible; the numbers are then null."""
+    bearing_std_deg: float
+    acceleration_psd_m2_s3: float
+
+
+_JUDGED = {
+    "nees_position": "Mean NEES of the absolute position",
+    "relative_nees_position": "Mean NEES of the position relative to the reported platform",
+    "own_relative_nees_position": "Mean NEES of the receiver's own relative position",
+    "nees_state": "Mean NEES of position and velocity",
+    "nis": "Mean NIS",
+}
+
+
+def _summary_fields() -> dict[str, Any]:
+    fields: dict[str, Any] = {
+        "estimates": (int | None, Field(description="Number of valid estimates")),
+        "first_fix_s": (Number, Field(description="Epoch of the first one")),
+        "availability": (Number, Field(description="Share of the time with a fix")),
+        "update_share": (Number, Field(description="Share of the updates with a new estimate")),
+    }
+    for name, words in _JUDGED.items():
+        fields[name] = (Number, Field(description=words))
+        fields[f"{name}_expected"] = (Number, Field(description="What it is of a right covariance"))
+        fields[f"{name}_low"] = (Number, Field(description="Of its 95 % band"))
+        fields[f"{name}_high"] = (Number, Field(description="Of its 95 % band"))
+        fields[f"{name}_verdict"] = (Verdict | None, Field(description="Mean against band"))
+    return fields | {
+        "inconsistent": (
+            bool | None, Field(description="NEES of the position above its band; null without any")
+        ),
+        "lost": (bool | None, Field(description="No good estimate in the last quarter")),
+        "failure": (str | None, Field(None, description="Why the receiver has failed")),
+    }  # fmt: skip
+
+
+class _Row(Part):
+    """Availability and consistency of a receiver; null for one that failed before the end."""
+
+
+Summary: Any = create_model("Summary", __base__=_Row, __doc__=_Row.__doc__, **_summary_fields())
+
+
+class Run(Document):
+    """A run; everything that is by receiver has its labels as keys."""
+
+    scenario_name: str
+    seeds: dict[str, int]
+    """By component."""
+    remarks: list[str]
+    failures: dict[str, str] = Field(default_factory=dict)
+    """Messages of receivers that have failed."""
+    errors: dict[str, dict[Frame, dict[Axis, Statistics]]]
+    """By receiver, frame and axis (north, east, down); estimate minus truth."""
+    percentiles: dict[str, dict[Frame, dict[Length, Percentiles]]]
+    """By receiver, frame and length."""
+    consistency: dict[str, dict[Claimed, Covariance]]
+    """By receiver and frame."""
+    summary: dict[str, Summary]
+    limits: dict[str, Possible]
+    """By receiver; empty where target, platform or acoustics are somebody else's."""
+    folder: str
+
+
+class Smoothed(Run):
+    """A run with the smoother beside its receivers."""
+
+    steps_m: list[float]
+    """By how much each pass has moved the track at most."""
+    converged: bool
+
+
+class Component(Part):
+    """A component of a plan."""
+
+    name: str
+    origin: str
+    """File of the FMU, or name of the class."""
+    fmi: int | None
+    """Version; null for Python."""
+    sha256: str
+    """Empty for a class that is from no file."""
+    interval_s: float
+    tick_s: Number
+
+
+class Parameter(Part):
+    """A parameter that is set, and the values of its elements in SI units."""
+
+    name: str
+    type: str
+    unit: str | None
+    references: list[int]
+    values: list[float | int | bool]
+
+
+class Connection(Part):
+    """An input and the output that it is taken from."""
+
+    source: str
+    target: str
+
+
+class Recorded(Part):
+    """A recorded output."""
+
+    name: str
+    type: str
+    shape: list[int]
+
+
+class Plan(Document):
+    """What would run, and how it is connected."""
+
+    start_s: float
+    stop_s: float
+    instants: int
+    """Number of communication instants."""
+    components: list[Component]
+    parameters: list[Parameter]
+    connections: list[Connection]
+    recorded: list[Recorded]
+
+
+class SoundSpeed(Part):
+    """A speed of sound and its standard uncertainty, in m/s."""
+
+    value: float
+    std: float
+
+
+class RangeTest(Part):
+    """The ranges of one distance."""
+
+    distance_m: float
+    pings: int
+    mean_m: float
+    std_m: float
+    error_m: float
+
+
+class Calibration(Document):
+    """The speed of sound over a known distance, and the range test."""
+
+    settings: dict[str, float | int | list[float]]
+    """The options of the command, and the distances of the range test."""
+    known_distance: SoundSpeed
+    per_ping_m_s: float
+    """Standard deviation of the speed of sound from a single ping."""
+    line: SoundSpeed
+    """From the slope of the range test."""
+    intercept_m: float
+    intercept_std_m: float
+    slope: float
+    slope_std: float
+    table: list[RangeTest]
+    folder: str
+
+
+class Finding(Part):
+    """What there is to say about a variable, or about the whole (``FMU``)."""
+
+    variable: str
+    severity: Literal["ok", "absent", "warning", "error"]
+    message: str
+
+
+class Check(Document):
+    """Whether an FMU can be a receiver."""
+
+    fmu: str
+    ok: bool
+    findings: list[Finding]
+
+
+class CheckResult(Part):
+    """What came of one check."""
+
+    name: str
+    what: str
+    """The promise that was checked."""
+    state: Literal["passed", "failed", "warning", "does not apply", "not run"]
+    reason: str
+    clause: str
+    """Edition and section of the standard, where it says otherwise."""
+    command: str
+    """What repeats the check."""
+
+
+class Conformance(Document):
+    """Whether an FMU keeps the promises of the standard and its own."""
+
+    fmu: str
+    fmi: str
+    ok: bool
+    checks: list[CheckResult]
+
+
+DOCUMENTS: Mapping[str, type[Document]] = {
+    "run": Run,
+    "smooth": Smoothed,
+    "replay": Run,
+    "plan": Plan,
+    "calibrate": Calibration,
+    "scenarios": Scenarios,
+    "receivers": Receivers,
+    "study": Study,
+    "analyse": Analysis,
+    "advise": Advice,
+    "studies": Studies,
+    "check": Check,
+    "conformance": Conformance,
+}
+"""By command."""
+
+
+def schema(command: str) -> dict[str, Any]:
+    """JSON schema of what a command prints with ``--json``."""
+    content = DOCUMENTS[command].model_json_schema(mode="serialization", schema_generator=Plainly)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **content,
+        "title": f"sblcosim {command} --json",
+    }

@@ -1,0 +1,184 @@
+"""What commands for studies print with ``--json``."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .document import Claimed, Document, Entry, Number, Part
+
+
+class Studies(Document):
+    """The studies that come with the project."""
+
+    studies: list[Entry]
+
+
+class CovarianceOverPoints(Part):
+    """Of how many points of a study a covariance is right; each point over its replicates."""
+
+    points: int
+    in_band: int
+    optimistic: int
+    pessimistic: int
+    untold: int
+    """Points whose runs cannot tell."""
+    optimistic_from: Number
+    """Smallest factor on the standard deviation, of the optimistic points."""
+    optimistic_to: Number
+    pessimistic_from: Number
+    pessimistic_to: Number
+    runs: int
+    """At the point with the fewest."""
+    runs_needed: int | None
+    """To tell a factor of 1.1, at the point that takes most."""
+    words: str
+
+
+class StudyReceiver(Part):
+    """A receiver over all runs of a study."""
+
+    rms_m: Number
+    """RMS of the absolute total error, mean over the runs."""
+    inconsistent: Number
+    """Share of the runs whose mean NEES lies above its band; null if none has a covariance."""
+    lost: Number
+    """Share of the runs."""
+    covariances: dict[Claimed, CovarianceOverPoints]
+    """By frame."""
+
+
+class Estimate(Part):
+    """What a study would take."""
+
+    steps: int
+    """Of the whole system, over all runs."""
+    seconds_from: Number
+    """On this machine; null if nothing is missing."""
+    seconds_to: Number
+
+
+class Study(Document):
+    """A study after all its runs, or before, with ``--dry-run``."""
+
+    folder: str
+    points: int
+    replicates: int
+    runs: int
+    finished: int
+    """Runs that are in the folder, failed ones included."""
+    failed: int
+    failure: str | None
+    """The first message."""
+    receivers: dict[str, StudyReceiver]
+    """Empty with --dry-run."""
+    estimate: Estimate | None
+    """Only with --dry-run."""
+
+
+class Effect(Part):
+    """Change of the mean response from the low to the high level."""
+
+    term: str
+    """A factor, or several with × between them."""
+    order: int
+    effect: Number
+    std_error: Number
+    low: Number
+    """Of the confidence interval."""
+    high: Number
+    t: Number
+    p: Number
+    share: Number
+    """Of the total sum of squares."""
+    significant: bool
+    ratio: Number = None
+    """High over low, for logarithms; null otherwise, as its interval."""
+    ratio_low: Number = None
+    ratio_high: Number = None
+    verdict: Literal["matters", "too small", "open"] | None = None
+    """With --practical."""
+
+
+class Mean(Part):
+    """Mean response at a level of a factor, the others at their base."""
+
+    factor: str
+    """Empty for a study without factors."""
+    value: Number
+    runs: int
+    mean: Number
+    std: Number
+    low: Number
+    """Of the 95 % interval of the mean."""
+    high: Number
+
+
+class Analysis(Document):
+    """The effects of a factorial study, the largest first, or the means of a sweep."""
+
+    folder: str
+    report: str
+    response: str
+    """Column of the table of runs."""
+    unit: str
+    answer: str
+    transform: Literal["none", "log", "spread"]
+    method: Literal["ols", "replicates", "lenth"] | None
+    """Null for means."""
+    confidence: float
+    runs: int
+    """That were analysed."""
+    dropped: int
+    """Runs without a finite response."""
+    r2: Number
+    effects: list[Effect]
+    means: list[Mean]
+    notes: list[str]
+
+
+class DesignPoint(Part):
+    """A point of the design, with the runs at it."""
+
+    levels: dict[str, float]
+    """By factor."""
+    cost: float
+    runs: int
+    lost: int
+    lost_upper: Number
+    """Bound of the share of lost runs."""
+    estimate: Number
+    """Of the percentile, or of the mean."""
+    upper: Number
+    """Its bound; null where there is none."""
+    front: bool
+    """No other point is cheaper and better."""
+    meets: bool
+
+
+class Answer(Part):
+    """The design points by cost, the cheapest first, for one question."""
+
+    answer: str
+    response: str
+    unit: str
+    limit: Number
+    percentile: Number
+    """Null: the mean."""
+    contamination: float
+    confidence: float
+    chosen: int | None
+    """Index of the cheapest point that meets the requirement."""
+    runs_needed: int
+    missing: int
+    """Runs that are missing at the point with the fewest."""
+    free: list[str]
+    """Factors without a cost."""
+    points: list[DesignPoint]
+
+
+class Advice(Document, Answer):
+    """The cheapest design that is good enough."""
+
+    folder: str
+    beside: Answer | None
+    """The other question, answered from the same runs; null without a limit."""

@@ -1,0 +1,264 @@
+"""The JSON schemas of scenario and study files refuse what the readers refuse, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import sblcosim.cli
+from sblcosim.errors import ConfigurationError
+from sblcosim.models import RECEIVERS
+from sblcosim.scenario.file_schema import DIRECTIVE, FILE_NAME, scenario_schema
+from sblcosim.scenario.scenario import load, shipped, shipped_text
+from sblcosim.scenario.schema import (
+    Acoustics,
+    Platform,
+    Receiver,
+    Target,
+    default,
+    in_file_units,
+    rows,
+)
+from sblcosim.scenario.starter import starter
+from sblcosim.study.file_schema import study_schema
+from sblcosim.study.study import load as load_study
+from sblcosim.study.study import shipped as shipped_studies
+from typer.testing import CliRunner
+
+TABLES = {"target": Target, "platform": Platform, "acoustics": Acoustics, "receiver": Receiver}
+SCENARIO = jsonschema.Draft7Validator(scenario_schema())
+STUDY = jsonschema.Draft7Validator(study_schema())
+SMALL = {
+    "scenario": "paper-scenario-1",
+    "factors": {"gps": {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}},
+}
+
+
+def test_they_are_schemas() -> None:
+    for validator in (SCENARIO, STUDY):
+        jsonschema.Draft7Validator.check_schema(validator.schema)
+        text = json.dumps(validator.schema)
+        assert "$ref" not in text
+        assert '"null"' not in text
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_shipped_scenarios_are_valid_and_what_is_made_of_them(name: str) -> None:
+    SCENARIO.validate(tomllib.loads(shipped_text(name)))
+    SCENARIO.validate(tomllib.loads(starter("mine", name)))
+    SCENARIO.validate(tomllib.loads(load(name).dump_toml()))
+
+
+@pytest.mark.parametrize("name", shipped_studies())
+def test_shipped_studies_are_valid(name: str) -> None:
+    file = resources.files("sblcosim.study") / "shipped" / f"{name}.toml"
+    STUDY.validate(tomllib.loads(file.read_text("utf-8")))
+
+
+def keys() -> Iterator[tuple[str, str]]:
+    for name, table in TABLES.items():
+        for key in table.variables:
+            yield name, key
+
+
+def readable(tables: dict[str, Any]) -> bool:
+    """Whether the reader finds no key that is wrong by itself."""
+    try:
+        load(tables)
+    except ConfigurationError as error:
+        return "must be" not in str(error) or "must be a whole number of nanoseconds" in str(error)
+    return True
+
+
+@pytest.mark.parametrize(("table", "key"), [*keys()])
+def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, key: str) -> None:
+    variable = TABLES[table].variables[key]
+    schema = SCENARIO.schema["properties"][table]["properties"][key]
+    assert schema["description"] == variable.description
+    if variable.choices is not None:
+        wrong: list[Any] = ["no_such_choice", 1, True]
+        right: list[Any] = [*variable.choices.values()]
+    elif variable.type == "Boolean":
+        wrong, right = ["yes", 1], [True, False]
+    else:
+        ends = [None if b is None else in_file_units(variable, b) for b in
+                (variable.min, variable.max)]  # fmt: skip
+        wrong = ["1", True, {}]
+        right = [end for end in ends if end is not None]
+        wrong += [end + step for end, step in zip(ends, (-1, 1), strict=True) if end is not None]
+        if variable.shape:
+            right, wrong = [[r] * variable.size for r in right], [*wrong, 1.0] + [
+                [w] * variable.size for w in wrong
+            ]
+            wrong += [[right[0][0]] * (variable.size + 1)] if right else []
+    for value in right:
+        assert SCENARIO.is_valid({table: {key: value}}), value
+    for value in wrong:
+        assert not SCENARIO.is_valid({table: {key: value}}), value
+        assert not readable({table: {key: value}}), value
+
+
+def test_defaults_are_those_that_hold_without_a_key() -> None:
+    made = load({})
+    for name, table in TABLES.items():
+        for key, schema in SCENARIO.schema["properties"][name]["properties"].items():
+            if "default" in schema and name != "receiver":
+                value = rows(table.variables.get(key), getattr(made, name).__dict__[key])
+                assert schema["default"] == json.loads(json.dumps(value))
+    gate = SCENARIO.schema["properties"]["receiver"]["properties"]["gate"]
+    assert gate["default"] == default(RECEIVERS["sequential"], RECEIVERS["sequential"]["gate"])
+    follows = SCENARIO.schema["properties"]["receiver"]["properties"]["range_std_m"]
+    assert "default" not in follows
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"targt": {}},
+        {"target": {"sped_m_s": 1.0}},
+        {"target": 3},
+        {"name": "a/b"},
+        {"name": ".a"},
+        {"name": "x" * 201},
+        {"name": 1},
+        {"seed": -1},
+        {"seed": 1.5},
+        {"seed": "one"},
+        {"fmi": 4},
+        {"time": {"ekf_ratio": 0}},
+        {"time": {"duration_s": 0}},
+        {"time": {"duration_s": "forever"}},
+        {"time": {"duration_s": 4e9}},
+        {"time": {"sampling_time_s": 1e-9}},
+        {"platform": {"beaufort": 7}},
+        {"platform": {"imu_grade": "best"}},
+        {"receiver": {"type": "efk"}},
+        {"receiver": {"prior": "false"}},
+        {"target": {"waypoint_m": [[1.0, 2.0]]}},
+        {"target": {"waypoint_m": [1.0, 2.0, "x"]}},
+        {"acoustics": {"interval_s": 0.0}},
+        {"acoustics": {"fmi": 1}},
+    ],
+    ids=str,
+)
+def test_a_wrong_key_type_or_value_is_refused_by_both(tables: dict[str, Any]) -> None:
+    assert not SCENARIO.is_valid(tables)
+    with pytest.raises(ConfigurationError):
+        load(tables)
+    fixed = {name: value for name, value in tables.items() if isinstance(value, dict)}
+    if fixed:
+        assert not STUDY.is_valid({**SMALL, "fixed": fixed})
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"name": "Übung 3.toml"},
+        {"time": {"duration_s": 5}},
+        {"target": {"trajectory": "waypoints", "waypoint_m": [[0, 0, 1], [1, 0, 1.5]]}},
+        {"target": {"trajectory": "waypoints", "waypoint_m": [0, 0, 1, 1, 0, 1.5]}},
+        {"receiver": {"fmu": "mine.fmu", "parameters": {"gain": [1, 2]}}},
+        {"platform": {"beaufort": 0, "imu_grade": "tactical"}},
+    ],
+    ids=str,
+)
+def test_what_is_readable_is_valid(tables: dict[str, Any]) -> None:
+    SCENARIO.validate(tables)
+    load(tables)
+    STUDY.validate({**SMALL, "scenario": tables})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"scenario": 3},
+        {"replicates": 0},
+        {"replicates": "many"},
+        {"seeding": "common noise"},
+        {"settling_time_s": -1.0},
+        {"settling_time": 1.0},
+        {"receivers": "ekf"},
+        {"receivers": [1]},
+        {"responses": ["absolute_total_p96_m"]},
+        {"design": {"kind": "ful"}},
+        {"design": {"centre_points": -1}},
+        {"design": {"resolution": 2}},
+        {"fixed": {"target.sped_m_s": 1.0}},
+        {"fixed": {"target.speed_m_s": "fast"}},
+        {"fixed": {"target.speed_m_s": -1.0}},
+        {"fixed": {"seed": 3}},
+        {"factors": {"gps": {"keys": ["platform.gps_std_m"], "levels": [0.1, 3.5]}}},
+        {"factors": {"gps": {"keys": [], "levels": [0.1, 3.5]}}},
+        {"factors": {"gps": {"keys": ["platform.arm_length_m"], "levels": [1]}}},
+        {"factors": {"gps": {"keys": ["platform.arm_length_m"], "levels": [1, 1]}}},
+        {"factors": {"gps": {"keys": ["platform.arm_length_m"], "levels": ["a", "b"]}}},
+        {"factors": {"g p": {"keys": ["platform.arm_length_m"], "levels": [1, 2]}}},
+        {"factors": {"seed": {"keys": ["platform.arm_length_m"], "levels": [1, 2]}}},
+        {"factors": {"gps": {"levels": [1, 2]}}},
+    ],
+    ids=str,
+)
+def test_a_wrong_study_is_refused_by_both(change: dict[str, Any]) -> None:
+    STUDY.validate(SMALL)
+    load_study(SMALL)
+    assert not STUDY.is_valid({**SMALL, **change})
+    with pytest.raises(ConfigurationError):
+        load_study({**SMALL, **change}).base  # noqa: B018
+
+
+def test_a_study_without_a_scenario_is_refused() -> None:
+    assert not STUDY.is_valid({"factors": SMALL["factors"]})
+
+
+def test_a_study_may_set_keys_in_every_way() -> None:
+    for fixed in (
+        {"target.speed_m_s": 1.0}, {"target": {"speed_m_s": 1.0}},
+        {"receiver.parameters.gain": 2.0}, {"receiver": {"parameters": {"gain": 2.0}}},
+    ):  # fmt: skip
+        STUDY.validate({**SMALL, "fixed": fixed})
+    STUDY.validate({**SMALL, "responses": ["percentiles", "mine.py:worst_m"]})
+    other = {"keys": ["receiver.parameters.gain"], "levels": [1.0, 2.0]}
+    STUDY.validate({**SMALL, "factors": {"gain": other}})
+
+
+def taplo(file: Path) -> subprocess.CompletedProcess[str]:
+    """What the engine of the editors' extension Even Better TOML says, without a network."""
+    (command,) = (f.locate() for f in metadata.files("taplo") or () if f.stem == "taplo")
+    return subprocess.run(
+        [command, "check", file.name], cwd=file.parent, capture_output=True, text=True, check=False
+    )
+
+
+def test_an_editor_finds_the_schema_beside_a_new_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(sblcosim.cli.app, ["new", "mine.toml"]).exit_code == 0
+    file = tmp_path / "mine.toml"
+    text = file.read_text("utf-8")
+    assert text.splitlines()[0] == DIRECTIVE
+    assert json.loads((tmp_path / FILE_NAME).read_text("utf-8")) == scenario_schema()
+    assert taplo(file).returncode == 0
+    file.write_text(text.replace("seed = 1 ", "seed = -1 "), "utf-8")
+    wrong = taplo(file)
+    assert wrong.returncode != 0
+    assert "-1 is less than the minimum of 0" in wrong.stderr
+
+
+def test_an_editor_finds_the_schema_that_was_written_beside_a_study(tmp_path: Path) -> None:
+    schema = CliRunner().invoke(sblcosim.cli.app, ["schema", "study"]).stdout
+    (tmp_path / "study.schema.json").write_text(schema, "utf-8")
+    shipped_file = resources.files("sblcosim.study") / "shipped" / "paper-scenario-1.toml"
+    text = f"#:schema ./study.schema.json\n{shipped_file.read_text('utf-8')}"
+    file = tmp_path / "mine.toml"
+    file.write_text(text, "utf-8")
+    assert taplo(file).returncode == 0, taplo(file).stderr
+    file.write_text(text.replace('kind = "full"', 'kind = "ful"'), "utf-8")
+    assert taplo(file).returncode != 0
