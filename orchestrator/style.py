@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from PIL import Image
 
 from .errors import check_choice
 
@@ -56,6 +58,10 @@ THEMES: dict[ThemeName, Theme] = {
         ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#f0e442"),
     ),
 }
+SIZE = 9.5
+"""Of text [point]."""
+SMALL = 8.5
+"""Of text that must be smaller than the rest [point]."""
 LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1.5, 1.5)))
 """Line styles of the receivers, so that no figure depends on colour alone."""
 MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
@@ -114,7 +120,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         "xtick.color": look.ink,
         "ytick.color": look.ink,
         "legend.frameon": False,
-        "font.size": 9.5,
+        "font.size": SIZE,
         "lines.linewidth": 1.4,
     }
     with mpl.rc_context(settings):
@@ -126,9 +132,13 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         yield look
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """A figure of a given size [inch] that is not registered with pyplot."""
-    figure = Figure(figsize=(width, height))
+def new_figure(width: float, height: float, layout: Literal["none"] | None = None) -> Figure:
+    """A figure of a given size [inch] that is not registered with pyplot.
+
+    Within `use`, Matplotlib makes room for what is outside of the axes, unless `layout` is
+    ``"none"``.
+    """
+    figure = Figure(figsize=(width, height), layout=layout)  # type: ignore[arg-type]
     FigureCanvasAgg(figure)
     return figure
 
@@ -138,9 +148,14 @@ def save(axes: Axes, folder: Path, name: str) -> None:
     figure = axes.figure
     assert isinstance(figure, Figure)
     figure.dpi = 150
+    width, height = np.round(150 * figure.get_size_inches()) / 150  # whole pixels
+    figure.set_size_inches(width, height)
     # Use the canvas directly: Figure.savefig draws everything twice.
     agg: Any = FigureCanvasAgg(figure)
-    agg.print_png(folder / f"{name}.png", metadata={"Software": None})
+    agg.draw()
+    # Opaque and quickly compressed: half the time of Matplotlib's own way, at equal size.
+    picture = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba()).convert("RGB")
+    picture.save(folder / f"{name}.png", dpi=(150, 150), compress_level=3)
     figure.set_layout_engine("none")  # the layout is final now
     (folder / f"{name}.svg").write_text(svg(axes, name), "utf-8")
 
