@@ -9,6 +9,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from mpl_toolkits.mplot3d import proj3d
 from PIL import Image
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
@@ -355,7 +356,7 @@ def test_arrowheads_point_where_the_diver_goes_and_marks_say_when(run):
     np.testing.assert_allclose(np.column_stack([arrows.U, arrows.V]), [[0, 1]] * 5, atol=1e-9)
     assert labels_of(ax) == {"start", "2 s", "4 s", "6 s", "8 s", "end"}
     assert title_of(ax) == "Map, with a mark every 2 s"
-    marks = next(line for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata()) > 1)
+    marks = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
     np.testing.assert_allclose(marks.get_xydata(), [[10, 0.5 * t] for t in (2, 4, 6, 8)])
 
 
@@ -365,6 +366,9 @@ def test_a_diver_at_rest_has_no_direction():
 
 
 def inches_of(text):
+    if hasattr(text, "get_position_3d"):  # a text in space has its place in the plane while drawn
+        flat = proj3d.proj_transform(*text.get_position_3d(), text.axes.get_proj())
+        Text.set_position(text, flat[:2])
     extent = text.get_window_extent(text.figure.canvas.get_renderer())
     return extent.transformed(text.figure.dpi_scale_trans.inverted())
 
