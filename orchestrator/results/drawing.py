@@ -7,6 +7,7 @@ a layout that measures every label twice takes as long as drawing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from math import ceil
 from textwrap import fill
 from typing import Any
@@ -18,10 +19,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
-from matplotlib.transforms import IdentityTransform
+from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
 from ..scenario.sources import RAW
-from ..style import LINES, MARKERS, SIZE, Theme, new_figure
+from ..style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
 from .definitions import Floats
 
 Tracks = Mapping[str, pd.DataFrame]
@@ -36,6 +37,10 @@ WIDTH = 7.2
 """Width of a figure over time [inch]."""
 LINE = 1.25 * SIZE / 72
 """Height of a line of text [inch]."""
+SIDES = ((1, 0.6), (1, -0.6), (-1, 0.6), (-1, -0.6), (0, 1), (0, -1), (1, 0), (-1, 0))
+"""Where a label may stand beside its point, right and up: the best one first."""
+AWAY = (7, 13, 20)
+"""How far away [point]."""
 DOTS_ALPHA = 0.9
 NOTHING = "\u200b"
 """A zero-width space."""
@@ -237,6 +242,50 @@ def _set_margins(figure: Figure, axes: Sequence[Axes], legend: Any, title: str) 
 def title_height(words: str) -> float:
     """Height of a title [inch]."""
     return LINE * (words.count("\n") + 1) + 0.06 if words else 0.0
+
+
+# --- Labels of points ---------------------------------------------------------------------------
+
+
+def free_places(
+    ax: Axes, points: Floats, words: Sequence[str], drawn: Floats
+) -> Iterator[dict[str, Any]]:
+    """Where labels of points stand on the fewest of the points that are drawn, and on no other.
+
+    Parameters
+    ----------
+    points, drawn
+        In the coordinates of the axes' plane, shapes (n, 2) and (m, 2).
+
+    Yields
+    ------
+    dict
+        Transform and alignment of a text at the point.
+    """
+    inch = ax.figure.dpi
+    taken = ax.transData.transform(drawn[np.isfinite(drawn).all(axis=1)]) / inch
+    inside = ax.bbox.frozen().transformed(ax.figure.dpi_scale_trans.inverted())
+    for point, word in zip(ax.transData.transform(points) / inch, words, strict=True):
+        lines = word.splitlines()
+        size = np.array([0.6 * max(map(len, lines)), 1.25 * len(lines)]) * SMALL / 72
+        best: tuple[float, Floats, Floats] | None = None
+        for away, (right, up) in product(AWAY, SIDES):
+            offset = np.array([right, up]) * away / 72
+            corner = point + offset + size * (np.sign([right, up]) - 1) / 2
+            hidden = ((taken > corner - 0.03) & (taken < corner + size + 0.03)).all(axis=1).sum()
+            beyond = not (inside.contains(*corner) and inside.contains(*(corner + size)))
+            bad = float(hidden) + 1000.0 * beyond + 0.5 * (away - AWAY[0]) / AWAY[0]
+            if best is None or bad < best[0]:
+                best = bad, offset, corner
+        assert best is not None
+        _, (right, up), corner = best
+        grid = np.array(list(product((0, 0.25, 0.5, 0.75, 1), (0, 0.5, 1))))
+        taken = np.vstack([taken, np.tile(corner + size * grid, (20, 1))])  # worse than a curve
+        ha, va = int(np.sign(right)), int(np.sign(up))
+        yield {
+            "transform": ax.transData + ScaledTranslation(right, up, ax.figure.dpi_scale_trans),
+            "ha": ("center", "left", "right")[ha], "va": ("center", "bottom", "top")[va],
+        }  # fmt: skip
 
 
 # --- Limits --------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ north is up.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import product
 from math import ceil
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import ScaledTranslation
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
 from ..style import SMALL, Theme, ThemeName, new_figure, use
@@ -38,14 +37,10 @@ MOST_REPORTS = 500
 """Reports of the platform's position that a map shows."""
 ARMS = ((0, 2), (1, 3))
 """Beacons at the ends of an arm."""
-SIDES = ((1, 0.6), (1, -0.6), (-1, 0.6), (-1, -0.6), (0, 1), (0, -1), (1, 0), (-1, 0))
-"""Where a label may stand beside its point, right and up: the best one first."""
 MARGINS_3D = (0.45, 0.75, 0.7, 0.1)
 """Left, right, below and above the box in space [inch]."""
 TALLEST_3D = 6.0
 """Of the box in space with its labels [inch]."""
-AWAY = (7, 13, 20)
-"""How far away [point]."""
 
 
 def plot_path(
@@ -233,7 +228,7 @@ def _mark_times(
             labels.insert(0, (path[row], words[word]))
     drawn = [path, *(table[["y_m", "x_m"]].to_numpy() for table in tracks.values())]
     drawn += [np.asarray(line.get_xydata()) for line in ax.lines]
-    places = _free_places(
+    places = drawing.free_places(
         ax, np.array([point for point, _ in labels]), [w for _, w in labels], np.vstack(drawn)
     )
     for (point, word), place in zip(labels, places, strict=True):
@@ -273,46 +268,6 @@ def _ends(ax: Axes, points: Floats) -> dict[str, str]:
     return {"start": "start, end"}
 
 
-def _free_places(
-    ax: Axes, points: Floats, words: Sequence[str], drawn: Floats
-) -> Iterator[dict[str, Any]]:
-    """Where labels of points stand on the fewest of the points that are drawn, and on no other.
-
-    Parameters
-    ----------
-    points, drawn
-        In the coordinates of the axes' plane, shapes (n, 2) and (m, 2).
-
-    Yields
-    ------
-    dict
-        Transform and alignment of a text at the point.
-    """
-    inch = ax.figure.dpi
-    taken = ax.transData.transform(drawn[np.isfinite(drawn).all(axis=1)]) / inch
-    inside = ax.bbox.frozen().transformed(ax.figure.dpi_scale_trans.inverted())
-    for point, word in zip(ax.transData.transform(points) / inch, words, strict=True):
-        size = np.array([0.6 * SMALL * len(word), 1.25 * SMALL]) / 72
-        best: tuple[float, Floats, Floats] | None = None
-        for away, (right, up) in product(AWAY, SIDES):
-            offset = np.array([right, up]) * away / 72
-            corner = point + offset + size * (np.sign([right, up]) - 1) / 2
-            hidden = ((taken > corner - 0.03) & (taken < corner + size + 0.03)).all(axis=1).sum()
-            beyond = not (inside.contains(*corner) and inside.contains(*(corner + size)))
-            bad = float(hidden) + 1000.0 * beyond + 0.5 * (away - AWAY[0]) / AWAY[0]
-            if best is None or bad < best[0]:
-                best = bad, offset, corner
-        assert best is not None
-        _, (right, up), corner = best
-        grid = np.array(list(product((0, 0.25, 0.5, 0.75, 1), (0, 0.5, 1))))
-        taken = np.vstack([taken, np.tile(corner + size * grid, (20, 1))])  # worse than a curve
-        ha, va = int(np.sign(right)), int(np.sign(up))
-        yield {
-            "transform": ax.transData + ScaledTranslation(right, up, ax.figure.dpi_scale_trans),
-            "ha": ("center", "left", "right")[ha], "va": ("center", "bottom", "top")[va],
-        }  # fmt: skip
-
-
 # --- In space ------------------------------------------------------------------------------------
 
 
@@ -349,7 +304,7 @@ def _mark_ends_3d(ax: Axes3D, path: Floats, drawn: Floats, look: Theme) -> None:
     ends = _flat(ax, path[[0, -1]])
     words = _ends(ax, ends)
     rows = [row for row, word, _ in ENDS if word in words]
-    places = _free_places(ax, ends[rows], list(words.values()), _flat(ax, drawn))
+    places = drawing.free_places(ax, ends[rows], list(words.values()), _flat(ax, drawn))
     for row, _, marker in ENDS:
         ax.plot(*path[row, [1, 0, 2]][:, None], marker, color=look.ink, mfc=look.paper, ms=6,
                 zorder=6, clip_on=False, in_layout=False)
