@@ -19,7 +19,7 @@ from markupsafe import escape
 
 from ..style import THEMES, Theme, ThemeName, named
 
-NARROW, WIDEST = 46, 125
+NARROW, WIDEST = 40, 125
 """Characters of a table that fit into a telephone, and into the page at its widest."""
 
 
@@ -62,9 +62,13 @@ class Table:
 
     @property
     def characters(self) -> int:
-        """About how many characters wide it is."""
-        columns = zip(*self.rows, strict=True) if self.rows else ()
-        return sum(3 + max(map(len, column)) for column in columns)
+        """About how many characters wide it is at least; heads and words are wrapped."""
+        total = 0
+        for i, (head, *cells) in enumerate(zip(self.head, *self.rows, strict=True)):
+            lines = " ".join([head, *cells]).split() if i in self.words else [*head.split(), *cells]
+            least = 17 if i in self.words else 0  # as the style sheet has it
+            total += 3 + max([least, *map(len, lines)])
+        return total
 
 
 @dataclass(frozen=True, slots=True)

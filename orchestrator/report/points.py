@@ -39,15 +39,16 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     means = good.groupby("point")[list(shown)].mean()
     counts = good.groupby("point").size()
     rows: list[Sequence[str]] = []
-    for point, row in means.iterrows():
-        levels = zip(study.factors, study.points.values[int(str(point)) - 1], strict=True)
+    for name, row in means.iterrows():
+        point = int(str(name))
+        levels = zip(study.factors, study.points.values[point - 1], strict=True)
         rows.append((
             f"{point}",
-            *(quantity(float(level), study.units[name]) for name, level in levels),
-            f"{counts[point]}",
+            *(quantity(float(level), study.units[factor]) for factor, level in levels),
+            f"{counts.loc[point]}",
             *(number(row[c]) if c.endswith("_m") else _share(row[c]) for c in shown),
         ))  # fmt: skip
-    head = ("Point", *(study.labels[name] for name in study.factors), "Runs", *shown.values())
+    head = ("Point", *(study.labels[factor] for factor in study.factors), "Runs", *shown.values())
     return [Table("Design points: means over their runs", head, rows, (), _NOTE)]
 
 

@@ -255,7 +255,7 @@ def _figure(
     states = {what: float(theirs) for what, theirs in known.get("states", {}).items()}
     same = [what for what, theirs in states.items() if verdict(ours[what] / theirs) == "equal"]
     if same:
-        text += f" Ours has the same {', '.join(same)}."
+        text += f" Ours has the same {', '.join(what.partition(' [')[0] for what in same)}."
     rows = [row(what, states[what], ours[what]) for what in states if what not in same]
     blocks: list[Block] = [Text(text)]
     if rows:
