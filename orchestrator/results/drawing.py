@@ -166,6 +166,8 @@ def panels(
     grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
     for ax in grid:
         ax.margins(x=0.01)
+        if ax is not grid[-1]:
+            ax.tick_params(axis="x", bottom=False)  # the grid is enough, and is drawn anyway
         # A fixed place: else each of the labels looks at all ticks of all panels.
         ax.yaxis.set_label_coords(-0.5 / (WIDTH - LEFT - RIGHT), 0.5)
     return list(grid)
