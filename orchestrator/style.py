@@ -172,7 +172,9 @@ def svg(axes: Axes, name: str) -> str:
     return _with_own_ids(stream.getvalue(), name)
 
 
-_ID = re.compile(r'(?<=[#"])[A-Za-z]+[0-9a-f]{10}(?=[")])')
+# Beginning with a literal each, for figures are long.
+_ID = re.compile(r' id="([A-Za-z]+[0-9a-f]{10})(?=")')
+_REFERENCE = re.compile(r'#([A-Za-z]+[0-9a-f]{10})(?=[")])')
 
 
 def _with_own_ids(text: str, name: str) -> str:
@@ -180,13 +182,11 @@ def _with_own_ids(text: str, name: str) -> str:
 
     Matplotlib hashes the bounds of axes, whose last bits differ from process to process.
     """
-    ids = re.findall(r'\bid="([A-Za-z]+[0-9a-f]{10})"', text)
-    order = {old: str(n) for n, old in enumerate(dict.fromkeys(ids))}
-
-    def own(match: re.Match[str]) -> str:
-        old = match[0]
-        if old not in order:
-            return old
-        return old[:-10] + hashlib.sha256(f"{name} {order[old]}".encode()).hexdigest()[:10]
-
-    return _ID.sub(own, text)
+    own = {
+        old: old[:-10] + hashlib.sha256(f"{name} {n}".encode()).hexdigest()[:10]
+        for n, old in enumerate(dict.fromkeys(_ID.findall(text)))
+    }
+    for pattern in (_ID, _REFERENCE):
+        text = pattern.sub(lambda found: found[0].replace(found[1], own.get(found[1], found[1])),
+                           text)
+    return text

@@ -200,7 +200,7 @@ def finish(axes: Sequence[Any], own: bool, *title: str) -> None:
             axes[0].set_title(fill(words, 70), loc="left")
     for handle in legend.legend_handles if legend is not None else ():
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
-            handle.set(markersize=8, alpha=1)
+            handle.set(markersize=8)
 
 
 def _legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> Any:

@@ -67,6 +67,8 @@ addEventListener("load", () => setTimeout(() => {
       loaded: w.performance.getEntriesByType("resource").length,
       paper: colour(d.body, "backgroundColor"), ink: colour(d.body, "color"),
       drawings: drawings.length,
+      scale: Math.min(...drawings.map(  // 1: an inch of the drawing is an inch of the page
+        s => s.getBoundingClientRect().width / s.viewBox.baseVal.width * 72 / 96)),
       empty: drawings.filter(s => s.getBBox().width < 50 || s.getBBox().height < 50).length,
       text: colour(drawings[0], "fill"),
       colours: [...new Set(drawings.flatMap(s => [...s.querySelectorAll("path")].map(
@@ -129,6 +131,7 @@ def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
     assert found["b"]["opened"] == []
     assert found["b"]["height"] < 0.5 * found["b"]["whole"]
     assert found["a"]["wide"] > 0
+    assert found["b"]["scale"] * style.SMALL >= 8  # points
     for window in found.values():
         assert window["unsaid"] == []
         assert window["figures"] == window["code"] == 0
