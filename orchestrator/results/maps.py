@@ -147,7 +147,7 @@ class _Platform:
             self._cross(ax, self.reported, "beacons as reported (mean)", **how,
                         ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
             drawing.add_line(ax, self.centres[:, 1], self.centres[:, 0], {
-                "color": look.ink, "ls": "", "marker": ".", "ms": 3, "alpha": 0.5, "zorder": 2.5,
+                "color": look.ink, "ls": "", "marker": ".", "ms": 2.2, "alpha": 0.9, "zorder": 2.5,
                 "label": "platform as reported",
             })  # fmt: skip
 
