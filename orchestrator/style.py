@@ -19,7 +19,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from PIL import Image
 
 from .errors import check_choice
 
@@ -152,10 +151,9 @@ def save(axes: Axes, folder: Path, name: str) -> None:
     figure.set_size_inches(width, height)
     # Use the canvas directly: Figure.savefig draws everything twice.
     agg: Any = FigureCanvasAgg(figure)
-    agg.draw()
-    # Opaque and quickly compressed: half the time of Matplotlib's own way, at equal size.
-    picture = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba()).convert("RGB")
-    picture.save(folder / f"{name}.png", dpi=(150, 150), compress_level=3)
+    # A lower level than usual takes half the time, for a twentieth more in size.
+    agg.print_png(folder / f"{name}.png", metadata={"Software": None},
+                  pil_kwargs={"compress_level": 3})
     figure.set_layout_engine("none")  # the layout is final now
     (folder / f"{name}.svg").write_text(svg(axes, name), "utf-8")
 
@@ -186,7 +184,8 @@ def _with_own_ids(text: str, name: str) -> str:
         old: old[:-10] + hashlib.sha256(f"{name} {n}".encode()).hexdigest()[:10]
         for n, old in enumerate(dict.fromkeys(_ID.findall(text)))
     }
-    for pattern in (_ID, _REFERENCE):
-        text = pattern.sub(lambda found: found[0].replace(found[1], own.get(found[1], found[1])),
-                           text)
-    return text
+
+    def renamed(found: re.Match[str]) -> str:
+        return found[0].replace(found[1], own[found[1]]) if found[1] in own else found[0]
+
+    return _REFERENCE.sub(renamed, _ID.sub(renamed, text))
