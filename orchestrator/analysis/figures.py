@@ -13,14 +13,16 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
+from ..results.drawing import free_places
 from ..study.design import INTERACTION_SIGN
-from ..style import LINES, PLAIN, Theme, ThemeName, new_figure, use
+from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
 from .sentences import minus
@@ -53,8 +55,9 @@ def plot_pareto(
         finite = size[np.isfinite(size)].max() if np.isfinite(size).any() else 1.0
         endless = bool(np.isinf(size).any())
         shown = size.fillna(0.0).clip(upper=2 * finite).head(most).iloc[::-1]
+        own = ax is None
         if ax is None:
-            ax = new_figure(7.2, 1.5 + 0.25 * len(shown)).add_subplot()
+            ax = new_figure(6.4, 1.8 + 0.25 * len(shown)).add_subplot()
         rises = (table.loc[shown.index, "effect"] > 0).to_numpy()
         positions = np.arange(len(shown))
         handles: list[Line2D | Patch] = []
@@ -87,8 +90,7 @@ def plot_pareto(
         ax.margins(y=0.02)
         if endless:
             ax.set_xlim(0, 1.2 * max(finite, analysis.reference))
-        ax.legend(handles=handles, loc="lower right", frameon=True, framealpha=1, edgecolor="none",
-                  facecolor=look.paper)
+        _legend(ax, own, handles)
     return ax
 
 
@@ -176,7 +178,7 @@ def plot_main_effects(
         ax.grid(axis="x", visible=False)
         ax.set_ylabel(f"Mean {_quantity(analysis)}")
         ax.set_title(f"Main effects on {analysis.quantity}", loc="left")
-        ax.legend(loc="best")
+        _legend(ax, own)
     return ax
 
 
@@ -232,6 +234,7 @@ def plot_box_cox(
     """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`."""
     profile = box_cox(analysis)
     with use(theme, ax) as look:
+        own = ax is None
         if ax is None:
             ax = new_figure(5.6, 3.2).add_subplot()
         power, height = profile["lambda"], profile["log_likelihood"]
@@ -246,11 +249,10 @@ def plot_box_cox(
             ax.axvline(value, color=look.ink, ls=LINES[2], lw=0.9)
             ax.annotate(word, (value, 0.02), xycoords=("data", "axes fraction"), rotation=90,
                         xytext=(-3, 0), textcoords="offset points", ha="right", va="bottom",
-                        fontsize="small")
+                        fontsize=SMALL)
         ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
         ax.set_title("Box–Cox profile", loc="left")
-        # Below the axes: inside, it may hide a word or the curve.
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+        _legend(ax, own)
     return ax
 
 
@@ -260,8 +262,9 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
     Bars reach up to the points' upper confidence bounds, as far as they exist.
     """
     with use(theme, ax) as look:
+        own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 4.2).add_subplot()
+            ax = new_figure(6.4, 4.4).add_subplot()
         points = advice.points[np.isfinite(advice.points["estimate"])]
         front = points[points["front"]]
         ax.plot(points["cost"], points["estimate"], ".", color=look.soft, ms=7, mew=0,
@@ -283,10 +286,44 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
         statistic = advice.statistic[0].upper() + advice.statistic[1:]
         ax.set(xlabel="Cost", ylabel=f"{statistic}{unit}")
         ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
-        ax.set_title("Cost and accuracy of the design points", loc="left")
-        ax.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none",
-                  facecolor=look.paper)
+        ax.set_title("Cost and accuracy; labels say what is new after the cheaper point before",
+                     loc="left")
+        _legend(ax, own)
+        _label_front(ax, advice, points, front)
     return ax
+
+
+def _label_front(ax: Axes, advice: Advice, points: pd.DataFrame, front: pd.DataFrame) -> None:
+    """What each point of the front has other than the one before, which is cheaper."""
+    ax.margins(x=0.12)
+    ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # places the axes
+    words: list[str] = []
+    before: dict[Any, Any] = {}
+    for levels in front[list(advice.factors)].to_dict(orient="records"):
+        new = [f"{name} {value:g}" for name, value in levels.items() if before.get(name) != value]
+        words.append("\n".join(new))
+        before = levels
+    at = front[["cost", "estimate"]].to_numpy(np.float64)
+    turns = np.column_stack([np.repeat(at[:, 0], 2)[1:], np.repeat(at[:, 1], 2)[:-1]])
+    share = np.linspace(0, 1, 30)[:, None, None]
+    drawn = (turns[:-1] + share * np.diff(turns, axis=0)).reshape(-1, 2)
+    bounds = front[np.isfinite(front["upper"])][["cost", "upper"]].to_numpy(np.float64)
+    limit = [] if advice.limit is None else [
+        np.column_stack([np.linspace(*ax.get_xlim(), 200), np.full(200, advice.limit)])
+    ]
+    others = points[["cost", "estimate"]].to_numpy(np.float64)
+    places = free_places(ax, at, words, np.vstack([drawn, others, bounds, *limit]))
+    for (x, y), word, place in zip(at, words, places, strict=True):
+        ax.text(x, y, word, fontsize=SMALL, **place)
+
+
+def _legend(ax: Axes, own: bool, handles: Sequence[Any] | None = None) -> None:
+    """A legend that hides nothing: below the axes in a figure of our own."""
+    given = {} if handles is None else {"handles": handles}
+    if own:
+        ax.figure.legend(loc="outside lower center", ncols=2, **given)
+    else:
+        ax.legend(loc="best", **given)
 
 
 def _panels(
@@ -321,11 +358,11 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
     panel.set_axis_off()
     panel.set(xlim=(0, 1), ylim=(0, 1))
     panel.text(0.5, 0.56 if levels else 0.1, _wrapped(factor, 14), ha="center", va="bottom",
-               fontweight="bold", fontsize="small")
+               fontweight="bold", fontsize=SMALL)
     for high, value in enumerate(levels):
         y = 0.4 - 0.24 * high
         panel.plot([0.08, 0.4], [y, y], ms=4, markevery=[1], **_side(high, look))
-        panel.text(0.48, y, f"{value:g}", va="center", fontsize="small")
+        panel.text(0.48, y, f"{value:g}", va="center", fontsize=SMALL)
 
 
 def _with_unit(analysis: Analysis, factor: str) -> str:

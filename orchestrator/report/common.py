@@ -85,4 +85,4 @@ def reproduce(
         fmu_table(fmus),
         software(),
     ]
-    return Section("How to reproduce", "reproduce", blocks)
+    return Section("How to reproduce", "reproduce", blocks, folded=True)

@@ -306,9 +306,10 @@ def model_table(findings: Findings) -> Table:
         ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
     ]
     if np.isfinite(a.r2_adjusted):
+        predicted = minus(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
         rows += [
             ("R²", f"{a.r2:.2%}"), ("R² adjusted", f"{a.r2_adjusted:.2%}"),
-            ("R² predicted", f"{a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else "–"),
+            ("R² predicted", predicted),
             ("Root of the residual mean square", f"{number(a.rmse, 4)}{unit(a)}"),
         ]
     for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):

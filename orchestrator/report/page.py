@@ -19,6 +19,9 @@ from markupsafe import escape
 
 from ..style import THEMES, Theme, ThemeName, named
 
+NARROW, WIDEST = 40, 125
+"""Characters of a table that fit into a telephone, and into the page at its widest."""
+
 
 @dataclass(frozen=True, slots=True)
 class Text:
@@ -57,6 +60,16 @@ class Table:
     words: tuple[int, ...] = ()
     note: str = ""
 
+    @property
+    def characters(self) -> int:
+        """About how many characters wide it is at least; heads and words are wrapped."""
+        total = 0
+        for i, (head, *cells) in enumerate(zip(self.head, *self.rows, strict=True)):
+            lines = " ".join([head, *cells]).split() if i in self.words else [*head.split(), *cells]
+            least = 17 if i in self.words else 0  # as the style sheet has it
+            total += 3 + max([least, *map(len, lines)])
+        return total
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
@@ -76,12 +89,17 @@ Block = Text | Code | Table | Picture
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading with blocks and parts; `anchor` is unique in the page."""
+    """A heading with blocks and parts; `anchor` is unique in the page.
+
+    Of a folded one only the heading is seen until it is opened: by its heading, by a link to its
+    anchor or to something in it, by the browser's search, and in print.
+    """
 
     title: str
     anchor: str
-    blocks: Sequence[Block]
+    blocks: Sequence[Block] = ()
     parts: Sequence[Section] = ()
+    folded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +161,7 @@ def _environment() -> jinja2.Environment:
     environment.filters["inline"] = inline
     environment.globals["css"] = _template("report.css")
     environment.globals["themes"] = {name: variables(look) for name, look in THEMES.items()}
+    environment.globals |= {"wide": NARROW, "wider": WIDEST}
     environment.globals["kind"] = lambda block: type(block).__name__.lower()
     return environment
 

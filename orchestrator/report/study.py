@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..results.definitions import FRAME_WORDS
 from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
-from . import factorial, possible
+from . import factorial, points, possible
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
@@ -68,6 +68,7 @@ def save(
         int(table["error"].notna().sum()),
         covariance.by_point(table, list(study.factors)),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
+        points.tables(study, table),
         possible.tables(study, table),
     )
     plain = order is None and transform == "none" and error == "pure" and practical is None
@@ -91,14 +92,17 @@ class _Source:
         On the receivers' covariances, by point.
     again
         How to reproduce.
+    points
+        The table of its points.
     possible
-        What is possible at its points.
+        What is possible at them.
     """
 
     study: Study
     failed: int
     verdicts: pd.DataFrame
     again: Section
+    points: list[Block]
     possible: list[Block]
 
 
@@ -235,14 +239,33 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
         _lead(study, a.runs, source.failed),
         [
             Section("Summary", "summary", factorial.summary(findings)),
-            Section("Tables", "tables", [
-                *factorial.tables(findings), *_covariances(source), *source.possible,
-            ]),
-            Section("Figures", "figures", _pictures(findings, folder)),
-            Section("Method", "method", how),
+            _figures(_pictures(findings, folder)),
+            _tables(source, Section("Effects and model", "effects", factorial.tables(findings))),
+            Section("Method", "method", how, folded=True),
             source.again,
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
+    )
+
+
+def _figures(pictures: Sequence[Picture], seen: int = 2) -> Section:
+    """The first figures, and the others folded."""
+    rest = pictures[seen:]
+    words = " · ".join(picture.caption.partition(":")[0] for picture in rest)
+    more = [Section(words, "more-figures", rest, folded=True)] if rest else []
+    return Section("Figures", "figures", pictures[:seen], more)
+
+
+def _tables(source: _Source, first: Section) -> Section:
+    """All tables, folded but for their headings."""
+    parts = [
+        first,
+        Section("Design points, with lost and inconsistent runs", "points", source.points),
+        Section("Covariances", "covariances", _covariances(source)),
+        Section("What is possible", "possible", source.possible),
+    ]
+    return Section(
+        "Tables", "tables", parts=[replace(part, folded=True) for part in parts if part.blocks]
     )
 
 
@@ -336,18 +359,18 @@ def _means_page(
     ]
     head = ("Factor", "Level", "Runs", f"Mean{own}", f"95% interval{own}",
             f"Standard deviation{own}")
+    units = {study.labels[name]: u for name, u in study.units.items()}
+    subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
+    pictures = _means_pictures(subject, folder)
+    shown = Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))
     sections = [
         Section("Summary", "summary",
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
-        Section("Tables", "tables", [
-            Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study)),
-            *_covariances(source), *source.possible]),
+        *([_figures(pictures)] if pictures else []),
+        _tables(source, Section("Means at each level", "means-table", [shown])),
+        Section("Method", "method", _means_method(study), folded=True),
+        source.again,
     ]
-    units = {study.labels[name]: u for name, u in study.units.items()}
-    subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
-    if pictures := _means_pictures(subject, folder):
-        sections.append(Section("Figures", "figures", pictures))
-    sections += [Section("Method", "method", _means_method(study)), source.again]
     runs = int(np.isfinite(table[column]).sum())
     return Page(f"What the runs say: {study.name}", _lead(study, runs, source.failed), sections,
                 f"sblcosim {artifacts.software()['sblcosim']}")

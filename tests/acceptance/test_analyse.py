@@ -178,6 +178,24 @@ def test_people_read_labels_and_data_keep_columns(tmp_path: Path) -> None:
     assert "http" not in html
 
 
+def test_figures_come_before_tables_and_each_point_says_what_went_wrong(tmp_path: Path) -> None:
+    _, html = reported(tmp_path, LABELLED)
+    assert html.index('id="pareto"') < html.index('id="main_effects"') < html.index("<table")
+    tree = html5lib.parse(html, namespaceHTMLElements=False)
+    (part,) = [e for e in tree.iter("div") if e.get("id") == "points"]
+    head, *rows = (["".join(c.itertext()) for c in row] for row in part.iter("tr"))
+    assert head == ["Point", "GPS error", "depth error", "Runs", "ekf: mean RMS [m]",
+                    "ekf: inconsistent", "ekf: lost"]
+    runs = store.table(tmp_path / "own").groupby("point")
+    for row, (point, mine) in zip(rows, runs, strict=True):
+        levels = [f"{mine[name].iloc[0]:g} m" for name in ("gps", "depth")]
+        shares = [f"{mine[f'ekf.{name}'].astype(float).mean():.1%}"
+                  for name in ("inconsistent", "lost")]
+        assert row[:4] == [str(point), *levels, "3"]
+        assert float(row[4]) == pytest.approx(mine["ekf.absolute_total_rms_m"].mean(), rel=0.01)
+        assert row[5:] == shares
+
+
 def test_the_study_in_a_report_is_the_same_study(tmp_path: Path) -> None:
     _, html = reported(tmp_path, LABELLED)
     tree = html5lib.parse(html, namespaceHTMLElements=False)

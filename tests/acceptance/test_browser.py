@@ -42,20 +42,33 @@ keys = ["acoustics.range_std_m"]
 levels = [0.1, 1.0]
 """
 PROBE = """<!DOCTYPE html><title>probe</title><pre id="found"></pre>
-<iframe id="a" width="400" height="800" src="report.html"></iframe>
-<iframe id="b" width="1200" height="800" src="report.html"></iframe>
+<iframe id="a" width="390" height="800" src="report.html#points"></iframe>
+<iframe id="b" width="1400" height="800" src="report.html"></iframe>
 <script>
-addEventListener("load", () => {
+addEventListener("load", () => setTimeout(() => {
   const found = {};
   for (const name of ["a", "b"]) {
     const w = document.getElementById(name).contentWindow, d = w.document;
     const root = d.documentElement, colour = (e, p) => w.getComputedStyle(e)[p];
     const drawings = [...d.querySelectorAll("figure svg")];
+    const folded = [...d.querySelectorAll("details")];
+    const opened = folded.filter(e => e.open).map(e => e.querySelector(".folded").id);
+    const height = root.scrollHeight;
+    folded.forEach(e => { e.open = true; });
+    const wide = [...d.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1);
     found[name] = {
+      opened, height, whole: root.scrollHeight,
+      wide: wide.length,
+      figures: wide.filter(e => e.querySelector("svg")).length,
+      unsaid: wide.filter(e => !e.previousElementSibling?.matches("p.hint")
+        || colour(e.previousElementSibling, "display") == "none").map(e => e.ariaLabel),
+      code: [...d.querySelectorAll("pre")].filter(e => e.scrollWidth > e.clientWidth + 1).length,
       width: root.clientWidth, needed: root.scrollWidth,
       loaded: w.performance.getEntriesByType("resource").length,
       paper: colour(d.body, "backgroundColor"), ink: colour(d.body, "color"),
       drawings: drawings.length,
+      scale: Math.min(...drawings.map(  // 1: an inch of the drawing is an inch of the page
+        s => s.getBoundingClientRect().width / s.viewBox.baseVal.width * 72 / 96)),
       empty: drawings.filter(s => s.getBBox().width < 50 || s.getBBox().height < 50).length,
       text: colour(drawings[0], "fill"),
       colours: [...new Set(drawings.flatMap(s => [...s.querySelectorAll("path")].map(
@@ -63,7 +76,7 @@ addEventListener("load", () => {
     };
   }
   document.getElementById("found").textContent = JSON.stringify(found);
-});
+}, 500));
 </script>
 """
 
@@ -114,7 +127,14 @@ def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
     tree = html5lib.parse(dom, namespaceHTMLElements=False)
     found = json.loads(tree.find(".//pre").text)
     look = style.THEMES[theme]
+    assert found["a"]["opened"] == ["points"]  # by the link into it
+    assert found["b"]["opened"] == []
+    assert found["b"]["height"] < 0.5 * found["b"]["whole"]
+    assert found["a"]["wide"] > 0
+    assert found["b"]["scale"] * style.SMALL >= 8  # points
     for window in found.values():
+        assert window["unsaid"] == []
+        assert window["figures"] == window["code"] == 0
         assert window["needed"] <= window["width"]
         assert window["loaded"] == 0
         assert window["paper"] == rgb(look.paper)
@@ -127,8 +147,17 @@ def test_a_report_renders_alone_in_both_themes_and_fits_narrow_and_wide_windows(
         assert not {rgb(colour) for colour in only} & set(window["colours"])
 
 
-def test_a_report_can_be_printed(folder: Path) -> None:
-    browse(folder, f"--print-to-pdf={folder / 'printed.pdf'}", (folder / "report.html").as_uri())
-    content = (folder / "printed.pdf").read_bytes()
-    assert content.startswith(b"%PDF")
-    assert 3 <= len(re.findall(rb"/Type /Page\b", content)) <= 20
+def test_all_of_a_report_is_printed(folder: Path) -> None:
+    """As much as if every part had been opened before."""
+    text = (folder / "report.html").read_text("utf-8")
+    assert "<details>" in text
+    opened = folder / "opened.html"
+    opened.write_text(text.replace("<details>", "<details open>"), "utf-8")
+    pages = []
+    for page in (folder / "report.html", opened):
+        printed = folder / f"{page.stem}.pdf"
+        browse(folder, f"--print-to-pdf={printed}", page.as_uri())
+        content = printed.read_bytes()
+        assert content.startswith(b"%PDF")
+        pages.append(len(re.findall(rb"/Type /Page\b", content)))
+    assert 3 <= pages[0] == pages[1] <= 20

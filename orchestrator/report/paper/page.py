@@ -57,6 +57,7 @@ from .numbers import (
     row,
     row_with_interval,
     session_rows,
+    verdict,
 )
 
 
@@ -163,11 +164,11 @@ def _page(
     sections = [
         Section("Summary", "summary", _summary(numbers, quick)),
         Section("The harbour and the sea", "harbour", [], [
-            Section("Table 2: sessions in the harbour", "table-2", _harbour(numbers)),
+            Section("Table 2: sessions in the harbour", "table-2", _harbour(numbers), folded=True),
             *_figures(None, material, drawings),
         ]),
         *(_scenario(n, material, drawings) for n in SCENARIOS),
-        Section("Method", "method", _method(numbers)),
+        Section("Method", "method", _method(numbers), folded=True),
         _again(numbers, folder, command),
     ]
     return Page("The paper and our results side by side", lead, sections,
@@ -251,16 +252,18 @@ def _figure(
         text += f" It says: {known['says']}."
     elif "states" not in known and not ours:
         text += " It prints no number with it."
+    states = {what: float(theirs) for what, theirs in known.get("states", {}).items()}
+    same = [what for what, theirs in states.items() if verdict(ours[what] / theirs) == "equal"]
+    if same:
+        text += f" Ours has the same {', '.join(what.partition(' [')[0] for what in same)}."
+    rows = [row(what, states[what], ours[what]) for what in states if what not in same]
     blocks: list[Block] = [Text(text)]
-    rows = [
-        row(what, float(theirs), float(ours[what]))
-        for what, theirs in known.get("states", {}).items()
-    ]
     if rows:
         blocks.append(compared(f"Figure {number} in numbers", rows))
     blocks += figures[0].beside(material)
     blocks += _pictures(figures, material, drawings)
-    return Section(f"Figure {number}: {known['shows']}", f"place-figure-{number}", blocks)
+    heading = f"Figure {number}: {known['shows']}"
+    return Section(heading, f"place-figure-{number}", blocks, folded=True)
 
 
 def _pictures(
@@ -280,9 +283,10 @@ def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Sectio
     ours = [f for f in FIGURES.values() if f.scenario == n and not f.label]
     beyond = [*factorial.tables(findings), *_pictures(ours, material, drawings)]
     sections = [
-        Section(f"Table {table}: average errors", f"table-{table}", _errors(n, material.numbers)),
+        Section(f"Table {table}: average errors", f"table-{table}", _errors(n, material.numbers),
+                folded=True),
         *_figures(n, material, drawings),
-        Section(f"Scenario {n} in full", f"full-{n}", beyond),
+        Section(f"Scenario {n} in full", f"full-{n}", beyond, folded=True),
     ]
     return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(findings), sections)
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
@@ -152,8 +152,54 @@ def test_pareto_lets_a_bar_without_scatter_leave_the_figure():
     ax.figure.draw_without_rendering()
 
 
+EVERY = (*ALL, plots.plot_box_cox, sweep_means, front)
+
+
+def figure_of(drawn):
+    return (drawn[0] if isinstance(drawn, list) else drawn).figure
+
+
+@pytest.mark.parametrize("plot", EVERY)
+def test_no_text_is_under_eight_points(replicated, plot):
+    figure = figure_of(plot(replicated))
+    figure.draw_without_rendering()
+    for text in figure.findobj(Text):
+        assert text.get_fontsize() >= 8, text.get_text()
+
+
+@pytest.mark.parametrize("plot", EVERY)
+def test_no_legend_covers_anything(replicated, plot):
+    figure = figure_of(plot(replicated))
+    figure.draw_without_rendering()
+    assert not any(ax.get_legend() for ax in figure.axes)
+    for legend in figure.legends:
+        top = legend.get_window_extent().y1
+        assert all(top <= ax.get_tightbbox().y0 for ax in figure.axes)
+
+
+def test_points_of_the_front_say_what_is_new_after_the_cheaper_one_before(replicated):
+    costs = {"gps": {1.0: 100.0, 3.0: 0.0}, "arm": {1.0: 0.0, 3.0: 5.0}}
+    found = advise(replicated.table, replicated.factors, replicated.response, costs)
+    drawn = plots.plot_front(found)
+    points = found.points[found.points["front"]].sort_values("cost")
+    assert len(points) > 1
+    before: dict[str, float] = {}
+    rows = points[list(found.factors)].to_dict("records")
+    for text, levels in zip(drawn.texts, rows, strict=True):
+        new = {f"{name} {value:g}" for name, value in levels.items() if before.get(name) != value}
+        assert set(text.get_text().splitlines()) == new
+        before = levels
+    drawn.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in drawn.texts]
+    for one, other in combinations(boxes, 2):
+        assert not one.overlaps(other)
+    for box in boxes:
+        assert not any(box.contains(*xy) for xy in drawn.transData.transform(
+            found.points[["cost", "estimate"]]))
+
+
 @pytest.mark.parametrize("own", [True, False])
-@pytest.mark.parametrize("plot", [*ALL, plots.plot_box_cox, sweep_means, front])
+@pytest.mark.parametrize("plot", EVERY)
 def test_a_label_is_never_read_as_a_formula(replicated, plot, own):
     analysis = replicated.named(
         {"gps": r"$\frac{", "arm": "a $5$ arm", "loss": r"\$"}, {"gps": "$5$"}, r"y of $5$ $\frac{"

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 
 import matplotlib as mpl
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from mpl_toolkits.mplot3d import proj3d
+from PIL import Image
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
 from sblcosim.results import figures as plots
@@ -20,6 +23,16 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore::DeprecationWarning",  # of libraries for each other, some of which are both
 )
 RECEIVERS = ("ekf", "sequential", "raw")
+SEEN = {
+    "by most": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+                   [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                     [-0.011820, 0.042940, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+                   [0.004733, 0.691367, 0.303900]],
+}  # fmt: skip
+"""Matrices of linear RGB."""
 
 
 @pytest.fixture
@@ -58,6 +71,24 @@ def legend_of(ax):
     return [text.get_text() for text in ax.figure.legends[0].get_texts()]
 
 
+def title_of(ax):
+    return " ".join(ax.figure.get_suptitle().split())
+
+
+def labels_of(ax):
+    return {text.get_text() for text in ax.texts}
+
+
+def colour_blind(colour, kind):
+    """CIELAB of a colour as seen by people; Machado, Oliveira and Fernandes 2009, severity 1."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
+    rgb = np.clip(np.array(SEEN[kind]) @ linear, 0, 1)
+    xyz = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+                    [0.0193339, 0.1191920, 0.9503041]]) @ rgb / [0.95047, 1, 1.08883]
+    x, y, z = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
 def test_map_has_east_to_the_right_and_north_up_at_equal_scale(run):
     record, tracks = run
     ax = plots.plot_path(record, tracks)
@@ -67,7 +98,7 @@ def test_map_has_east_to_the_right_and_north_up_at_equal_scale(run):
     np.testing.assert_array_equal(truth.get_ydata(), position[:, 0])
     assert ax.get_aspect() == 1
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("East y [m]", "North x [m]")
-    assert {text.get_text() for text in ax.texts} == {"start", "end"}
+    assert {"start", "end"} <= labels_of(ax)
 
 
 def test_every_receiver_is_in_every_figure_of_estimates(run):
@@ -104,10 +135,14 @@ def test_errors_come_with_two_sigma_of_each_filter(run):
     assert len(axes) == 4
     for ax in axes[:3]:
         bands = [band.get_paths()[0].vertices[:, 1] for band in ax.collections]
-        assert len(bands) == 2
-        for band in bands:
-            assert band.max() == pytest.approx(2 * 0.5)
-            assert band.min() == pytest.approx(-2 * 0.5)
+        edges = [line for line in ax.lines if line.get_zorder() == 1.5]
+        assert len(bands) == len(edges) == 2
+        for band in (*bands, *(np.array(line.get_ydata()) for line in edges)):
+            assert np.nanmax(band) == pytest.approx(2 * 0.5)
+            assert np.nanmin(band) == pytest.approx(-2 * 0.5)
+        assert {line.get_color() for line in edges} == set(style.THEMES["light"].receivers[:2])
+        # above all bands, so that none covers another's edge
+        assert max(band.get_zorder() for band in ax.collections) < 1.5
     assert not axes[3].collections
     assert axes[3].get_ylim()[0] == 0
 
@@ -119,7 +154,7 @@ def test_errors_relative_to_the_platform_are_drawn_as_such():
         ax = plots.plot_errors(record, tracks, frame=frame)[0]
         line = next(line for line in ax.lines if line.get_label() == "ekf")
         np.testing.assert_allclose(line.get_ydata(), error)
-        title = " ".join(ax.get_title("left").split())
+        title = title_of(ax)
         assert ("relative to the platform as it reports itself" in title) == (frame == "relative")
 
 
@@ -138,7 +173,7 @@ def test_own_relative_errors_are_drawn_of_who_has_them_with_their_own_bands():
     np.testing.assert_allclose(line.get_ydata(), 0.25)
     (band,) = ax.collections
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(4.0)
-    title = " ".join(ax.get_title("left").split())
+    title = title_of(ax)
     assert "relative to the platform's true position, by the receiver's own account" in title
     with pytest.raises(ConfigurationError, match="which takes an output relative_position"):
         plots.plot_errors(record, {"other": tracks["other"]}, frame="own_relative")
@@ -151,8 +186,8 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
     tracks = {name: metrics.track(record, name) for name in ("ekf", "raw")}
     ax = plots.plot_errors(record, tracks)[0]
     assert ax.get_ylim()[1] < 2
-    assert "outside of the figure: raw (1 of 99)" in ax.get_title("left")
-    assert "ekf" not in ax.get_title("left")
+    assert "outside of the figure: raw (1 of 99)" in title_of(ax)
+    assert "ekf" not in title_of(ax)
     assert plots.plot_path(record, tracks).get_ylim()[1] < 20
 
 
@@ -162,9 +197,8 @@ def test_estimate_that_runs_away_leaves_the_figures_and_they_say_so():
     path = plots.plot_path(record, tracks)
     assert np.ptp(path.get_xlim()) < 100
     space = plots.plot_path_3d(record, tracks)
-    for title in (path.get_title(), space.get_title(),
-                  plots.plot_axes(record, tracks)[0].get_title("left")):
-        assert "utside of the figure: ekf (98 of 99)" in title
+    for ax in (path, space, plots.plot_axes(record, tracks)[0]):
+        assert "outside of the figure: ekf (98 of 99)" in title_of(ax)
 
 
 def drawn_inside(legend, figure):
@@ -202,7 +236,7 @@ def test_long_name_is_shortened_in_the_legend_by_its_middle():
 def test_no_two_of_many_receivers_look_equal():
     names = [f"filter {i}" for i in range(12)]
     record = make_record({name: np.zeros((1, 3)) for name in names})
-    ax = plots.plot_path(record, {name: metrics.track(record, name) for name in names})
+    ax = plots.plot_path_3d(record, {name: metrics.track(record, name) for name in names})
     lines = [line for line in ax.lines if line.get_label() in names]
     looks = [(line.get_color(), line.get_marker()) for line in lines]
     assert len(set(looks)) == 12
@@ -234,7 +268,8 @@ def test_start_and_end_of_a_closed_path_share_their_text():
         )
         record = with_path(position[rows])
         for draw in (plots.plot_path, plots.plot_path_3d):
-            assert {text.get_text().strip() for text in draw(record, {}).texts} == words
+            labels = labels_of(draw(record, {}))
+            assert {label for label in labels if not label[0].isdigit()} == words
 
 
 def test_path_in_space_marks_its_ends_and_states_that_depth_is_stretched():
@@ -243,12 +278,12 @@ def test_path_in_space_marks_its_ends_and_states_that_depth_is_stretched():
     assert {"o", "s"} <= {line.get_marker() for line in ax.lines}
     times = 0.35 * np.ptp(ax.get_ylim()) / np.ptp(ax.get_zlim())
     assert times > 5
-    assert ax.get_title() == f"Depth ×{times:.2g}"
+    assert title_of(ax) == f"Path in space; depth ×{times:.2g}"
 
 
 def test_path_in_space_at_equal_scale_speaks_of_no_stretching():
     dive = np.linspace(0, 1, 101)[:, None] * [10.0, 10.0, 20.0]
-    assert "epth ×" not in plots.plot_path_3d(with_path(dive), {}).get_title()
+    assert "depth ×" not in title_of(plots.plot_path_3d(with_path(dive), {}))
 
 
 def test_path_in_space_is_not_clipped_to_the_axes_square(run):
@@ -267,11 +302,11 @@ def test_beacons_of_a_moving_platform_are_named_as_a_mean(swing, name):
 
 def test_coarsely_sampled_waves_are_dots_and_the_title_says_so(run):
     record, _ = run
-    assert "sampled" not in plots.plot_inclination(record)[0].get_title("left")
+    assert "sampled" not in title_of(plots.plot_inclination(record)[0])
     coarse = Record(record.time_ns * 10, record.values)
     ax = plots.plot_inclination(coarse)[0]
     assert ax.lines[0].get_linestyle() == "None"
-    assert ax.get_title("left").endswith("first 60 s, sampled every 1 s")
+    assert title_of(ax).endswith("first 60 s, sampled every 1 s")
 
 
 def test_inclination_is_in_degrees_and_says_if_it_is_cut_off(run):
@@ -282,8 +317,118 @@ def test_inclination_is_in_degrees_and_says_if_it_is_cut_off(run):
     np.testing.assert_allclose(
         roll.get_ydata(), np.rad2deg(record.values["platform.attitude"][:51, 0])
     )
-    assert "first 5 s" in axes[0].get_title("left")
-    assert "first" not in plots.plot_inclination(record)[0].get_title("left")
+    assert "first 5 s" in title_of(axes[0])
+    assert "first" not in title_of(plots.plot_inclination(record)[0])
+
+
+def test_what_the_platform_reports_of_its_angles_is_under_its_motion(run):
+    record, _ = run
+    assert len(plots.plot_inclination(record)) == 3  # it reports nothing else
+    wrong = record.values["platform.attitude"] + np.deg2rad([0.5, -1.0, 359.0])
+    record = Record(record.time_ns, {**record.values, "platform.reported_attitude": wrong})
+    *_, errors = plots.plot_inclination(record)
+    found = {line.get_label(): line.get_ydata() for line in errors.lines[:3]}
+    for name, error in {"roll": 0.5, "pitch": -1.0, "yaw": -1.0}.items():
+        np.testing.assert_allclose(found[name], error, atol=1e-9)
+    assert errors.get_ylabel() == "Reported − true [°]"
+    assert len(plots.plot_inclination(record, list(Figure().subplots(3)))) == 3
+
+
+# --- Maps ----------------------------------------------------------------------------------------
+
+
+def test_the_platform_as_reported_stands_beside_the_true_one():
+    off = np.array([1.0, 2.0, 0.0])
+    record = make_record(platform_error=tuple(off))
+    ax = plots.plot_path(record, {"ekf": metrics.track(record, "ekf")})
+    lines = {line.get_label(): np.array(line.get_xydata()) for line in ax.lines}
+    true, reported = lines["beacons"], lines["beacons as reported (mean)"]
+    np.testing.assert_allclose(reported - true, [off[[1, 0]]] * 2)
+    np.testing.assert_allclose(lines["platform as reported"], [off[[1, 0]]] * 101, atol=1e-12)
+    exact = plots.plot_path(make_record(), {})
+    assert not any("reported" in word for word in legend_of(exact))
+
+
+def test_arrowheads_point_where_the_diver_goes_and_marks_say_when(run):
+    record, _ = run  # north at 0.5 m/s for 10 s
+    ax = plots.plot_path(record, {})
+    (arrows,) = ax.collections
+    np.testing.assert_allclose(np.column_stack([arrows.U, arrows.V]), [[0, 1]] * 5, atol=1e-9)
+    assert labels_of(ax) == {"start", "2 s", "4 s", "6 s", "8 s", "end"}
+    assert title_of(ax) == "Map, with a mark every 2 s"
+    marks = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
+    np.testing.assert_allclose(marks.get_xydata(), [[10, 0.5 * t] for t in (2, 4, 6, 8)])
+
+
+def test_a_diver_at_rest_has_no_direction():
+    record = with_path(np.tile([1.0, 2.0, 3.0], (101, 1)))
+    assert not plots.plot_path(record, {}).collections
+
+
+def inches_of(text):
+    if hasattr(text, "get_position_3d"):  # a text in space has its place in the plane while drawn
+        flat = proj3d.proj_transform(*text.get_position_3d(), text.axes.get_proj())
+        Text.set_position(text, flat[:2])
+    extent = text.get_window_extent(text.figure.canvas.get_renderer())
+    return extent.transformed(text.figure.dpi_scale_trans.inverted())
+
+
+@pytest.mark.parametrize("draw", [plots.plot_path, plots.plot_path_3d])
+def test_labels_stand_off_the_curves_and_off_each_other(draw):
+    turn = np.linspace(0, 6 * np.pi, 101)
+    spiral = np.column_stack([turn * np.sin(turn), turn * np.cos(turn), 2 + turn / 4])
+    record = with_path(spiral)
+    ax = draw(record, {"ekf": metrics.track(record, "ekf")})
+    ax.figure.draw_without_rendering()
+    boxes = [inches_of(text) for text in ax.texts]
+    truth = next(line for line in ax.lines if line.get_label() == "true path")
+    curve = truth.get_transform().transform(truth.get_xydata()) / ax.figure.dpi
+    assert len(boxes) >= 2
+    for box in boxes:
+        assert not any(box.contains(*point) for point in curve)
+    for one, other in combinations(boxes, 2):
+        assert not one.overlaps(other)
+
+
+def test_more_than_three_filters_have_a_map_each_on_common_axes():
+    names = ("a", "b", "c", "d", "raw")
+    record = make_record({name: np.full((99, 3), 0.1) for name in names})
+    tracks = {name: metrics.track(record, name) for name in names}
+    first = plots.plot_path(record, tracks)
+    maps = [ax for ax in first.figure.axes if ax.axison]
+    assert [ax.get_title("left") for ax in maps] == list(names)
+    assert len({(ax.get_xlim(), ax.get_ylim()) for ax in maps}) == 1
+    colours = [{line.get_color() for line in ax.lines} for ax in maps[:4]]
+    for own, colour in zip(colours, style.THEMES["light"].receivers, strict=False):
+        assert own & set(style.THEMES["light"].receivers) == {colour}
+    together = plots.plot_path(record, dict(list(tracks.items())[:3]))
+    assert len(together.figure.axes) == 1
+    given = Figure().add_subplot()
+    assert plots.plot_path(record, tracks, given) is given
+    assert len(given.figure.axes) == 1
+
+
+@pytest.mark.parametrize("depth", [0.0, 5.0, 40.0])
+def test_the_box_in_space_fills_the_figure(depth):
+    path = np.linspace(0, 1, 101)[:, None] * [30.0, 20.0, depth]
+    ax = plots.plot_path_3d(with_path(path), {})
+    ax.figure.draw_without_rendering()
+    low, high = np.array(ax.get_tightbbox(ax.figure.canvas.get_renderer()).get_points())
+    legend = ax.figure.legends[0].get_window_extent()
+    assert low.min() >= 0
+    assert high[0] <= ax.figure.bbox.width
+    assert (high[0] - low[0]) / ax.figure.bbox.width > 2 / 3
+    assert (high[1] - low[1]) / legend.y0 > 2 / 3
+
+
+def test_dots_are_one_element_of_an_svg_and_are_seen_in_both_files(run, tmp_path):
+    record, tracks = run
+    ax = plots.plot_path(record, {"raw": tracks["raw"]})
+    style.save(ax, tmp_path, "dots")
+    assert (tmp_path / "dots.svg").read_text().count("<use") < 200
+    grey = np.array(Image.open(tmp_path / "dots.png").convert("RGB"), dtype=int)
+    dots = (abs(grey - 0x8C) < 16).all(axis=2)
+    assert dots.sum() > 500
 
 
 def test_range_test_shows_what_is_left_over():
@@ -308,6 +453,13 @@ def test_figures_draw_into_given_axes_and_return_them(run):
         plots.plot_axes(record, tracks, panels)
 
 
+def test_no_text_is_under_eight_points(run):
+    for axes in figures(*run).values():
+        axes[0].figure.draw_without_rendering()
+        for text in axes[0].figure.findobj(Text):
+            assert text.get_fontsize() >= 8, text.get_text()
+
+
 def test_global_settings_of_matplotlib_stay_as_they_were(run, tmp_path):
     before = dict(mpl.rcParams)
     style.save(figures(*run, theme="dark")["path"][0], tmp_path, "x")
@@ -319,7 +471,18 @@ def test_colours_stand_out_from_their_paper(theme):
     look = style.THEMES[theme]
     assert contrast(look.ink, look.paper) > 15
     assert min(contrast(colour, look.paper) for colour in look.receivers[:3]) > 3
-    assert len(set(look.receivers)) == len(look.receivers)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("kind", SEEN)
+def test_the_colour_blind_tell_lines_and_dots_apart(theme, kind):
+    """2.3 is just noticeable side by side; thin lines take several times that."""
+    look = style.THEMES[theme]
+    lines = [colour_blind(colour, kind) for colour in (look.ink, *look.receivers)]
+    dots = colour_blind(look.soft, kind)
+    apart = [np.linalg.norm(a - b) for a, b in combinations(lines, 2)]
+    assert min(apart) > 15
+    assert min(np.linalg.norm(dots - line) for line in lines) > 9  # that are no lines, besides
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -348,7 +511,7 @@ def test_run_without_a_fix_has_its_time_axis_and_says_so():
         axes[0].figure.draw_without_rendering()
     for name in ("path", "path_3d", "axes", "errors"):
         ax = drawn[name][0]
-        assert "no fix: ekf" in (ax.get_title() + ax.get_title("left")).lower()
+        assert "no fix: ekf" in title_of(ax)
     for name in ("axes", "errors"):
         np.testing.assert_allclose(drawn[name][-1].get_xlim(), [-0.1, 10.1])
 

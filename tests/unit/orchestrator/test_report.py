@@ -232,8 +232,8 @@ def page() -> Page:
         Text("a < b & c", "answer"), Code("sblcosim <x>"), picture(),
         Table("T", ("A", "B"), [("x", "1"), ("<y>", "2")], note="note"),
     ]
-    return Page("Title & more", "Lead", [Section("S", "s", blocks, [
-        Section("T", "t", [picture("two")])])], "foot")
+    parts = [Section("T", "t", [picture("two")]), Section("F", "f", [Code("deep")], folded=True)]
+    return Page("Title & more", "Lead", [Section("S", "s", blocks, parts)], "foot")
 
 
 def test_a_page_is_valid_html_and_keeps_the_text() -> None:
@@ -243,6 +243,39 @@ def test_a_page_is_valid_html_and_keeps_the_text() -> None:
     assert "<title>Title &amp; more</title>" in text
     assert '<html lang="en">' in text
     assert "&lt;y&gt;" in text
+
+
+def test_of_a_folded_section_the_heading_is_seen_and_its_anchor_is_within() -> None:
+    """A browser opens it for a link to something inside, and not for one to itself."""
+    tree = html5lib.parse(render(page()), namespaceHTMLElements=False)
+    (folded,) = tree.iter("details")
+    assert folded.get("open") is None
+    assert folded.find("summary/h3").text == "F"
+    inner = folded.find("div")
+    assert inner.get("id") == "f"
+    assert inner.find("pre/code").text == "deep"
+    assert tree.find(".//section/section/h3").text == "T"
+
+
+def test_what_is_folded_is_printed() -> None:
+    printed = render(page()).partition("@media print {\n")[2]
+    assert "details::details-content { content-visibility: visible; block-size: auto; }" in printed
+
+
+@pytest.mark.parametrize(
+    ("widths", "words", "said"),
+    [((10, 10), (), None), ((30, 30), (), "hint"), ((60, 70), (), "hint always"),
+     ((10, 90), (1,), None), ((30, 90), (1,), "hint"), ((4, 9, 9), (1, 2), "hint")],
+)
+def test_a_table_that_may_not_fit_says_so(
+    widths: tuple[int, ...], words: tuple[int, ...], said: str | None
+) -> None:
+    cells = ["wordy " * (n // 6) if i in words else "x" * n for i, n in enumerate(widths)]
+    wide = Table("T", "ABC"[: len(cells)], [cells], words)
+    text = render(Page("P", "L", [Section("S", "s", [wide])]))
+    tree = html5lib.parse(text, namespaceHTMLElements=False)
+    hints = [p.get("class") for p in tree.iter("p") if "hint" in (p.get("class") or "")]
+    assert hints == ([said] if said else [])
 
 
 def test_identifiers_in_a_page_are_unique() -> None:

@@ -1,0 +1,56 @@
+"""The points of a study's design: how its receivers did at each, and how often they went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from ..analysis.sentences import percent, quantity
+from ..study.study import Study
+from .formats import number
+from .page import Block, Table
+
+COLUMNS = {
+    "absolute_total_rms_m": "mean RMS [m]",
+    "inconsistent": "inconsistent",
+    "lost": "lost",
+}
+"""Responses of a run whose means are shown, and their words."""
+_NOTE = (
+    "RMS: of the total error, in the world, after the settling time. Inconsistent: share of the "
+    "runs whose mean NEES lies above its 95 % band, so that they claim too much. Lost: share of "
+    "the runs whose RMS error in the last quarter exceeds the distance to the platform."
+)
+
+
+def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
+    """A table with a row for each point, or nothing without runs."""
+    good = runs[runs["error"].isna()]
+    receivers = [c.removesuffix(".lost") for c in good.columns if c.endswith(".lost")]
+    shown = {
+        f"{receiver}.{column}": f"{receiver}: {words}"
+        for receiver in receivers
+        for column, words in COLUMNS.items()
+        if good.get(f"{receiver}.{column}", pd.Series(dtype=float)).notna().any()
+    }
+    if good.empty or not shown:
+        return []
+    means = good.groupby("point")[list(shown)].mean()
+    counts = good.groupby("point").size()
+    rows: list[Sequence[str]] = []
+    for name, row in means.iterrows():
+        point = int(str(name))
+        levels = zip(study.factors, study.points.values[point - 1], strict=True)
+        rows.append((
+            f"{point}",
+            *(quantity(float(level), study.units[factor]) for factor, level in levels),
+            f"{counts.loc[point]}",
+            *(number(row[c]) if c.endswith("_m") else _share(row[c]) for c in shown),
+        ))  # fmt: skip
+    head = ("Point", *(study.labels[factor] for factor in study.factors), "Runs", *shown.values())
+    return [Table("Design points: means over their runs", head, rows, (), _NOTE)]
+
+
+def _share(value: float) -> str:
+    return "–" if pd.isna(value) else percent(value)
