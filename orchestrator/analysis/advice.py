@@ -32,6 +32,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
+from ..shown import Shown, folded, page, verbatim
 from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
 from .runs import check_columns
 
@@ -90,8 +91,8 @@ class Question:
         return points["lost"] <= self.contamination * points["runs"]
 
 
-@dataclass(frozen=True, eq=False)
-class Advice(Question):
+@dataclass(frozen=True, eq=False, repr=False)
+class Advice(Shown, Question):
     """The design points by cost.
 
     Attributes
@@ -251,9 +252,16 @@ class Advice(Question):
             }
         )
 
+    def _gist(self) -> str:
+        return f"on {self.statistic}: {self._own_answer()}"
+
     def _repr_html_(self) -> str:
-        table = self._shown().to_html(index=False, float_format=_figure)
-        return f"<p>{escape(self.answer())}</p>{table}"
+        return page(
+            f"Designs by cost and {self.statistic}",
+            f"<p>{escape(self.answer())}</p>",
+            self._shown().to_html(index=False, float_format=_figure, border=0),
+            folded("How to read the numbers", verbatim("\n".join(self._notes()))),
+        )
 
 
 def _figure(value: float) -> str:

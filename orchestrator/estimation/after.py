@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +13,10 @@ from sblcosim.models import RECEIVERS
 from ..artifacts import Other, plain
 from ..errors import ConfigurationError, instance, nearest, shortened
 from ..results.result import Result
-from ..scenario.overrides import Overrides, pairs
+from ..scenario.overrides import Changes, pairs
 from ..scenario.scenario import Scenario, load
 from ..scenario.wiring import applied
+from ..shown import Picture, Shown
 from . import model, outcome, samples, smoother, start
 from .folder import read_run
 from .samples import Samples
@@ -22,6 +24,7 @@ from .smoother import PASSES, Track
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from matplotlib.axes import Axes
 
 SMOOTHER = "smoother"
@@ -29,8 +32,8 @@ SMOOTHER = "smoother"
 COUPLED = "coupled"
 
 
-@dataclass(frozen=True, eq=False)
-class Smoothed:
+@dataclass(frozen=True, eq=False, repr=False)
+class Smoothed(Shown):
     """A run with the estimates of the smoother.
 
     Attributes
@@ -62,9 +65,13 @@ class Smoothed:
         """NEES and flags; see `Result.summary`."""
         return self.result.summary
 
-    def plot_path(self, ax: Axes | None = None) -> Axes:
+    def plot_path(self, ax: Axes | None = None) -> Picture:
         """Map of the path with all estimates."""
         return self.result.plot_path(ax)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Everything in one Dataset; see `Result.to_xarray`."""
+        return self.result.to_xarray()
 
     def save(self, directory: str | Path, *, figures: bool = True, other: Other = "refuse") -> Path:
         """Write everything into a folder; see `Result.save`."""
@@ -78,6 +85,12 @@ class Smoothed:
     def __str__(self) -> str:
         return f"{self.result}\n{self._convergence()}"
 
+    def _gist(self) -> str:
+        return f"{self.result._gist()}; {self._convergence()}"
+
+    def _repr_html_(self) -> str:
+        return f"{self.result._repr_html_()}<p>{escape(self._convergence())}</p>"
+
     def _convergence(self) -> str:
         steps = self.track.steps_m
         passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
@@ -87,7 +100,7 @@ class Smoothed:
 
 
 def smooth(
-    run: Result | str | Path, overrides: Overrides = (), *, passes: int = PASSES
+    run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES
 ) -> Smoothed:
     """Estimate the track of a finished run from all that was received in it.
 
@@ -133,7 +146,7 @@ def smooth(
 
 
 def prepared(
-    run: Result | str | Path, overrides: Overrides = ()
+    run: Result | str | Path, overrides: Changes = ()
 ) -> tuple[Result, Any, Samples, Scenario]:
     """A run with what an estimator after it needs: parameters, samples, and their scenario."""
     if isinstance(run, str | Path):
@@ -148,7 +161,7 @@ def prepared(
     return run, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario
 
 
-def assumed(scenario: Scenario, overrides: Overrides) -> Scenario:
+def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
     """The scenario of a run with `coupled` as its receiver, and other keys of that."""
     batch = list(pairs(overrides))
     known = {"prior", *(v.key for v in RECEIVERS[COUPLED].of("parameter"))}
@@ -159,4 +172,4 @@ def assumed(scenario: Scenario, overrides: Overrides) -> Scenario:
                 f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
                 f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
             )
-    return load(applied(scenario, COUPLED), {".".join(path): value for path, value in batch})
+    return load(applied(scenario, COUPLED), [(".".join(path), value) for path, value in batch])

@@ -1,0 +1,93 @@
+"""A run in one line, and on a page of a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any, Protocol
+
+import pandas as pd
+
+from .. import shown
+from ..errors import SblcosimError
+from . import possible, text
+from .definitions import FRAME_WORDS
+
+if TYPE_CHECKING:
+    from ..limits.verdict import Possible
+
+
+class Told(Protocol):
+    """What is told of a `sblcosim.Result`."""
+
+    failures: dict[str, str]
+    receivers: tuple[str, ...]
+
+    @property
+    def scenario_name(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def remarks(self) -> Sequence[str]: ...
+    @property
+    def errors(self) -> pd.DataFrame: ...
+    @property
+    def percentiles(self) -> pd.DataFrame: ...
+    @property
+    def verdicts(self) -> Mapping[str, Possible]: ...
+
+
+def gist(result: Told) -> str:
+    """What was run, and the RMS of each receiver's total error."""
+    try:
+        rms: Any = result.errors.xs(("absolute", "total"), level=("frame", "axis"))["rms_m"]
+    except SblcosimError:
+        return f"{result.scenario_name}: with a broken estimate; see errors"
+    reached = [
+        f"{name} {rms[name]:.2f} m" if pd.notna(rms[name]) else f"{name} without an estimate"
+        for name in result.receivers
+    ]
+    failed = [f"{name} failed" for name in result.failures]
+    return f"{result.scenario_name}: RMS error {', '.join([*reached, *failed])}"
+
+
+def page(result: Told, about: str) -> str:
+    """HTML: a row for each receiver; the tables and what is to be said of them are folded."""
+    remarks = [*result.remarks, *(f"failed: {message}" for message in result.failures.values())]
+    verdicts = [*possible.lines(result.verdicts, result.errors)]
+    return shown.page(
+        result.title,
+        *(f"<p>{escape(line)}</p>" for line in remarks),
+        _html(_overview(result)),
+        *(f"<p>{escape(line)}</p>" for line in verdicts),
+        shown.folded("Errors by axis [m]", _html(_errors(result))),
+        shown.folded("Errors within [m]", _html(_within(result))),
+        shown.folded("About the receivers and these numbers", shown.verbatim(about)),
+    )
+
+
+def _overview(result: Told) -> pd.DataFrame:
+    """RMS and 95 % of the total error [m], a row for each receiver, a column for each frame."""
+    columns: dict[tuple[str, str], Any] = {}
+    for frame in text.frames_in(result.errors):
+        rms = result.errors.xs((frame, "total"), level=("frame", "axis"))["rms_m"]
+        within = result.percentiles.xs((frame, "total"), level=("frame", "length"))["p95_m"]
+        columns |= {(FRAME_WORDS[frame], "RMS [m]"): rms, (FRAME_WORDS[frame], "95 % [m]"): within}
+    return pd.DataFrame(columns).reindex(list(result.receivers)).rename_axis("receiver")
+
+
+def _errors(result: Told) -> pd.DataFrame:
+    frames = {
+        FRAME_WORDS[f]: result.errors.xs(f, level="frame")[list(text.STATISTICS)]
+        for f in text.frames_in(result.errors)
+    }
+    whole = result.errors.xs("absolute", level="frame").index
+    return pd.concat(frames, axis=1).reindex(whole)
+
+
+def _within(result: Told) -> pd.DataFrame:
+    return result.percentiles.rename(index=FRAME_WORDS, level="frame")
+
+
+def _html(table: pd.DataFrame) -> str:
+    return table.to_html(float_format="{:.3f}".format, na_rep="–", border=0)
