@@ -204,17 +204,17 @@ def calibrate(
 @app.command()
 def scenarios() -> None:
     """List the scenarios that come with the project."""
-    from ..scenario.scenario import load, shipped
+    from .. import listings
 
-    table([(name, load(name).title) for name in shipped()])
+    table([*listings.scenarios().items()])
 
 
 @app.command()
 def receivers() -> None:
     """List the receivers that can be chosen by name."""
-    from sblcosim.models import RECEIVERS
+    from .. import listings
 
-    table([(name, component.description) for name, component in RECEIVERS.items()])
+    table([*listings.receivers().items()])
     typer.echo("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
     typer.echo("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 

@@ -416,6 +416,6 @@ def paper(
 @app.command()
 def studies() -> None:
     """List the studies that come with the project."""
-    from ..study.study import load, shipped
+    from .. import listings
 
-    table([(name, load(name).title) for name in shipped()])
+    table([*listings.studies().items()])
