@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from .simulation.receiver import Depth, Estimate, Range, Receiver
     from .simulation.system import PythonComponent
 
+    __version__: str
+
 __all__ = [
     "ConfigurationError",
     "Depth",
@@ -56,42 +58,42 @@ __all__ = [
     "study",
 ]
 
-_get, __dir__ = lazy.names(
-    __name__,
-    {
-        "ConfigurationError": "errors",
-        "Depth": "simulation.receiver",
-        "Estimate": "simulation.receiver",
-        "FmuError": "errors",
-        "Overrides": "scenario.keys",
-        "PythonComponent": "simulation.system",
-        "Range": "simulation.receiver",
-        "Receiver": "simulation.receiver",
-        "Result": "results.result",
-        "SblcosimError": "errors",
-        "Scenario": "scenario.scenario",
-        "Smoothed": "estimation.after",
-        "Variable": "models.declaration",
-        "__version__": "",
-        "analysis": "",
-        "export_fmu": "export.container",
-        "export_ssp": "export.ssp",
-        "limits": "",
-        "load": "scenario.scenario",
-        "receivers": "listings",
-        "research": "",
-        "run": "api",
-        "scenarios": "listings",
-        "smooth": "estimation.after",
-        "studies": "listings",
-        "study": "",
-    },
-)
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    _get, __dir__ = lazy.names(
+        __name__,
+        {
+            "ConfigurationError": "errors",
+            "Depth": "simulation.receiver",
+            "Estimate": "simulation.receiver",
+            "FmuError": "errors",
+            "Overrides": "scenario.keys",
+            "PythonComponent": "simulation.system",
+            "Range": "simulation.receiver",
+            "Receiver": "simulation.receiver",
+            "Result": "results.result",
+            "SblcosimError": "errors",
+            "Scenario": "scenario.scenario",
+            "Smoothed": "estimation.after",
+            "Variable": "models.declaration",
+            "__version__": "",
+            "analysis": "",
+            "export_fmu": "export.container",
+            "export_ssp": "export.ssp",
+            "limits": "",
+            "load": "scenario.scenario",
+            "receivers": "listings",
+            "research": "",
+            "run": "api",
+            "scenarios": "listings",
+            "smooth": "estimation.after",
+            "studies": "listings",
+            "study": "",
+        },
+    )
 
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("sblcosim")
-    return _get(name)
+            return version("sblcosim")
+        return _get(name)

@@ -54,16 +54,15 @@ def _keys() -> Iterator[tuple[str, str]]:
 
 
 def _kind(annotation: Any, shape: tuple[int, ...] = ()) -> str:
-    """A type as Python writes it, None left out; rows of an array may be given one by one."""
+    """A type as Python writes it, None left out; an array of two dimensions is given by rows."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _kind(inner[0], shape)
     if origin is Literal:
         return f"Literal[{', '.join(map(_quoted, inner))}]"
     if origin is tuple:
-        element = _kind(inner[0])
-        rows = f" | Sequence[Sequence[{element}]]" if len(shape) == 2 else ""
-        return f"Sequence[{element}]{rows}"
+        row = f"Sequence[{_kind(inner[0])}]"
+        return f"Sequence[{row}]" if len(shape) == 2 else row
     if origin is dict:
         return "Mapping[str, Any]"
     if origin is not None:  # a union

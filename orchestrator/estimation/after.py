@@ -172,4 +172,5 @@ def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
                 f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
                 f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
             )
-    return load(applied(scenario, COUPLED), [(".".join(path), value) for path, value in batch])
+    keys = {".".join(path): value for path, value in batch}
+    return load(applied(scenario, COUPLED), keys.items())

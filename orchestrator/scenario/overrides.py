@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..errors import ConfigurationError, instance, quoted, shortened
 from .keys import Overrides
 from .schema import PRESETS
 
-Changes = Overrides | Iterable[tuple[str, Any]] | Sequence[str]
-"""Keys with values, ``{"platform.arm_length_m": 0.4}``, which type checkers know; pairs of them, as
-``keys.items()`` of any dict; or texts, ``["platform.arm_length_m=0.4"]``, with values in TOML."""
+Changes = Overrides | ItemsView[str, Any] | Sequence[str]
+"""Keys with values, ``{"platform.arm_length_m": 0.4}``, which type checkers know; ``keys.items()``
+of any dict; or texts, ``["platform.arm_length_m=0.4"]``, with values in TOML."""
 
 
 def clear_for_presets(
