@@ -47,6 +47,9 @@ def _fields(instance: Any) -> Iterator[str]:
             yield f"{field.name}={value!r}"
 
 
+_LEFT = ' style="text-align: left"'
+
+
 class Listing(Shown, Mapping[str, str]):
     """Names, each with a sentence: a mapping that prints as a table."""
 
@@ -68,7 +71,7 @@ class Listing(Shown, Mapping[str, str]):
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><th>{escape(name)}</th><td>{escape(words)}</td></tr>"
+            f"<tr><th{_LEFT}>{escape(name)}</th><td{_LEFT}>{escape(words)}</td></tr>"
             for name, words in self.items()
         )
         return f"<table>{rows}</table>"

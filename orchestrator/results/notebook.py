@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     from ..limits.verdict import Possible
 
 
+_HEADS = {
+    "absolute": "absolute",
+    "relative": "relative to the platform, as it reports",
+    "own_relative": "relative, by own account",
+}
+"""Of frames in the first table; the folded ones have `definitions.FRAME_WORDS`."""
+
+
 class Told(Protocol):
     """What is told of a `sblcosim.Result`."""
 
@@ -54,12 +62,12 @@ def gist(result: Told) -> str:
 def page(result: Told, about: str) -> str:
     """HTML: a row for each receiver; the tables and what is to be said of them are folded."""
     remarks = [*result.remarks, *(f"failed: {message}" for message in result.failures.values())]
-    verdicts = [*possible.lines(result.verdicts, result.errors)]
+    reached = [*possible.lines(result.verdicts, result.errors)]
     return shown.page(
         result.title,
         *(f"<p>{escape(line)}</p>" for line in remarks),
-        _html(_overview(result)),
-        *(f"<p>{escape(line)}</p>" for line in verdicts),
+        _html(_overview(result), 2),
+        *([f"<p>{'<br>'.join(map(escape, reached))}</p>"] if reached else ()),
         shown.folded("Errors by axis [m]", _html(_errors(result))),
         shown.folded("Errors within [m]", _html(_within(result))),
         shown.folded("About the receivers and these numbers", shown.verbatim(about)),
@@ -72,8 +80,8 @@ def _overview(result: Told) -> pd.DataFrame:
     for frame in text.frames_in(result.errors):
         rms = result.errors.xs((frame, "total"), level=("frame", "axis"))["rms_m"]
         within = result.percentiles.xs((frame, "total"), level=("frame", "length"))["p95_m"]
-        columns |= {(FRAME_WORDS[frame], "RMS [m]"): rms, (FRAME_WORDS[frame], "95 % [m]"): within}
-    return pd.DataFrame(columns).reindex(list(result.receivers)).rename_axis("receiver")
+        columns |= {(_HEADS[frame], "RMS [m]"): rms, (_HEADS[frame], "95 % [m]"): within}
+    return pd.DataFrame(columns).reindex(list(result.receivers)).rename_axis(None)
 
 
 def _errors(result: Told) -> pd.DataFrame:
@@ -89,5 +97,5 @@ def _within(result: Told) -> pd.DataFrame:
     return result.percentiles.rename(index=FRAME_WORDS, level="frame")
 
 
-def _html(table: pd.DataFrame) -> str:
-    return table.to_html(float_format="{:.3f}".format, na_rep="–", border=0)
+def _html(table: pd.DataFrame, digits: int = 3) -> str:
+    return table.to_html(float_format=f"{{:.{digits}f}}".format, na_rep="–", border=0)

@@ -429,8 +429,8 @@ class Result(Shown):
         return notebook.gist(self)
 
     def _repr_html_(self) -> str:
-        about = [line for name in self.receivers for line in self._about(name)]
-        return notebook.page(self, "\n".join([*about, "", *self._notes()]))
+        about = [self._about(name) for name in self.receivers]
+        return notebook.page(self, "\n\n".join("\n".join(a) for a in (*about, self._notes())))
 
 
 def _compared(row: Any, name: str) -> str:

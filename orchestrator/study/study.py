@@ -46,8 +46,8 @@ class Study(Definition):
 
     def _repr_html_(self) -> str:
         levels = {
-            name: f"{self.labels[name]}: {', '.join(f'{level:g}' for level in factor.levels)} "
-            f"{self.units[name]}".rstrip()
+            name: f"{factor.label and f'{factor.label}: '}"
+            f"{', '.join(f'{level:g}' for level in factor.levels)} {self.units[name]}".rstrip()
             for name, factor in self.factors.items()
         }
         return page(
