@@ -81,7 +81,7 @@ def run(
     Examples
     --------
     >>> result = run("paper-scenario-1", ["ekf", "sequential"])      # doctest: +SKIP
-    >>> result.errors.loc[("sequential", "absolute", "total"), "rms_m"]  # doctest: +SKIP
+    >>> result.errors.rms_m["sequential", "absolute", "total"]  # doctest: +SKIP
     """
     settled = load(scenario, overrides)
     with patience(step_timeout):

@@ -128,7 +128,7 @@ def smooth(
     --------
     >>> run = sblcosim.run("realistic-dive", receiver="coupled")             # doctest: +SKIP
     >>> smoothed = sblcosim.smooth(run)                                     # doctest: +SKIP
-    >>> smoothed.errors.loc["smoother", "absolute", "total"].rms_m          # doctest: +SKIP
+    >>> smoothed.errors.rms_m["smoother", "absolute", "total"]              # doctest: +SKIP
     """
     if isinstance(passes, bool) or not isinstance(passes, int) or passes < 1:
         raise ConfigurationError(

@@ -95,7 +95,7 @@ class Result(Shown):
     Examples
     --------
     >>> result = sblcosim.run("paper-scenario-1")            # doctest: +SKIP
-    >>> result.errors.loc[("ekf", "absolute", "total"), "rms_m"]  # doctest: +SKIP
+    >>> result.errors.rms_m["ekf", "absolute", "total"]  # doctest: +SKIP
     >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
     """
 

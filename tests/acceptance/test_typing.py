@@ -1,4 +1,4 @@
-"""What a type checker and an editor know: the README's lines, and the keys of a scenario."""
+"""What a type checker and an editor know: the documents' lines, and the keys of a scenario."""
 
 from __future__ import annotations
 
@@ -71,18 +71,24 @@ sblcosim.limits.no_such_name
 '''
 
 
-def python_blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+def blocks() -> dict[str, str]:
+    """The Python in the README and the documents, by a name for each block."""
+    found = {}
+    for path in (ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))):
+        page = "_".join(path.relative_to(ROOT).with_suffix("").parts).replace("-", "_").lower()
+        texts = re.findall(r"(?ms)^```python[^\n]*\n(.*?)^```", path.read_text())
+        found |= {f"{page}_{i}.py": text for i, text in enumerate(texts, 1)}
+    return found
 
 
-FILES = {f"readme_{i}.py": text for i, text in enumerate(python_blocks())}
+BLOCKS = blocks()
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The files, and beside them the package where it is not installed as checkers look for it."""
     folder = tmp_path_factory.mktemp("typing")
-    for name, text in {**FILES, "good.py": GOOD, "bad.py": BAD}.items():
+    for name, text in {**BLOCKS, "good.py": GOOD, "bad.py": BAD}.items():
         (folder / name).write_text(text)
     package = Path(sblcosim.__path__[0])
     if package.name != "sblcosim":
@@ -132,9 +138,9 @@ def basedpyright(folder: Path) -> set[tuple[str, int, str]]:
 
 
 @pytest.mark.parametrize("checker", CHECKERS)
-def test_the_lines_of_the_readme_are_typed(found: Any, checker: str) -> None:
-    assert len(FILES) >= 5
-    assert {problem for problem in found[checker] if problem[0] in FILES} == set()
+def test_the_lines_of_the_documents_are_typed(found: Any, checker: str) -> None:
+    assert "readme_1.py" in BLOCKS
+    assert {problem for problem in found[checker] if problem[0] in BLOCKS} == set()
 
 
 @pytest.mark.parametrize("checker", CHECKERS)
