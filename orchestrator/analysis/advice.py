@@ -253,7 +253,11 @@ class Advice(Shown, Question):
         )
 
     def _gist(self) -> str:
-        return f"on {self.statistic}: {self._own_answer()}"
+        points = f"on {len(self.points)} points by cost and {self.statistic}"
+        if self.limit is None:
+            return points
+        chosen = "none" if self.chosen is None else self._levels(self.chosen)
+        return f"{points}; surely within {self.limit:g}, the cheapest: {chosen}"
 
     def _repr_html_(self) -> str:
         return page(
