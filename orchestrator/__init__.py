@@ -12,67 +12,88 @@ from typing import TYPE_CHECKING, Any
 from . import lazy
 
 if TYPE_CHECKING:
-    from . import analysis, research, study
+    from sblcosim.models.declaration import Variable
+
+    from . import analysis, limits, research, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
+    from .listings import receivers, scenarios, studies
     from .results.result import Result
+    from .scenario.keys import Overrides
     from .scenario.scenario import Scenario, load
     from .simulation.receiver import Depth, Estimate, Range, Receiver
+    from .simulation.system import PythonComponent
+
+    __version__: str
 
 __all__ = [
     "ConfigurationError",
     "Depth",
     "Estimate",
     "FmuError",
+    "Overrides",
+    "PythonComponent",
     "Range",
     "Receiver",
     "Result",
     "SblcosimError",
     "Scenario",
     "Smoothed",
+    "Variable",
     "__version__",
     "analysis",
     "export_fmu",
     "export_ssp",
+    "limits",
     "load",
+    "receivers",
     "research",
     "run",
+    "scenarios",
     "smooth",
+    "studies",
     "study",
 ]
 
-_get, __dir__ = lazy.names(
-    __name__,
-    {
-        "ConfigurationError": "errors",
-        "Depth": "simulation.receiver",
-        "Estimate": "simulation.receiver",
-        "FmuError": "errors",
-        "Range": "simulation.receiver",
-        "Receiver": "simulation.receiver",
-        "Result": "results.result",
-        "SblcosimError": "errors",
-        "Scenario": "scenario.scenario",
-        "Smoothed": "estimation.after",
-        "__version__": "",
-        "analysis": "",
-        "export_fmu": "export.container",
-        "export_ssp": "export.ssp",
-        "load": "scenario.scenario",
-        "research": "",
-        "run": "api",
-        "smooth": "estimation.after",
-        "study": "",
-    },
-)
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    _get, __dir__ = lazy.names(
+        __name__,
+        {
+            "ConfigurationError": "errors",
+            "Depth": "simulation.receiver",
+            "Estimate": "simulation.receiver",
+            "FmuError": "errors",
+            "Overrides": "scenario.keys",
+            "PythonComponent": "simulation.system",
+            "Range": "simulation.receiver",
+            "Receiver": "simulation.receiver",
+            "Result": "results.result",
+            "SblcosimError": "errors",
+            "Scenario": "scenario.scenario",
+            "Smoothed": "estimation.after",
+            "Variable": "models.declaration",
+            "__version__": "",
+            "analysis": "",
+            "export_fmu": "export.container",
+            "export_ssp": "export.ssp",
+            "limits": "",
+            "load": "scenario.scenario",
+            "receivers": "listings",
+            "research": "",
+            "run": "api",
+            "scenarios": "listings",
+            "smooth": "estimation.after",
+            "studies": "listings",
+            "study": "",
+        },
+    )
 
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("sblcosim")
-    return _get(name)
+            return version("sblcosim")
+        return _get(name)

@@ -14,7 +14,7 @@ from .errors import ConfigurationError, nearest
 from .results.definitions import TRUTH
 from .results.description import RunDescription
 from .results.result import Result
-from .scenario.overrides import Overrides
+from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
 from .scenario.schema import CORE_COMPONENTS
 from .scenario.sources import RAW, choose
@@ -31,7 +31,7 @@ from .simulation.system import System
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),
-    overrides: Overrides = (),
+    overrides: Changes = (),
     *,
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
@@ -56,7 +56,7 @@ def run(
         or (with labels) in a mapping, run side by side on the same noise. None: the scenario's own
         receiver. The raw fix always runs too, as ``raw``.
     overrides
-        Keys of the scenario to change, e.g. ``{"platform.arm_length_m": 0.4}``.
+        Keys of the scenario to change, ``{"platform.arm_length_m": 0.4}``: see `load`.
     fmi
         FMI version (2 or 3) of our own components; None: the scenario's.
     components
@@ -81,7 +81,7 @@ def run(
     Examples
     --------
     >>> result = run("paper-scenario-1", ["ekf", "sequential"])      # doctest: +SKIP
-    >>> result.errors.loc["sequential", "absolute", "total"].rms_m   # doctest: +SKIP
+    >>> result.errors.rms_m["sequential", "absolute", "total"]  # doctest: +SKIP
     """
     settled = load(scenario, overrides)
     with patience(step_timeout):

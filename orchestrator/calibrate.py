@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -32,6 +31,7 @@ from .errors import ConfigurationError, check_choice
 from .results import figures
 from .results.catalogue import Figure, by_name, jobs
 from .results.definitions import Floats
+from .shown import Picture, Shown, verbatim
 from .simulation.masters.python import execute
 from .simulation.record import Record
 from .simulation.resolve import resolve
@@ -59,8 +59,8 @@ class SoundSpeed:
     std: float
 
 
-@dataclass(frozen=True, eq=False)
-class CalibrationResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibrationResult(Shown):
     """The results of the two tests.
 
     Attributes
@@ -95,9 +95,9 @@ class CalibrationResult:
 
     def plot(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
-    ) -> Sequence[Axes]:
+    ) -> Picture:
         """The range test, two axes; see `sblcosim.results.figures.plot_range_test`."""
-        return figures.plot_range_test(*_range_test(self), axes, theme)
+        return Picture(figures.plot_range_test(*_range_test(self), axes, theme), axes)
 
     def to_json(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -154,8 +154,12 @@ class CalibrationResult:
             )
         )
 
+    def _gist(self) -> str:
+        known = self.known_distance
+        return f"of the speed of sound: {known.value:.1f} ± {known.std:.1f} m/s"
+
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
+        return verbatim(str(self))
 
 
 def _range_test(

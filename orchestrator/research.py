@@ -5,3 +5,7 @@ from __future__ import annotations
 from .estimation.particles import particle_filter
 
 __all__ = ["particle_filter"]
+
+
+def __dir__() -> list[str]:
+    return __all__

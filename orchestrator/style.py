@@ -123,7 +123,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         "lines.linewidth": 1.4,
     }
     with mpl.rc_context(settings):
-        for ax in (axes,) if isinstance(axes, Axes) else axes or ():
+        for ax in (axes,) if isinstance(axes, Axes) else () if axes is None else axes:
             inside = ax.get_children()
             titles = [c for c in inside if isinstance(c, Text) and c not in ax.texts]
             for text in (*titles, *(c.label for c in inside if isinstance(c, Axis))):

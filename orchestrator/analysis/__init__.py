@@ -16,11 +16,12 @@ __all__ = [
     "save_advice",
 ]  # fmt: skip
 
-__getattr__, __dir__ = lazy.names(
-    __name__,
-    {
-        "Advice": "advice", "Factorial": "factorial", "advice_on_study": "workflow",
-        "advise": "advice", "analyse": "factorial", "of_study": "workflow",
-        "of_table": "workflow", "save": "workflow", "save_advice": "workflow",
-    },
-)  # fmt: skip
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    __getattr__, __dir__ = lazy.names(
+        __name__,
+        {
+            "Advice": "advice", "Factorial": "factorial", "advice_on_study": "workflow",
+            "advise": "advice", "analyse": "factorial", "of_study": "workflow",
+            "of_table": "workflow", "save": "workflow", "save_advice": "workflow",
+        },
+    )  # fmt: skip

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from .. import layout
 from ..errors import ConfigurationError, nearest
+from ..shown import Shown, folded, page, verbatim
 from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
 from .runs import check_columns
 
@@ -91,8 +92,8 @@ class Question:
         return points["lost"] <= self.contamination * points["runs"]
 
 
-@dataclass(frozen=True, eq=False)
-class Advice(Question):
+@dataclass(frozen=True, eq=False, repr=False)
+class Advice(Shown, Question):
     """The design points by cost.
 
     Attributes
@@ -274,9 +275,20 @@ class Advice(Question):
             }
         )
 
+    def _gist(self) -> str:
+        points = f"on {len(self.points)} points by cost and {self.statistic}"
+        if self.limit is None:
+            return points
+        chosen = "none" if self.chosen is None else self._levels(self.chosen)
+        return f"{points}; surely within {self.limit:g}, the cheapest: {chosen}"
+
     def _repr_html_(self) -> str:
-        table = self._shown().to_html(index=False, float_format=_figure)
-        return f"<p>{escape(self.answer())}</p>{table}"
+        return page(
+            f"Designs by cost and {self.statistic}",
+            f"<p>{escape(self.answer())}</p>",
+            self._shown().to_html(index=False, float_format=_figure, border=0),
+            folded("How to read the numbers", verbatim("\n".join(self._notes()))),
+        )
 
 
 def _figure(value: float) -> str:

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from ..shown import Picture, Shown, folded, page, verbatim
 from . import sentences
 from .effects import (
     anova_table,
@@ -57,8 +58,8 @@ if TYPE_CHECKING:
     from ..style import ThemeName
 
 
-@dataclass(frozen=True, eq=False)
-class Factorial(Analysis):
+@dataclass(frozen=True, eq=False, repr=False)
+class Factorial(Shown, Analysis):
     __doc__ = Analysis.__doc__  # the class that users see
 
     def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
@@ -76,46 +77,52 @@ class Factorial(Analysis):
     def __str__(self) -> str:
         return self.text()
 
+    def _gist(self) -> str:
+        largest = ", ".join(
+            f"{name} {effect:+.3g}" for name, effect in self.readable.ranked()["effect"][:3].items()
+        )
+        return f"of {self.runs} runs, effects on {self.response}: {largest}, …"
+
     def _repr_html_(self) -> str:
         shown = self.readable
-        table = shown.ranked().to_html(float_format="{:.4g}".format)
+        table = shown.ranked().to_html(float_format="{:.4g}".format, border=0)
         notes = "\n".join(sentences.notes(shown))
-        return (
-            f"<h3>Effects on {escape(shown.quantity)}</h3>"
-            f"<p>{escape(sentences.answer(shown))}</p>{table}<pre>{escape(notes)}</pre>"
+        return page(
+            f"Effects on {shown.quantity}",
+            f"<p>{escape(sentences.answer(shown))}</p>",
+            table,
+            folded("How to read the numbers", verbatim(notes)),
         )
 
-    def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+    def plot_pareto(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.figures.plot_pareto`."""
         from . import figures  # loads Matplotlib
 
-        return figures.plot_pareto(self.readable, ax, theme)
+        return Picture(figures.plot_pareto(self.readable, ax, theme), ax)
 
-    def plot_interactions(
-        self, ax: Axes | None = None, theme: ThemeName = "light"
-    ) -> Sequence[Axes]:
+    def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.figures.plot_interactions`."""
         from . import figures  # loads Matplotlib
 
-        return figures.plot_interactions(self.readable, ax, theme)
+        return Picture(figures.plot_interactions(self.readable, ax, theme), ax)
 
-    def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+    def plot_main_effects(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.figures.plot_main_effects`."""
         from . import figures  # loads Matplotlib
 
-        return figures.plot_main_effects(self.readable, ax, theme)
+        return Picture(figures.plot_main_effects(self.readable, ax, theme), ax)
 
-    def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Sequence[Axes]:
+    def plot_residuals(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.figures.plot_residuals`."""
         from . import figures  # loads Matplotlib
 
-        return figures.plot_residuals(self.readable, ax, theme)
+        return Picture(figures.plot_residuals(self.readable, ax, theme), ax)
 
-    def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Axes:
+    def plot_box_cox(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.figures.plot_box_cox`."""
         from . import figures  # loads Matplotlib
 
-        return figures.plot_box_cox(self.readable, ax, theme)
+        return Picture(figures.plot_box_cox(self.readable, ax, theme), ax)
 
 
 def analyse(

@@ -227,24 +227,26 @@ def calibrate(
 @app.command()
 def scenarios(as_json: JsonOption = False) -> None:
     """List the scenarios that come with the project."""
-    from ..scenario.scenario import load, shipped
+    from .. import listings
 
-    rows = [(name, load(name).title) for name in shipped()]
+    found = listings.scenarios()
     if as_json:
         from .document import Entry
         from .documents import Scenarios
 
-        show(Scenarios(scenarios=[Entry(name=name, title=title) for name, title in rows]))
+        show(Scenarios(scenarios=[Entry(name=name, title=title) for name, title in found.items()]))
     else:
-        table(rows)
+        table([*found.items()])
 
 
 @app.command()
 def receivers(as_json: JsonOption = False) -> None:
     """List the receivers that can be chosen by name."""
-    from sblcosim.models import RECEIVERS
+    from .. import listings
 
     if as_json:
+        from sblcosim.models import RECEIVERS
+
         from .documents import ReceiverEntry, Receivers
 
         entries = [
@@ -256,7 +258,7 @@ def receivers(as_json: JsonOption = False) -> None:
         ]  # fmt: skip
         show(Receivers(receivers=entries))
         return
-    table([(name, component.description) for name, component in RECEIVERS.items()])
+    table([*listings.receivers().items()])
     say("or the path of an .fmu file; 'sblcosim check FILE.fmu' says whether it fits")
     say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 

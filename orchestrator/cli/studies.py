@@ -431,13 +431,13 @@ def paper(
 @app.command()
 def studies(as_json: JsonOption = False) -> None:
     """List the studies that come with the project."""
-    from ..study.study import load, shipped
+    from .. import listings
 
-    rows = [(name, load(name).title) for name in shipped()]
+    found = listings.studies()
     if as_json:
         from .document import Entry
         from .study_documents import Studies
 
-        show(Studies(studies=[Entry(name=name, title=title) for name, title in rows]))
+        show(Studies(studies=[Entry(name=name, title=title) for name, title in found.items()]))
     else:
-        table(rows)
+        table([*found.items()])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +14,10 @@ from ..artifacts import Other, plain
 from ..errors import ConfigurationError, instance, nearest, shortened
 from ..layout import fitted
 from ..results.result import Result
-from ..scenario.overrides import Overrides, pairs
+from ..scenario.overrides import Changes, pairs
 from ..scenario.scenario import Scenario, load
 from ..scenario.wiring import applied
+from ..shown import Picture, Shown
 from . import model, outcome, samples, smoother, start
 from .folder import read_run
 from .samples import Samples
@@ -23,6 +25,7 @@ from .smoother import PASSES, Track
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from matplotlib.axes import Axes
 
 SMOOTHER = "smoother"
@@ -30,8 +33,8 @@ SMOOTHER = "smoother"
 COUPLED = "coupled"
 
 
-@dataclass(frozen=True, eq=False)
-class Smoothed:
+@dataclass(frozen=True, eq=False, repr=False)
+class Smoothed(Shown):
     """A run with the estimates of the smoother.
 
     Attributes
@@ -63,9 +66,13 @@ class Smoothed:
         """NEES and flags; see `Result.summary`."""
         return self.result.summary
 
-    def plot_path(self, ax: Axes | None = None) -> Axes:
+    def plot_path(self, ax: Axes | None = None) -> Picture:
         """Map of the path with all estimates."""
         return self.result.plot_path(ax)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Everything in one Dataset; see `Result.to_xarray`."""
+        return self.result.to_xarray()
 
     def save(self, directory: str | Path, *, figures: bool = True, other: Other = "refuse") -> Path:
         """Write everything into a folder; see `Result.save`."""
@@ -84,6 +91,12 @@ class Smoothed:
     def __str__(self) -> str:
         return self.text()
 
+    def _gist(self) -> str:
+        return f"{self.result._gist()}; {self._convergence()}"
+
+    def _repr_html_(self) -> str:
+        return f"{self.result._repr_html_()}<p>{escape(self._convergence())}</p>"
+
     def _convergence(self) -> str:
         steps = self.track.steps_m
         passes = f"{len(steps)} pass{'' if len(steps) == 1 else 'es'}"
@@ -93,7 +106,7 @@ class Smoothed:
 
 
 def smooth(
-    run: Result | str | Path, overrides: Overrides = (), *, passes: int = PASSES
+    run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES
 ) -> Smoothed:
     """Estimate the track of a finished run from all that was received in it.
 
@@ -121,7 +134,7 @@ def smooth(
     --------
     >>> run = sblcosim.run("realistic-dive", receiver="coupled")             # doctest: +SKIP
     >>> smoothed = sblcosim.smooth(run)                                     # doctest: +SKIP
-    >>> smoothed.errors.loc["smoother", "absolute", "total"].rms_m          # doctest: +SKIP
+    >>> smoothed.errors.rms_m["smoother", "absolute", "total"]              # doctest: +SKIP
     """
     if isinstance(passes, bool) or not isinstance(passes, int) or passes < 1:
         raise ConfigurationError(
@@ -139,7 +152,7 @@ def smooth(
 
 
 def prepared(
-    run: Result | str | Path, overrides: Overrides = ()
+    run: Result | str | Path, overrides: Changes = ()
 ) -> tuple[Result, Any, Samples, Scenario]:
     """A run with what an estimator after it needs: parameters, samples, and their scenario."""
     if isinstance(run, str | Path):
@@ -154,7 +167,7 @@ def prepared(
     return run, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario
 
 
-def assumed(scenario: Scenario, overrides: Overrides) -> Scenario:
+def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
     """The scenario of a run with `coupled` as its receiver, and other keys of that."""
     batch = list(pairs(overrides))
     known = {"prior", *(v.key for v in RECEIVERS[COUPLED].of("parameter"))}
@@ -165,4 +178,5 @@ def assumed(scenario: Scenario, overrides: Overrides) -> Scenario:
                 f"override {shortened(name)}: must be a key of the receiver {COUPLED!r}, as the "
                 f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
             )
-    return load(applied(scenario, COUPLED), {".".join(path): value for path, value in batch})
+    keys = {".".join(path): value for path, value in batch}
+    return load(applied(scenario, COUPLED), keys.items())

@@ -22,6 +22,7 @@ from sblcosim.models.receiver.variables import COUPLED
 
 from ..results.result import Result
 from ..scenario.sources import RAW
+from ..shown import Shown
 from ..simulation.record import Integers, Record
 from . import model
 from .linear import Floats
@@ -31,8 +32,8 @@ ORDER = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
 """The paper's order of position and velocity, among the states."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimates:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates(Shown):
     """Estimates at the epochs of the samples, of shape (n, …), as the outputs of `coupled`.
 
     Attributes

@@ -46,7 +46,7 @@ from sblcosim.models.receiver.surroundings import (
 from ..errors import ConfigurationError, shortened
 from ..limits.recursion import transition
 from ..results.result import Result
-from ..scenario.overrides import Overrides
+from ..scenario.overrides import Changes
 from . import late, model, outcome
 from .after import prepared
 from .linear import Floats
@@ -104,7 +104,7 @@ class Cloud:
 
 def particle_filter(
     run: Result | str | Path,
-    overrides: Overrides = (),
+    overrides: Changes = (),
     *,
     particles: int = 50_000,
     seed: int = 1,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from sblcosim.models.receiver.surroundings import POSITION
 
+from ..shown import Shown
 from ..simulation.record import Integers
 from . import late, linear, model
 from .linear import Floats, Moments, Problem
@@ -26,8 +27,8 @@ CLOSE = 1e-3
 """A pass that moves no position by more than this many m is the last one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
+@dataclass(frozen=True, eq=False, repr=False)
+class Track(Shown):
     """What the smoother says of a run.
 
     Attributes

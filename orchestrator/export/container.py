@@ -13,7 +13,7 @@ from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.host.nanoseconds import SECOND
 
 from ..errors import ConfigurationError
-from ..scenario.overrides import Overrides
+from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
 from .parts import fmu_plan, links_of, outputs_of, parts_of, step_ns, written
@@ -25,7 +25,7 @@ def export_fmu(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,
     receiver: Receivers = (),
-    overrides: Overrides = (),
+    overrides: Changes = (),
     *,
     components: Mapping[str, Source] | None = None,
 ) -> Path:

@@ -24,7 +24,7 @@ from sblcosim.fmus.build.description import PACKAGE
 from sblcosim.fmus.host.nanoseconds import SECOND
 
 from ..errors import check_choice
-from ..scenario.overrides import Overrides
+from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
 from .parts import (
@@ -59,7 +59,7 @@ def export_ssp(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,
     receiver: Receivers = (),
-    overrides: Overrides = (),
+    overrides: Changes = (),
     *,
     components: Mapping[str, Source] | None = None,
     version: Version = 1,

@@ -25,12 +25,13 @@ __all__ = [
     "cross", "fisher_factor", "hdop", "path_psd", "reference",
 ]  # fmt: skip
 
-__getattr__, __dir__ = lazy.names(
-    __name__,
-    {
-        "ClosedForm": "steady", "Conditions": "steady", "Dilution": "geometry",
-        "Limits": "verdict", "Possible": "verdict", "closed_form": "steady",
-        "conditions": "parameters", "cross": "geometry", "fisher_factor": "fisher",
-        "hdop": "geometry", "path_psd": "path", "reference": "run",
-    },
-)  # fmt: skip
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    __getattr__, __dir__ = lazy.names(
+        __name__,
+        {
+            "ClosedForm": "steady", "Conditions": "steady", "Dilution": "geometry",
+            "Limits": "verdict", "Possible": "verdict", "closed_form": "steady",
+            "conditions": "parameters", "cross": "geometry", "fisher_factor": "fisher",
+            "hdop": "geometry", "path_psd": "path", "reference": "run",
+        },
+    )  # fmt: skip

@@ -13,14 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..shown import Shown
+
 Floats = NDArray[np.float64]
 
 _SINGULAR = 1e-12
 """det G, as a share of (trace G)², below which there is no fix."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dilution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Dilution(Shown):
     """Standard deviations of a fix per metre of a range's; infinite where there is no fix.
 
     Attributes

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..shown import Shown
+
 Floats = NDArray[np.float64]
 
 
@@ -60,8 +62,8 @@ class Conditions:
         return self.beacons * self.slot / (1 - self.loss) if self.loss < 1 else np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedForm:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedForm(Shown):
     """Standard deviations [m], shape (…).
 
     Attributes

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..shown import Shown
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
@@ -29,8 +31,8 @@ MOST_BEARING_STD = pi / 8
 """Of a bearing that a receiver can hold [rad]: four standard deviations are 90°."""
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Shown):
     """The smallest covariance that is possible along a run, epoch by epoch.
 
     Attributes
@@ -63,6 +65,11 @@ class Limits:
     def kind(self) -> str:
         """``bound`` or ``reference``."""
         return "bound" if self.is_bound else "reference"
+
+    def _gist(self) -> str:
+        said = self.verdict()
+        unit = " m RMS" if said is not None and said.accuracy else ""
+        return f"of {len(self.epoch_ns)} epochs: {said or self.kind}{unit}"
 
     def at(self, epoch_ns: Integers) -> Integers:
         """Indices of the last epochs that are not after the given ones."""

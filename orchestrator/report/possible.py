@@ -66,7 +66,7 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     means = None if column is None else runs.groupby("point")[column].mean()
     rows: list[Sequence[str]] = []
     for point in _chosen(len(study.points.values), means):
-        scenario = study.base.override(study.overrides(point))
+        scenario = study.base.override(study.overrides(point).items())
         scenario = scenario.override({"seed": study.run_seed(point, 1)})
         verdict = of_scenario(scenario, study.settling_ns)
         if verdict is None:

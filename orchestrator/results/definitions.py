@@ -49,6 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from ..shown import Shown
 from ..simulation.record import Estimates, Record
 
 Floats = NDArray[np.float64]
@@ -80,8 +81,8 @@ TRUTH = (
 """Outputs that `judge` needs, in addition to the receiver's ports."""
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
+@dataclass(frozen=True, eq=False, repr=False)
+class Judged(Shown):
     """A receiver's m estimates with the truth, in the order in which they became available.
 
     Attributes
@@ -123,6 +124,9 @@ class Judged:
     own_relative: Floats | None = None
     own_relative_square: Floats | None = None
     own_relative_nees: Floats | None = None
+
+    def _gist(self) -> str:
+        return f"of {len(self.epoch_s)} estimates"
 
 
 def judge(record: Record, receiver: str) -> Judged:

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import artifacts
+from ..shown import Shown
 
 
-@dataclass(frozen=True, eq=False)
-class RunDescription:
+@dataclass(frozen=True, eq=False, repr=False)
+class RunDescription(Shown):
     """Metadata of a run, in addition to its record.
 
     Attributes
@@ -39,6 +40,9 @@ class RunDescription:
     seeds: Mapping[str, int] = field(default_factory=dict)
     origins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     remarks: Sequence[str] = ()
+
+    def _gist(self) -> str:
+        return f"of {self.scenario_name}: {', '.join(self.receivers)}"
 
     def manifest(self) -> dict[str, Any]:
         """The part of the folder's manifest that describes the run; equal for equal runs."""

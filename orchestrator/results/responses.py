@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, instance, one_line, shortened
+from ..shown import Shown
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..simulation.record import Record
 from ..simulation.user_code import by_value
@@ -50,8 +51,8 @@ ALL_PERCENTILES = "percentiles"
 """In a study file: all percentiles."""
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Shown):
     """One receiver in one run: the argument of a response.
 
     Attributes

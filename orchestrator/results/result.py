@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +12,15 @@ from matplotlib.axes import Axes
 
 from .. import artifacts, style
 from ..scenario.sources import RAW
+from ..shown import Picture, Shown
 from . import figures as plots
-from . import metrics, possible, text
+from . import metrics, notebook, possible, text
 from .catalogue import Figure, by_name, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
-from .definitions import FRAME_WORDS
 from .description import RunDescription
 
 if TYPE_CHECKING:
+    import xarray as xr
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     from ..limits.verdict import Limits, Possible
@@ -37,7 +37,7 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
 """The figures in the folder of a run."""
 
 
-class Result:
+class Result(Shown):
     """A finished run.
 
     Parameters
@@ -62,7 +62,7 @@ class Result:
     Examples
     --------
     >>> result = sblcosim.run("paper-scenario-1")            # doctest: +SKIP
-    >>> result.errors.loc["ekf", "absolute", "total"].rms_m  # doctest: +SKIP
+    >>> result.errors.rms_m["ekf", "absolute", "total"]  # doctest: +SKIP
     >>> result.plot_path().figure.savefig("path.png")        # doctest: +SKIP
     """
 
@@ -198,34 +198,41 @@ class Result:
         """Title of the scenario, or its name."""
         return getattr(self.scenario, "title", "") or self.scenario_name
 
-    def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Axes:
+    def plot_path(self, ax: Axes | None = None, theme: style.ThemeName = "light") -> Picture:
         """Map of the path and the estimates; see `sblcosim.results.figures.plot_path`."""
-        return plots.plot_path(self.record, self.estimates, ax, theme)
+        return Picture(plots.plot_path(self.record, self.estimates, ax, theme), ax)
 
-    def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Axes3D:
+    def plot_path_3d(self, ax: Axes3D | None = None, theme: style.ThemeName = "light") -> Picture:
         """Path and estimates in space; see `sblcosim.results.figures.plot_path_3d`."""
-        return plots.plot_path_3d(self.record, self.estimates, ax, theme)
+        return Picture(plots.plot_path_3d(self.record, self.estimates, ax, theme), ax)
 
     def plot_axes(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
-    ) -> Sequence[Axes]:
+    ) -> Picture:
         """Coordinates over time, three axes; see `sblcosim.results.figures.plot_axes`."""
-        return plots.plot_axes(self.record, self.estimates, axes, theme)
+        return Picture(plots.plot_axes(self.record, self.estimates, axes, theme), axes)
 
     def plot_errors(
         self,
         axes: Sequence[Axes] | None = None,
         frame: str = "absolute",
         theme: style.ThemeName = "light",
-    ) -> Sequence[Axes]:
+    ) -> Picture:
         """Errors over time with ±2σ, four axes; see `sblcosim.results.figures.plot_errors`."""
-        return plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
+        drawn = plots.plot_errors(self.record, self.estimates, axes, frame, self.limits, theme)
+        return Picture(drawn, axes)
 
     def plot_inclination(
         self, axes: Sequence[Axes] | None = None, theme: style.ThemeName = "light"
-    ) -> Sequence[Axes]:
+    ) -> Picture:
         """Angles of the platform, three axes; see `sblcosim.results.figures.plot_inclination`."""
-        return plots.plot_inclination(self.record, axes, theme=theme)
+        return Picture(plots.plot_inclination(self.record, axes, theme=theme), axes)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Everything in one Dataset, with units; see `sblcosim.results.dataset.dataset`."""
+        from .dataset import dataset
+
+        return dataset(self.description, self.record, self.estimates)
 
     def save(
         self,
@@ -327,19 +334,8 @@ class Result:
     def __str__(self) -> str:
         return self.text()
 
+    def _gist(self) -> str:
+        return notebook.gist(self)
+
     def _repr_html_(self) -> str:
-        wide = pd.concat(
-            {
-                FRAME_WORDS[f]: self.errors.xs(f, level="frame")[list(text.STATISTICS)]
-                for f in text.frames_in(self.errors)
-            },
-            axis=1,
-        ).reindex(self.errors.xs("absolute", level="frame").index)
-        within = self.percentiles.rename(index=FRAME_WORDS, level="frame")
-        lines = [line for name in self.receivers for line in text.about(self, name)]
-        notes = "\n".join([*text.verdicts(self), "", *lines, "", *text.notes(self)])
-        return (
-            f"<h3>{escape(self.title)}</h3>{wide.to_html(float_format='{:.3f}'.format)}"
-            f"{within.to_html(float_format='{:.3f}'.format)}"
-            f"<pre>{escape(notes)}</pre>"
-        )
+        return notebook.page(self)

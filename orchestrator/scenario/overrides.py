@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..errors import ConfigurationError, instance, quoted, shortened
-from .schema import (
-    PRESETS,
-)
+from .keys import Overrides
+from .schema import PRESETS
 
-Overrides = Mapping[str, Any] | Iterable[str]
-"""``{"platform.arm_length_m": 0.4}``, nested tables, or ``["platform.arm_length_m=0.4"]``."""
+Changes = Overrides | ItemsView[str, Any] | Sequence[str]
+"""Keys with values, ``{"platform.arm_length_m": 0.4}``, which type checkers know; ``keys.items()``
+of any dict; or texts, ``["platform.arm_length_m=0.4"]``, with values in TOML."""
 
 
 def clear_for_presets(
@@ -37,15 +37,25 @@ def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def pairs(overrides: Overrides) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """The overrides as paths of keys and their values."""
+def gathered(overrides: Changes | Mapping[str, Any]) -> Mapping[str, Any] | Sequence[Any]:
+    """The overrides as keys with values, or as texts."""
+    if isinstance(overrides, Mapping):
+        return overrides
     if isinstance(overrides, str):
-        overrides = (overrides,)
+        return (overrides,)
     if not isinstance(overrides, Iterable):
         raise ConfigurationError(
             "overrides: must be keys with values, or texts like table.key=value, got "
             f"{instance(overrides)}"
         )
+    items: tuple[Any, ...] = tuple(overrides)
+    in_pairs = all(isinstance(i, tuple) and len(i) == 2 and isinstance(i[0], str) for i in items)
+    return dict(items) if in_pairs else items
+
+
+def pairs(overrides: Changes | Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """The overrides as paths of keys and their values."""
+    overrides = gathered(overrides)
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             path = tuple(str(key).split("."))

@@ -23,7 +23,7 @@ from ..simulation.system import PythonComponent
 from . import effects, library
 from .assumptions import assumed
 from .messages import is_table, lines
-from .overrides import Overrides, clear_for_presets, pairs, without_none
+from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, shown
 from .schema import (
     PRESETS,
@@ -178,6 +178,11 @@ class Scenario(Table):
         for name in names or ("target", "platform", "acoustics", "receiver"):
             yield name, getattr(self, name)
 
+    def __repr__(self) -> str:
+        return f"<Scenario {self.name}{self.title and f': {self.title}'}>"
+
+    __str__ = __repr__
+
     def assumptions(self, parameters: Collection[str] = ("clock_std",)) -> dict[str, Any]:
         """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
 
@@ -199,7 +204,7 @@ class Scenario(Table):
         """The keys that were given explicitly, as nested tables; the rest follows from them."""
         return self.model_dump(exclude_unset=True)
 
-    def override(self, overrides: Overrides) -> Scenario:
+    def override(self, overrides: Changes) -> Scenario:
         """A copy with some keys changed, and with the values that depend on them updated."""
         return load(self, overrides)
 
@@ -279,7 +284,7 @@ def shipped_text(name: str) -> str:
     return (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = ()) -> Scenario:
+def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes = ()) -> Scenario:
     """Read a scenario, fill in missing values, and check it.
 
     Parameters
@@ -288,10 +293,10 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
         Name of a shipped scenario (``"paper-scenario-1"``), path of a TOML file, nested tables, or
         a scenario.
     overrides
-        Keys to change: ``{"platform.arm_length_m": 0.4}``, nested tables, or
-        ``["platform.arm_length_m=0.4"]`` with values in TOML (a bare word is a string). A preset
-        (``platform.beaufort``, ``platform.imu_grade``) replaces the keys that it sets, except those
-        that are overridden too.
+        Keys to change: ``{"platform.arm_length_m": 0.4}``, also as nested tables or as
+        ``keys.items()`` of any dict, or ``["platform.arm_length_m=0.4"]`` with values in TOML (a
+        bare word is a string). A preset (``platform.beaufort``, ``platform.imu_grade``) replaces
+        the keys that it sets, except those that are overridden too.
 
     Raises
     ------
@@ -306,9 +311,10 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides
     changed: set[tuple[str, ...]] = set()
     if isinstance(source, Scenario):
         changed |= source.__dict__.get("_changed", frozenset())
-    if isinstance(overrides, Mapping):
-        check_values("overrides", overrides)
-    batch = list(pairs(overrides))
+    given = gathered(overrides)
+    if isinstance(given, Mapping):
+        check_values("overrides", given)
+    batch = list(pairs(given))
     for path, value in batch:
         check_values(f"override {shortened('.'.join(path))}", value, len(path))
     changed |= {path for path, _ in batch}

@@ -29,6 +29,8 @@ from sblcosim.models.declaration import Component, Variable, number_of
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 
+from ..shown import public
+
 CORE_COMPONENTS = ("target", "platform", "acoustics")
 """The components that every system has; their tables have the same names."""
 PATH: Final = "path"
@@ -86,6 +88,10 @@ class Table(BaseModel):
     if TYPE_CHECKING:
 
         def __getattr__(self, key: str) -> Any: ...
+
+    def __dir__(self) -> list[str]:
+        # Without the names of pydantic: what is left are the keys, and what a table can do.
+        return [name for name in public(super().__dir__()) if not hasattr(BaseModel, name)]
 
     def fill(self, values: Mapping[str, Any]) -> None:
         """Set keys that were not given. Only while the table is being validated."""

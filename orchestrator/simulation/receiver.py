@@ -34,6 +34,7 @@ from sblcosim.models.ports import (
 from scipy.optimize import least_squares
 
 from ..errors import ConfigurationError, instance, nearest, quoted
+from ..shown import Shown
 
 Floats = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ _GIVEN = {
 """Parameters that every receiver gets."""
 
 
-class Estimate:
+class Estimate(Shown):
     """An estimate of the diver's state.
 
     Parameters
@@ -113,6 +114,9 @@ class Estimate:
 
     def __init__(self, epoch: float, position: Any, **outputs: Any) -> None:
         self.values = {"epoch": epoch, "position": position, **outputs}
+
+    def _gist(self) -> str:
+        return f"at {self.values['epoch']} s: {', '.join(self.values)}"
 
 
 class Receiver:

@@ -12,6 +12,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from ..errors import ConfigurationError, nearest
+from ..shown import Shown
 
 Flags = NDArray[np.bool_]
 
@@ -26,8 +27,8 @@ NEVER = np.iinfo(np.int64).min
 _MOST_SECONDS = 9e9  # largest time that fits into int64 nanoseconds
 
 
-@dataclass(frozen=True, eq=False)
-class Estimates:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates(Shown):
     """The estimates of a receiver, each once; outputs that its FMU lacks are None.
 
     Attributes
@@ -65,8 +66,8 @@ class Estimates:
         return len(self.epoch_ns)
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Shown):
     """All outputs of all components at all communication instants.
 
     Attributes
@@ -90,6 +91,11 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.time_ns)
+
+    def _gist(self) -> str:
+        owners = ", ".join(dict.fromkeys(name.partition(".")[0] for name in self.values))
+        start, stop = (self.time_ns[i] / SECOND for i in (0, -1))
+        return f"of {len(self)} instants, {start:g} to {stop:g} s: {owners}"
 
     def own(self, component: str) -> Flags:
         """Mask of the component's own instants; shape (n,)."""

@@ -13,10 +13,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Study", "load", "replay", "shipped", "study_of", "table"]
 
-__getattr__, __dir__ = lazy.names(
-    __name__,
-    {
-        "Study": "study", "load": "study", "replay": "replay", "shipped": "study",
-        "study_of": "study", "table": "store",
-    },
-)  # fmt: skip
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    __getattr__, __dir__ = lazy.names(
+        __name__,
+        {
+            "Study": "study", "load": "study", "replay": "replay", "shipped": "study",
+            "study_of": "study", "table": "store",
+        },
+    )  # fmt: skip

@@ -216,7 +216,7 @@ def prepare(
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     """Resolve and check a design point."""
     try:
-        scenario = study.base.override(study.overrides(number))
+        scenario = study.base.override(study.overrides(number).items())
         system = _without_raw(connect(scenario, receivers_of(study)))
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns

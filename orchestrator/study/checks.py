@@ -111,7 +111,7 @@ def _design_problems(study: Definition) -> Iterator[str]:
 def _level(study: Definition, factor: FactorTable, level: Number) -> Iterator[str]:
     """Errors in a single level. Levels that depend on other factors are checked later."""
     try:
-        study.base.override(dict.fromkeys(factor.keys, level))
+        study.base.override(dict.fromkeys(factor.keys, level).items())
     except ConfigurationError as error:
         for line in str(error).splitlines():
             if any(line.startswith(f"override {key}: must be") for key in factor.keys):
@@ -145,7 +145,7 @@ def _why_idle(study: Definition, key: str) -> str | None:
             continue
         seen.add(levels)
         try:
-            scenario = study.base.override(study.overrides(number))
+            scenario = study.base.override(study.overrides(number).items())
         except ConfigurationError as error:
             lead = f"{no_effect(path)}, as "
             reasons = [line for line in str(error).splitlines() if line.startswith(lead)]

@@ -155,7 +155,7 @@ class Definition(Table):
     @cached_property
     def base(self) -> Scenario:
         """The scenario with the fixed keys applied."""
-        return load_scenario(self.scenario, self.fixed)
+        return load_scenario(self.scenario, self.fixed.items())
 
     @cached_property
     def asked(self) -> tuple[Response, ...]:

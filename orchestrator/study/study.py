@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ from ..scenario import library
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
+from ..shown import Listing, page
 from ..simulation.user_code import component_of, component_of_origin, is_python
 from . import runner, store
 from .checks import idle_factors, known_keys, line, problems
@@ -36,6 +38,32 @@ _SHIPPED = resources.files("sblcosim.study") / "shipped"
 
 class Study(Definition):
     """A factorial campaign. Made by `load`; its attributes are the keys of a study file."""
+
+    def __repr__(self) -> str:
+        return f"<Study {self.name}: {self._size()}>"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        levels = {
+            name: f"{factor.label and f'{factor.label}: '}"
+            f"{', '.join(f'{level:g}' for level in factor.levels)} {self.units[name]}".rstrip()
+            for name, factor in self.factors.items()
+        }
+        return page(
+            self.title or self.name,
+            f"<p>{escape(self._size())}, of the scenario {escape(self.base.name)}</p>",
+            Listing(levels)._repr_html_(),
+        )
+
+    def _size(self) -> str:
+        points, factors = len(self.points.values), len(self.factors)
+        runs = points * self.replicates
+        return (
+            f"{factors} factor{'' if factors == 1 else 's'}, {points:,} point"
+            f"{'' if points == 1 else 's'} × {self.replicates:,} = {runs:,} run"
+            f"{'' if runs == 1 else 's'}"
+        )
 
     def with_replicates(self, replicates: int) -> Study:
         """A copy with another number of replicates; the runs common to both are equal."""

@@ -214,7 +214,7 @@ def test_an_analysis_in_python_reads_as_on_the_command_line(tmp_path: Path) -> N
     found = workflow.of_study(tmp_path / "own")
     assert out.startswith(str(found))
     assert list(found.effects.index[:2]) == ["gps", "depth"]
-    names = [text.get_text() for text in found.plot_pareto().get_yticklabels()]
+    names = [text.get_text() for text in found.plot_pareto().axes[0].get_yticklabels()]
     assert "GPS error" in names
 
 

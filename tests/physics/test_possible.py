@@ -193,7 +193,7 @@ def test_the_figure_shows_it_as_a_band() -> None:
     result = run(DIVE, {})
     assert result.limits is not None
     for theme in ("light", "dark"):
-        axes = result.plot_errors(theme=theme)  # type: ignore[arg-type]
+        axes = result.plot_errors(theme=theme).axes  # type: ignore[arg-type]
         for ax in axes:
             labels = ax.get_legend_handles_labels()[1]
             assert "reference: ±2σ, RMS" in labels
@@ -204,7 +204,7 @@ def test_the_figure_shows_it_as_a_band() -> None:
         np.testing.assert_allclose(total, expected)
         first = result.estimates["multilateration"]["epoch_s"].min()
         assert np.min(t) >= first
-    relative = result.plot_errors(frame="relative")[0]
+    relative = result.plot_errors(frame="relative").axes[0]
     assert "reference: ±2σ, RMS" not in relative.get_legend_handles_labels()[1]
 
 

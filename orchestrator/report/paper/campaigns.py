@@ -74,7 +74,7 @@ def all_campaigns(quick: bool = False) -> dict[str, Study]:
 
 def favourable_in_words() -> str:
     """The favourable point, and what the preset has instead."""
-    point = load_scenario("paper-scenario-1", FAVOURABLE)
+    point = load_scenario("paper-scenario-1", FAVOURABLE.items())
     preset = load_scenario("paper-scenario-1")
     return (
         f"{_sensors(point)}; speed {point.target.speed_m_s:g} m/s and process noise "

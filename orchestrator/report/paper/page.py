@@ -331,7 +331,7 @@ def _errors(n: int, numbers: Numbers) -> list[Block]:
 
 def _possible(n: int) -> list[Block]:
     """What is possible at the favourable point, from one run."""
-    point = possible.of_scenario(load_scenario(f"paper-scenario-{n}", FAVOURABLE))
+    point = possible.of_scenario(load_scenario(f"paper-scenario-{n}", FAVOURABLE.items()))
     if point is None:
         return []
     absolute, relative = possible.cells(point)

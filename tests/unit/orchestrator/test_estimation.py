@@ -85,7 +85,7 @@ def test_the_smoother_is_judged_beside_the_receivers(run: Result) -> None:
     )
     assert record["smoother.covariance"].shape == (31, 6, 6)
     assert smoothed.to_json()["converged"] is True
-    assert smoothed.plot_path().get_legend_handles_labels()[1][-2:] == ["smoother", "raw"]
+    assert smoothed.plot_path().axes[0].get_legend_handles_labels()[1][-2:] == ["smoother", "raw"]
 
 
 def test_a_folder_has_all_that_a_result_has(run: Result, folder: Path) -> None:

@@ -311,7 +311,7 @@ def test_text_says_why_a_receiver_is_lost():
 def test_html_shows_the_table_and_escapes_the_title(result):
     page = result._repr_html_()
     assert "A hand-made dive &lt;1&gt;" in page
-    assert page.count("<table") == 2
+    assert page.count("<table") == 3
     assert "5.000" in page
 
 
@@ -382,11 +382,11 @@ def test_foreign_folder_is_refused(result, tmp_path):
 
 
 def test_plots_are_those_of_the_run(result):
-    assert result.plot_path().get_xlabel() == "East y [m]"
-    assert result.plot_path_3d().get_zlabel() == "Depth z [m]"
-    assert len(result.plot_axes()) == 3
-    assert len(result.plot_errors(frame="relative")) == 4
-    assert len(result.plot_inclination()) == 3
+    assert result.plot_path().axes[0].get_xlabel() == "East y [m]"
+    assert result.plot_path_3d().axes[0].get_zlabel() == "Depth z [m]"
+    assert len(result.plot_axes().axes) == 3
+    assert len(result.plot_errors(frame="relative").axes) == 4
+    assert len(result.plot_inclination().axes) == 3
 
 
 def test_plain_scenario_without_a_title_goes_by_its_name():

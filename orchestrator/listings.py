@@ -1,0 +1,26 @@
+"""What comes along, by name: scenarios, studies and receivers."""
+
+from __future__ import annotations
+
+from sblcosim.models import RECEIVERS
+
+from .shown import Listing
+
+
+def scenarios() -> Listing:
+    """The scenarios for `sblcosim.run`: their names, each with its title."""
+    from .scenario.scenario import load, shipped
+
+    return Listing({name: load(name).title for name in shipped()})
+
+
+def studies() -> Listing:
+    """The studies for `sblcosim.study.load`: their names, each with its title."""
+    from .study.study import load, shipped
+
+    return Listing({name: load(name).title for name in shipped()})
+
+
+def receivers() -> Listing:
+    """The receivers that `sblcosim.run` knows by name, each with what it is."""
+    return Listing({name: component.description for name, component in RECEIVERS.items()})
