@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
-    from .replay import replay
+    from .again import replay
     from .store import table
     from .study import Study, load, shipped, study_of
 
@@ -16,7 +16,7 @@ __all__ = ["Study", "load", "replay", "shipped", "study_of", "table"]
 __getattr__, __dir__ = lazy.names(
     __name__,
     {
-        "Study": "study", "load": "study", "replay": "replay", "shipped": "study",
+        "Study": "study", "load": "study", "replay": "again", "shipped": "study",
         "study_of": "study", "table": "store",
     },
 )  # fmt: skip
