@@ -9,6 +9,7 @@ import sys
 import tempfile
 from importlib.metadata import version as version_of
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "extensions"))
@@ -44,6 +45,7 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_ivar = True
+napoleon_attr_annotations = False
 
 # The pages of the gallery run in a copy of their folder: what they write is not in the sources, and
 # the first page that needs a study makes it for all.
@@ -65,3 +67,17 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "parallel": False,
 }
+
+
+def attributes_in_one_line(app: Any, what: str, name: str, obj: Any, options: Any,
+                           lines: list[str]) -> None:
+    """Attributes that share a description: Sphinx takes what stands before a space for a type."""
+    for i, line in enumerate(lines):
+        if line.startswith(":ivar "):
+            names, colon, text = line.removeprefix(":ivar ").partition(":")
+            lines[i] = f":ivar {names.replace(', ', ',')}{colon}{text}"
+
+
+def setup(app: Any) -> None:
+    """After napoleon has made fields of the docstrings."""
+    app.connect("autodoc-process-docstring", attributes_in_one_line, priority=900)

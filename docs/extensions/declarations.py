@@ -143,7 +143,7 @@ def _facts_of(name: str) -> Iterator[tuple[str, str]]:
     elif said.get("default") is not None:
         yield "Default", f"`{toml(said['default'])}`"
     if "minimum" in said and said["maximum"] != INT32_MAX:
-        yield "Bounds", f"{said['minimum']:g} to {said['maximum']:g}"
+        yield "Bounds", f"{_short(said['minimum'])} to {_short(said['maximum'])}"
 
 
 def _followed(name: str) -> str:
@@ -169,12 +169,17 @@ def _bounds(component: Component, variable: Variable) -> str:
     if variable.choices is not None or variable.type == "Boolean":
         return ""
     low, high = (
-        None if bound is None or bound == INT32_MAX else f"{in_file_units(variable, bound):g}"
+        None if bound is None or bound == INT32_MAX else _short(in_file_units(variable, bound))
         for bound in (variable.min, variable.max)
     )
     if high is None:
         return "" if low is None else f"at least {low}"
     return f"at most {high}" if low is None else f"{low} to {high}"
+
+
+def _short(number: float) -> str:
+    """``1e-6``, where Python has 1e-06."""
+    return re.sub(r"e([+-])0*", lambda e: "e" + e[1].strip("+"), f"{number:g}")
 
 
 def _effect(component: Component, variable: Variable) -> str:

@@ -14,9 +14,10 @@ from sblcosim.style import THEMES, svg
 MOST_POINTS = 2000
 """Points of a cloud that are drawn one by one; more become a picture."""
 IMAGE = """
-.. image:: /{path}
-   :alt: {alt}
-   :class: only-{theme} figure
+.. container:: figure only-{theme}
+
+   .. image:: /{path}
+      :alt: {alt}
 """
 
 
