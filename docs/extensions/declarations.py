@@ -83,8 +83,8 @@ def entries(table: str) -> Iterator[str]:
     """Markdown of the keys of a table."""
     for key in keys(table):
         takers = _takers(table, key)
-        name, text = (f"{table}.{key}", "") if table else (key, TOP[key])
-        text = text or _schema(table).model_fields[key].description
+        name = f"{table}.{key}" if table else key
+        text = _schema(table).model_fields[key].description or TOP[key]
         facts = _facts(name, takers) if takers else _facts_of(name)
         yield from (f":::{{scenario-key}} {name}", f"{_plain(text)}.", "")
         yield from (f":{fact}: {words}" for fact, words in facts)
@@ -133,7 +133,8 @@ def _facts_of(name: str) -> Iterator[tuple[str, str]]:
     """What the schema says of a key that is no parameter."""
     table, _, key = name.rpartition(".")
     said = _schema(table).model_json_schema()["properties"][key]
-    said = next((kind for kind in said.get("anyOf", ()) if kind["type"] != "null"), {}) | said
+    kinds = [kind for kind in said.get("anyOf", ()) if kind != {"type": "null"}]
+    said = (kinds[0] if len(kinds) == 1 else {}) | said
     if key.endswith("_s"):
         yield "Unit", "s"
     if "enum" in said:
