@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from sblcosim.report.page import variables
 from sblcosim.style import THEMES, svg
@@ -25,17 +24,16 @@ def scraper(
     block: Any, block_vars: Mapping[str, Any], gallery_conf: Mapping[str, Any]
 ) -> str:
     """Write the figure as SVG, in both themes; the reStructuredText that shows them."""
-    axes = next(_axes(block_vars["example_globals"].get("___")), None)
-    if axes is None:
+    figure = _figure(block_vars["example_globals"].get("___"))
+    if figure is None:
         return ""
     thumbnail = Path(next(block_vars["image_path_iterator"]))
     light = thumbnail.with_suffix(".svg")
     dark = light.with_name(f"{light.stem}-dark.svg")
-    figure = axes.figure
     for line in figure.findobj(Line2D):
         if line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_POINTS:
             line.set_rasterized(True)
-    drawing = svg(axes, light.stem)
+    drawing = svg(figure.axes[0], light.stem)
     figure.savefig(thumbnail, dpi=60)
     light.write_text(drawing, "utf-8")
     dark.write_text(darkened(drawing), "utf-8")
@@ -58,14 +56,7 @@ def darkened(drawing: str) -> str:
     return drawing.replace("<svg ", f'<svg fill="{dark["ink"]}" ', 1)
 
 
-def _axes(found: Any) -> Iterator[Axes]:
-    """The axes among what a plot function may return: one, several, or the figure."""
-    if isinstance(found, Axes):
-        yield found
-    elif isinstance(found, Mapping):
-        return
-    elif isinstance(found, Iterable) and not isinstance(found, str):
-        for part in found:
-            if not isinstance(part, Axes):
-                return
-            yield part
+def _figure(found: Any) -> Any:
+    """The figure of what a plot function returns: axes, several of them, or a picture."""
+    first = found[0] if isinstance(found, Sequence) and found else found
+    return getattr(first, "figure", None)
