@@ -7,7 +7,8 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -62,46 +63,65 @@ class Html(HTMLParser):
                 self.parts.append(value or "")
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, from a copy of the documents."""
-    folder = tmp_path_factory.mktemp("site")
+@dataclass(frozen=True)
+class Site:
+    """A built site: its folder, its pages, and all that it defines, by kind and name."""
+
+    folder: Path
+    pages: Mapping[Path, Html]
+    objects: Mapping[str, Any]
+
+
+def alone(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python in a folder, without a network."""
+    (folder / "guard").mkdir()
+    (folder / "guard" / "sitecustomize.py").write_text(NO_NETWORK)
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(folder / "guard")},
+    )  # fmt: skip
+
+
+def built(folder: Path) -> Site:
+    """Build the site from a copy of the documents."""
     shutil.copytree(DOCS, folder / "docs", ignore=shutil.ignore_patterns("made", "__pycache__"))
     for name in BESIDE:
         (folder / name).symlink_to(ROOT / name)
-    (folder / "guard").mkdir()
-    (folder / "guard" / "sitecustomize.py").write_text(NO_NETWORK)
-    done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "docs", "html"], cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder / "guard")}, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
+    done = alone(folder, "-m", "sphinx", "-W", "--keep-going", "-n", "docs", "html")
     assert done.returncode == 0, done.stderr[-5000:]
-    return folder / "html"
+    html = folder / "html"
+    pages = {path: Html(path) for path in html.rglob("*.html")}
+    return Site(html, pages, InventoryFile.loads((html / "objects.inv").read_bytes(), uri="").data)
 
 
-@pytest.fixture(scope="module")
-def pages(site: Path) -> dict[Path, Html]:
-    return {path: Html(path) for path in site.rglob("*.html")}
+def test_the_build_has_no_network(tmp_path: Path) -> None:
+    done = alone(tmp_path, "-c", "import urllib.request as u; u.urlopen('http://192.0.2.1')")
+    assert "the site must be built without a network" in done.stderr
 
 
-@pytest.fixture(scope="module")
-def objects(site: Path) -> dict[str, Any]:
-    """Everything that the site defines, by its kind: names, and where they are."""
-    return InventoryFile.loads((site / "objects.inv").read_bytes(), uri="").data
+def test_the_site_is_built_and_whole(tmp_path: Path) -> None:
+    """One test, so that several workers do not build it several times."""
+    site = built(tmp_path)
+    every_document_is_a_page(site)
+    every_page_of_the_gallery_has_its_figure(site)
+    every_key_of_a_scenario_is_in_the_reference(site)
+    every_command_and_option_is_in_the_reference(site)
+    every_public_name_is_in_the_reference(site)
+    the_pages_need_nothing_from_elsewhere(site)
+    links_within_the_site_lead_somewhere(site)
 
 
-def test_every_document_is_a_page(pages: dict[Path, Html], site: Path) -> None:
+def every_document_is_a_page(site: Site) -> None:
     written = [p.relative_to(DOCS) for p in [*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")]]
     drawn = [Path("made", p.relative_to(DOCS)) for p in DOCS.glob("gallery/*.py")]
     assert len(drawn) == 21
     for path in (*(p for p in written if "made" not in p.parts), *drawn):
-        assert site / path.with_suffix(".html") in pages, path
+        assert site.folder / path.with_suffix(".html") in site.pages, path
 
 
-def test_every_page_of_the_gallery_has_its_figure(pages: dict[Path, Html], site: Path) -> None:
+def every_page_of_the_gallery_has_its_figure(site: Site) -> None:
     for path in DOCS.glob("gallery/*.py"):
-        html = pages[site / "made" / "gallery" / f"{path.stem}.html"]
+        html = site.pages[site.folder / "made" / "gallery" / f"{path.stem}.html"]
         shown = [Path(part).name for part in html.parts if "sphx_glr" in part]
         blocks = sum(line == "# %%" for line in path.read_text().splitlines()) + 1
         assert sorted(shown) == sorted(
@@ -110,8 +130,8 @@ def test_every_page_of_the_gallery_has_its_figure(pages: dict[Path, Html], site:
         )  # fmt: skip
 
 
-def test_every_key_of_a_scenario_is_in_the_reference(objects: dict[str, Any]) -> None:
-    known = objects["std:scenario-key"]
+def every_key_of_a_scenario_is_in_the_reference(site: Site) -> None:
+    known = site.objects["std:scenario-key"]
     for table, field in Scenario.model_fields.items():
         inner = getattr(field.annotation, "model_fields", None)
         for name in [table] if inner is None else [f"{table}.{key}" for key in inner]:
@@ -126,12 +146,10 @@ def commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
             yield f"{above} {name}", command
 
 
-def test_every_command_and_option_is_in_the_reference(
-    objects: dict[str, Any], pages: dict[Path, Html], site: Path
-) -> None:
+def every_command_and_option_is_in_the_reference(site: Site) -> None:
     all_commands = dict(commands(get_command(app), "sblcosim"))
     assert len(all_commands) > 15
-    headings = pages[site / "reference" / "commands.html"].ids
+    headings = site.pages[site.folder / "reference" / "commands.html"].ids
     for name, command in all_commands.items():
         assert name.removeprefix("sblcosim ").replace(" ", "-") in headings, name
         for parameter in command.params:
@@ -139,14 +157,15 @@ def test_every_command_and_option_is_in_the_reference(
                 typed = [o for o in parameter.opts if o.startswith("-")] or [parameter.metavar]
                 for option in typed:
                     known = f"{name.replace(' ', '-')}.{option}"
-                    assert known in objects["std:cmdoption"]
+                    assert known in site.objects["std:cmdoption"]
 
 
-def test_every_public_name_is_in_the_reference(objects: dict[str, Any]) -> None:
-    known = {name for kind, names in objects.items() if kind.startswith("py:") for name in names}
+def every_public_name_is_in_the_reference(site: Site) -> None:
+    kinds = [kind for kind in site.objects if kind.startswith("py:")]
     for package in (sblcosim, study, analysis, limits):
         for name in set(package.__all__) - {"__version__"}:
-            assert f"{package.__name__}.{name}" in known
+            full = f"{package.__name__}.{name}"
+            assert any(full in site.objects[kind] for kind in kinds), full
 
 
 START: dict[str, Any] = {"receiver": {"type": "sequential"}}
@@ -180,27 +199,27 @@ def nested(tables: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
     return tables | ({table: tables.get(table, {}) | {key: value}} if table else {key: value})
 
 
-def test_the_pages_need_nothing_from_elsewhere(pages: dict[Path, Html], site: Path) -> None:
-    for path, html in pages.items():
+def the_pages_need_nothing_from_elsewhere(site: Site) -> None:
+    for path, html in site.pages.items():
         for part in html.parts:
-            assert not urlsplit(part).netloc, f"{path.relative_to(site)}: {part}"
-    for path in site.rglob("*.css"):
+            assert not urlsplit(part).netloc, f"{path.relative_to(site.folder)}: {part}"
+    for path in site.folder.rglob("*.css"):
         text = path.read_text("utf-8")
         for part in re.findall(r"url\(\s*['\"]?([^'\")]*)|@import\s+(\S+)", text):
-            assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site)}: {part}"
+            assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site.folder)}: {part}"
 
 
-def test_links_within_the_site_lead_somewhere(pages: dict[Path, Html], site: Path) -> None:
+def links_within_the_site_lead_somewhere(site: Site) -> None:
     followed = 0
-    for path, html in pages.items():
+    for path, html in site.pages.items():
         for link in html.links:
             url = urlsplit(link)
             if not url.scheme and not url.netloc:
                 target = (path.parent / unquote(url.path)).resolve() if url.path else path
-                assert target.is_file(), f"{path.relative_to(site)}: {link}"
-                if url.fragment and target in pages:
-                    ids = pages[target].ids
-                    assert unquote(url.fragment) in ids, f"{path.relative_to(site)}: {link}"
+                assert target.is_file(), f"{path.relative_to(site.folder)}: {link}"
+                if url.fragment and target in site.pages:
+                    ids = site.pages[target].ids
+                    assert unquote(url.fragment) in ids, f"{path.relative_to(site.folder)}: {link}"
                     followed += 1
     assert followed > 1000
 
