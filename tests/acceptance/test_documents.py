@@ -4,8 +4,8 @@ The first word after a fence is the language; what follows says what is done wit
 
 - ``python``, ``sh``: run, in the order of the page, in one folder; ``python FILE``: saved first;
 - ``toml FILE``: saved, for the blocks below; ``toml``: read;
-- ``text output``: what the block above must have printed, a line ``…`` being any lines; ``text``:
-  shown, and no code;
+- ``text output``: what the block above must have printed, a line ``…`` being any lines or
+  none; ``text``: shown, and no code;
 - ``LANGUAGE not run: REASON``: listed in `NOT_RUN`.
 
 The recipes of CONTRIBUTING.md are done in ``test_recipes.py``, directives in the site's build.
@@ -78,9 +78,9 @@ def reason(block: Block) -> str:
 
 
 def printed(text: str) -> re.Pattern[str]:
-    """What is printed as a text says, in which a line of three dots stands for any lines."""
-    lines = (".*" if line == "…" else re.escape(line) for line in text.splitlines())
-    return re.compile("\n".join(lines) + "\n", re.DOTALL)
+    """What is printed as a text says, in which a line of dots stands for any lines or none."""
+    lines = (r"(?:.*\n)*" if line == "…" else re.escape(line) + r"\n" for line in text.splitlines())
+    return re.compile("".join(lines))
 
 
 class Page:
@@ -150,7 +150,7 @@ def test_output_that_is_not_what_was_printed_is_found(
 ) -> None:
     page = Page(tmp_path)
     page.take(Block("sh", "", "echo first; echo yes; echo last\n", 1), capsys)
-    for text in ("first\nyes\nlast\n", "…\nyes\n…\n"):
+    for text in ("first\nyes\nlast\n", "…\nyes\n…\n", "…\nfirst\n…\nlast\n…\n"):
         page.take(Block("text", "output", text, 4), capsys)
     for text in ("yes\n", "…\nno\n…\n", "…\nyes\n"):
         with pytest.raises(AssertionError):

@@ -76,9 +76,10 @@ def alone(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python in a folder, without a network."""
     (folder / "guard").mkdir()
     (folder / "guard" / "sitecustomize.py").write_text(NO_NETWORK)
+    path = os.pathsep.join([str(folder / "guard"), *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.run(
         [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False,
-        env=os.environ | {"PYTHONPATH": str(folder / "guard")},
+        env=os.environ | {"PYTHONPATH": path},
     )  # fmt: skip
 
 
