@@ -40,7 +40,7 @@ def estimates(package, gauss_seidel=False):
     """Return (epoch, north, east, down) of each estimate.
 
     With `gauss_seidel`, each FMU gets what the FMUs before it have just computed. That is another
-    kind of master, and it gives other numbers: see "Use the FMUs in another tool" in the README.
+    kind of master, and it gives other numbers: see docs/howto/other-tools.md.
     """
     structure, receiver = structure_of(package)
     if structure.find(".//{*}ParameterBinding") is not None:

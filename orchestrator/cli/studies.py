@@ -259,7 +259,7 @@ def replay(
     """Do one run of a study again, with a full record."""
     with waiting() as progress:
         from .. import artifacts
-        from ..study.replay import replay as again
+        from ..study.again import replay as again
 
         wanted, other = destination(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)

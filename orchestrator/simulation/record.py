@@ -75,7 +75,7 @@ class Record(Shown):
     time_ns
         Communication instants [ns], the start included; shape (n,).
     values
-        By ``"component.variable"``, in SI units; shape (n, *shape of the variable). At an instant
+        By ``"component.variable"``, in SI units; shape (n, …). At an instant
         that is not a component's own, its outputs are those of its previous own instant.
     intervals_ns
         Communication intervals [ns], by component; all instants are own ones of a component that

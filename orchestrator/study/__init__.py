@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from .. import lazy
 
 if TYPE_CHECKING:
-    from .replay import replay
+    from .again import replay
     from .store import table
     from .study import Study, load, shipped, study_of
 
@@ -17,7 +17,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
     __getattr__, __dir__ = lazy.names(
         __name__,
         {
-            "Study": "study", "load": "study", "replay": "replay", "shipped": "study",
+            "Study": "study", "load": "study", "replay": "again", "shipped": "study",
             "study_of": "study", "table": "store",
         },
     )  # fmt: skip

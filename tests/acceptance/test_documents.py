@@ -1,18 +1,160 @@
-"""What the documents promise is there, and their code runs."""
+"""What the documents promise is there, and their code runs.
+
+The first word after a fence is the language; what follows says what is done with the block:
+
+- ``python``, ``sh``: run, in the order of the page, in one folder; ``python FILE``: saved first;
+- ``toml FILE``: saved, for the blocks below; ``toml``: read;
+- ``text output``: what the block above must have printed, a line ``…`` being any lines or
+  none; ``text``: shown, and no code;
+- ``LANGUAGE not run: REASON``: listed in `NOT_RUN`.
+
+The recipes of CONTRIBUTING.md are done in ``test_recipes.py``, directives in the site's build.
+"""
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
+from markdown_it import MarkdownIt
+from sblcosim.report.paper.numbers import facts
 from sblcosim.study.study import load
 
 ROOT = Path(__file__).parents[2]
+RECIPES = ROOT / "CONTRIBUTING.md"
 DOCUMENTS = [
-    ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted(ROOT.glob("models/*/README.md")),
-    *sorted(ROOT.glob("orchestrator/*/README.md")),
+    *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md")), RECIPES,
+    *sorted(path for path in ROOT.glob("docs/**/*.md") if "made" not in path.parts),
+    *sorted(ROOT.glob("models/*/README.md")), *sorted(ROOT.glob("orchestrator/*/README.md")),
+    ROOT / "fmus" / "conformance" / "FOREIGN.md",
+]  # fmt: skip
+NOT_RUN = {
+    ".ci/run does": 1,
+    "it installs": 3,
+    "tests/acceptance/test_site.py builds the site": 1,
+    "takes minutes; its parts are tested one by one": 1,
+    "takes minutes, and a time is no test": 2,
+    "needs the FMUs of others": 1,
+}
+"""How many blocks are not run, by the reason that they give."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code: what stands after its fence, and its text."""
+
+    language: str
+    rest: str
+    text: str
+    line: int
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def blocks(path: Path) -> list[Block]:
+    """The blocks of a page, without directives."""
+    found = []
+    for token in MarkdownIt().parse(path.read_text("utf-8")):
+        if token.type == "fence" and not token.info.startswith("{"):
+            language, _, rest = token.info.strip().partition(" ")
+            found.append(Block(language, rest, token.content, (token.map or [0])[0] + 1))
+    return found
+
+
+def reason(block: Block) -> str:
+    """Why a block is not run; empty if it is."""
+    return block.rest.partition("not run: ")[2]
+
+
+def printed(text: str) -> re.Pattern[str]:
+    """What is printed as a text says, in which a line of dots stands for any lines or none."""
+    lines = (r"(?:.*\n)*" if line == "…" else re.escape(line) + r"\n" for line in text.splitlines())
+    return re.compile("".join(lines))
+
+
+class Page:
+    """A folder in which the blocks of a page are run, one after the other."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.printed = folder, ""
+        self.names: dict[str, Any] = {"__name__": "__main__"}
+
+    def take(self, block: Block, capsys: pytest.CaptureFixture[str]) -> None:
+        kind = (block.language, block.rest)
+        if block.language in ("python", "toml") and block.rest:
+            (self.folder / block.rest).write_text(block.text, "utf-8")
+        if block.language == "python":
+            exec(compile(block.text, f"line {block.line}", "exec"), self.names)
+            self.printed = capsys.readouterr().out
+        elif block.language == "toml":
+            tomllib.loads(block.text)
+        elif kind == ("sh", ""):
+            self.printed = self.run(block.text)
+        elif kind == ("text", "output"):
+            assert printed(block.text).fullmatch(self.printed), self.printed
+        else:
+            assert kind == ("text", ""), f"line {block.line}: nothing is done with {kind}"
+
+    def run(self, commands: str) -> str:
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", commands], cwd=self.folder, text=True, check=False,
+            capture_output=True, env=os.environ | {"PATH": path},
+        )  # fmt: skip
+        assert done.returncode == 0, f"{commands}\n{done.stdout}\n{done.stderr}"
+        assert "warning" not in done.stderr, done.stderr
+        return done.stdout
+
+
+WITH_CODE = [
+    path for path in DOCUMENTS if path != RECIPES and any(not reason(b) for b in blocks(path))
 ]
+
+
+@pytest.mark.parametrize("path", WITH_CODE, ids=name_of)
+def test_the_code_of_a_document_runs(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = Page(tmp_path)
+    for block in blocks(path):
+        if not reason(block):
+            page.take(block, capsys)
+
+
+def test_what_is_not_run_says_why() -> None:
+    told = Counter(why for path in DOCUMENTS for b in blocks(path) if (why := reason(b)))
+    assert dict(told) == NOT_RUN
+
+
+def test_a_block_that_nothing_is_done_with_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(AssertionError, match="line 3: nothing is done"):
+        Page(tmp_path).take(Block("sh", "some day", "true\n", 3), capsys)
+
+
+def test_output_that_is_not_what_was_printed_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = Page(tmp_path)
+    page.take(Block("sh", "", "echo first; echo yes; echo last\n", 1), capsys)
+    for text in ("first\nyes\nlast\n", "…\nyes\n…\n", "…\nfirst\n…\nlast\n…\n"):
+        page.take(Block("text", "output", text, 4), capsys)
+    for text in ("yes\n", "…\nno\n…\n", "…\nyes\n"):
+        with pytest.raises(AssertionError):
+            page.take(Block("text", "output", text, 4), capsys)
 
 
 def test_every_model_folder_has_a_readme() -> None:
@@ -21,39 +163,34 @@ def test_every_model_folder_has_a_readme() -> None:
     assert all((folder / "README.md").is_file() for folder in folders)
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", DOCUMENTS, ids=name_of)
 def test_files_that_a_document_names_exist(path: Path) -> None:
-    text = path.read_text()
-    links = re.findall(r'(?:src|srcset)="([^"]+)"|\]\(([^)#:]+)\)', text)
+    text = path.read_text("utf-8")
+    links = re.findall(r'(?:src|srcset)="([^"]+)"|\]\(([^)#:]+)(?:#[^)]*)?\)', text)
     folders = "tests|tools|benchmarks|examples|models|fmus|orchestrator|docs"
     named = re.findall(rf"`((?:{folders})/[\w/.-]+\.\w+)`", text)
     for name in [*(a or b for a, b in links), *named]:
-        assert (path.parent / name).exists() or (ROOT / name).exists(), name
+        if not name.startswith(("fmus/fmi2/", "fmus/fmi3/")):  # `sblcosim build` makes these
+            assert (path.parent / name).exists() or (ROOT / name).exists(), name
 
 
-def python_blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+def test_what_is_cited_is_what_this_is() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    for key in ("version", "license", "keywords"):
+        assert cited[key] == project[key]
+    assert f"## [{cited['version']}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")
+    (paper,) = cited["references"]
+    citation = facts()["citation"]
+    names = ", ".join(author["family-names"] for author in paper["authors"])
+    assert citation.startswith(f"{names}; {paper['journal']} {paper['year']}")
+    assert citation.endswith(paper["doi"])
+    assert paper["title"] == facts()["title"]
 
 
-@pytest.mark.parametrize("number", range(len(python_blocks())))
-def test_code_in_the_readme_runs(
-    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    code = python_blocks()[number]
-    if "fmus/fmi2" in code:
-        from sblcosim.fmus.build.factory import build
-
-        folder = tmp_path / "fmus" / "fmi2"
-        folder.mkdir(parents=True)
-        (folder / "target.fmu").write_bytes(build("target", 2).read_bytes())
-    exec(compile(code, f"README block {number}", "exec"), {"__name__": "__main__"})
-
-
-def test_the_study_of_the_readme_can_be_run(tmp_path: Path) -> None:
-    readme = (ROOT / "README.md").read_text()
-    text = readme.partition("<!-- study -->\n```toml\n")[2].partition("```")[0]
-    (tmp_path / "my-study.toml").write_text(text)
+def test_the_designs_that_a_study_may_have(tmp_path: Path) -> None:
+    page = ROOT / "docs" / "howto" / "study.md"
+    (tmp_path / "my-study.toml").write_text(blocks(page)[0].text)
     study = load(tmp_path / "my-study.toml")
     assert len(study.points.values) == 8
     for design in (

@@ -114,7 +114,7 @@ def test_a_study_gives_the_same_table_on_any_workers(random: str, tmp_path: Path
 
 
 def study_run(folder: Path, run_id: str) -> sblcosim.Result:
-    from sblcosim.study.replay import replay
+    from sblcosim.study.again import replay
 
     return replay(folder, run_id)
 

@@ -153,9 +153,9 @@ def test_a_master_that_steps_one_fmu_after_another_is_outside_the_contract(
     assert np.abs(jacobi[:n] - gauss_seidel[:n]).max() > 0.01
 
 
-def steps_in_the_readme() -> dict[str, tuple[str, str]]:
+def documented_steps() -> dict[str, tuple[str, str]]:
     """What to export and what to run, by the name of the tool."""
-    text = (EXAMPLES.parent / "README.md").read_text()
+    text = (EXAMPLES.parent / "docs" / "howto" / "other-tools.md").read_text()
     _, _, table = text.partition("| tool | install | export | run |\n")
     steps: dict[str, tuple[str, str]] = {}
     export = ""
@@ -166,16 +166,16 @@ def steps_in_the_readme() -> dict[str, tuple[str, str]]:
     return steps
 
 
-def test_the_readme_has_the_steps_for_every_example() -> None:
-    scripts = {run.split()[1] for _, run in steps_in_the_readme().values()}
+def test_the_documentation_has_the_steps_for_every_example() -> None:
+    scripts = {run.split()[1] for _, run in documented_steps().values()}
     assert scripts == {f"examples/{path.name}" for path in EXAMPLES.glob("in_*.py")}
 
 
-@pytest.mark.parametrize("tool", steps_in_the_readme())
-def test_the_steps_in_the_readme_work(
+@pytest.mark.parametrize("tool", documented_steps())
+def test_the_documented_steps_work(
     tool: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    export, run = (shlex.split(command) for command in steps_in_the_readme()[tool])
+    export, run = (shlex.split(command) for command in documented_steps()[tool])
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, export[1:], catch_exceptions=False)
     assert done.exit_code == 0, done.output

@@ -1,4 +1,4 @@
-"""The smoother and the particle filter over 50 seeds; the README has these numbers."""
+"""The smoother and the particle filter over 50 seeds; docs/howto/look-back.md has these numbers."""
 
 from __future__ import annotations
 

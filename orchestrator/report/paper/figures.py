@@ -30,9 +30,9 @@ from ...results.definitions import recorded
 from ...results.result import Result
 from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
+from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
 from ...study.executors import begin, deferring_sigint
-from ...study.replay import replay
 from ...style import ThemeName, new_figure, use
 from .. import factorial
 from ..factorial import Findings

@@ -285,7 +285,7 @@ def test_a_run_is_known_by_the_file(tmp_path: Path) -> None:
     first = study.load(tables).run(tmp_path / "first")
     again = study.load(tables).run(tmp_path / "again")
     assert again["run_id"].tolist() == first["run_id"].tolist()
-    from sblcosim.study.replay import replay
+    from sblcosim.study.again import replay
 
     assert replay(tmp_path / "first", first["run_id"][0]).receivers[0] == "Mine"
     written(tmp_path, shift=0.6)

@@ -185,7 +185,7 @@ def test_a_function_is_a_response_wherever_it_is_run(tmp_path: Path) -> None:
 
 
 def study_record(folder: Path, run_id: str) -> Any:
-    from sblcosim.study.replay import replay
+    from sblcosim.study.again import replay
 
     result = replay(folder, run_id)
     return result.record

@@ -18,7 +18,7 @@ import pytest
 from pyarrow import parquet
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.fmus.build.factory import build
-from sblcosim.study import campaign, definition, replay, runner, store, study
+from sblcosim.study import again, campaign, definition, runner, store, study
 
 FLIPS = 300
 
@@ -91,7 +91,7 @@ def test_every_flipped_bit_of_a_part_is_found(out: Path) -> None:
         path.write_bytes(content)
         assert store._parquet(path) is None
         assert len(store.finished(out)) == 2
-    for refused in (store.table, lambda place: replay.replay(place, "a")):
+    for refused in (store.table, lambda place: again.replay(place, "a")):
         with pytest.raises(ConfigurationError) as caught:
             refused(out)
         assert str(caught.value) == (
@@ -158,7 +158,7 @@ def test_damaged_but_valid_json_is_refused_in_one_line(out: Path, text: str) -> 
     for refused in (
         store.table, study.study_of, small().run,
         lambda place: runner.missing(campaign.prepare(small()), place),
-        lambda place: replay.replay(place, "a"),
+        lambda place: again.replay(place, "a"),
     ):
         with pytest.raises(ConfigurationError, match=r"study\.json: must ") as caught:
             refused(out)
@@ -212,11 +212,11 @@ def test_a_run_of_a_changed_fmu_of_the_same_name_is_not_replayed(tmp_path: Path)
     shutil.copy(build("ekf"), mine)
     table = small(receivers=[str(mine)], replicates=1).run(tmp_path / "out")
     run_id = table["run_id"][0]
-    assert replay.replay(tmp_path / "out", run_id).receivers[0] == "mine"
+    assert again.replay(tmp_path / "out", run_id).receivers[0] == "mine"
     with zipfile.ZipFile(mine, "a") as archive:
         archive.writestr("documentation/note.txt", "changed")
     with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
-        replay.replay(tmp_path / "out", run_id)
+        again.replay(tmp_path / "out", run_id)
 
 
 def test_another_process_at_work_is_told(out: Path) -> None:

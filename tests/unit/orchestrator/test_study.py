@@ -16,7 +16,7 @@ from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning
 from sblcosim.results.sums import SUMS
 from sblcosim.simulation import resolve
 from sblcosim.simulation.masters import lanes, lanes_driver
-from sblcosim.study import batch, campaign, definition, executors, replay, runner, study
+from sblcosim.study import again, batch, campaign, definition, executors, runner, study
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
@@ -523,7 +523,7 @@ def test_a_component_with_a_seed_of_its_own_keeps_it(tmp_path: Path) -> None:
 def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     table = small(scenario="paper-scenario-3").run(tmp_path / "out")
     row = table.iloc[6]
-    result = replay.replay(tmp_path / "out", row["run_id"])
+    result = again.replay(tmp_path / "out", row["run_id"])
     assert result.seeds["acoustics"] == row["seed"]
     assert result.errors.loc["ekf", "absolute", "total"].rms_m == pytest.approx(
         row["ekf.absolute_total_rms_m"], rel=1e-12
@@ -531,9 +531,9 @@ def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
     assert "acoustics.range" in "".join(result.table.columns)
     for wrong in ("", "zz"):
         with pytest.raises(ConfigurationError, match="none of them"):
-            replay.replay(tmp_path / "out", wrong)
+            again.replay(tmp_path / "out", wrong)
     with pytest.raises(ConfigurationError, match="must be a folder of a study's results"):
-        replay.replay(tmp_path, row["run_id"])
+        again.replay(tmp_path, row["run_id"])
 
 
 def test_a_run_of_other_fmus_is_not_replayed(
@@ -541,9 +541,9 @@ def test_a_run_of_other_fmus_is_not_replayed(
 ) -> None:
     table = small().run(tmp_path / "out")
     original = campaign.digest_of
-    monkeypatch.setattr(replay, "digest_of", lambda *args: original(*args)[::-1])
+    monkeypatch.setattr(again, "digest_of", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
-        replay.replay(tmp_path / "out", table["run_id"][0])
+        again.replay(tmp_path / "out", table["run_id"][0])
 
 
 def test_the_folder_says_what_was_run(tmp_path: Path) -> None:

@@ -1,0 +1,254 @@
+"""Directives that make the reference from the sources.
+
+``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
+components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from docutils import nodes
+from sblcosim.cli.base import app
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
+from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.scenario.scenario import Scenario
+from sblcosim.scenario.schema import COMMON, CORE_COMPONENTS, default, in_file_units, rows, toml
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+from typer.main import get_command
+
+
+class ScenarioKeys(SphinxDirective):
+    """All keys of one table; without an argument, those outside any table."""
+
+    optional_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        table = self.arguments[0] if self.arguments else ""
+        return self.parse_text_to_nodes("\n".join(entries(table)))
+
+
+class Commands(SphinxDirective):
+    """All commands, in the order of the help, each under a heading."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(command_pages()), allow_section_headings=True)
+
+
+# --- Keys of scenario files ----------------------------------------------------------------------
+
+TOP = {
+    "name": "Name of the scenario, for the folder of its results",
+    "title": "Title for people; if it is empty, they see the name",
+    "seed": "Seed of all random numbers; a component may have its own",
+    "fmi": "Version of the standard that our components follow, 2 or 3",
+}
+"""Keys outside any table."""
+_STEP = ("time.sampling_time_s",)
+_UPDATE = (*_STEP, "time.ekf_ratio")
+FOLLOWS: Mapping[str, Sequence[str]] = {
+    **{f"{name}.sampling_time_s": _STEP for name in CORE_COMPONENTS},
+    **{f"{name}.interval_s": ("acoustics.sampling_time_s",) for name in CORE_COMPONENTS},
+    **{f"{name}.seed": ("seed",) for name in CORE_COMPONENTS},
+    **{f"{name}.fmi": ("fmi",) for name in (*CORE_COMPONENTS, "receiver")},
+    "target.waypoint_count": ("target.waypoint_m",),
+    "receiver.update_interval_s": _UPDATE,
+    "receiver.interval_s": ("receiver.update_interval_s",),
+    "receiver.range_std_m": ("acoustics.range_std_m",),
+    "receiver.depth_std_m": ("target.depth_std_m",),
+    **{f"receiver.{key}": sources for key, sources in SOURCES.items()},
+}
+"""Keys whose default follows from other keys, and these."""
+
+
+def tables() -> list[str]:
+    """The tables of a scenario file; the first is that of the keys outside any table."""
+    fields = Scenario.model_fields.items()
+    return ["", *(name for name, field in fields if hasattr(field.annotation, "variables"))]
+
+
+def keys(table: str) -> list[str]:
+    """The keys of a table of a scenario file, those that all tables have at the end."""
+    if not table:
+        return [key for key in Scenario.model_fields if key not in tables()]
+    fields: Any = Scenario.model_fields[table].annotation
+    return sorted(fields.model_fields, key=lambda key: key in COMMON)
+
+
+def entries(table: str) -> Iterator[str]:
+    """Markdown of the keys of a table."""
+    for key in keys(table):
+        takers = _takers(table, key)
+        name = f"{table}.{key}" if table else key
+        text = _schema(table).model_fields[key].description or TOP[key]
+        facts = _facts(name, takers) if takers else _facts_of(name)
+        yield from (f":::{{scenario-key}} {name}", f"{_plain(text)}.", "")
+        yield from (f":{fact}: {words}" for fact, words in facts)
+        yield from (":::", "")
+
+
+def _schema(table: str) -> Any:
+    return Scenario.model_fields[table].annotation if table else Scenario
+
+
+def _takers(table: str, key: str) -> dict[str, tuple[Component, Variable]]:
+    """The components with this parameter, by the names under which people choose them."""
+    ours: Mapping[str, Component] = (
+        RECEIVERS if table == "receiver" else {table: COMPONENTS[table]}
+        if table in CORE_COMPONENTS else {}
+    )
+    return {
+        name: (component, variable)
+        for name, component in ours.items()
+        for variable in component.of("parameter") if variable.key == key
+    }
+
+
+def _facts(name: str, takers: dict[str, tuple[Component, Variable]]) -> Iterator[tuple[str, str]]:
+    """What the declarations say; by component, where they differ."""
+    if name.startswith("receiver."):
+        yield "Of", ", ".join(f"`{taker}`" for taker in takers)
+    for fact, of in (("Unit", _unit), ("One of", _choices), ("Default", _default),
+                     ("Bounds", _bounds), ("Has an effect if", _effect)):
+        if fact == "Default" and name in FOLLOWS:
+            yield fact, _followed(name)
+            continue
+        texts: dict[str, list[str]] = {}
+        for taker, (component, variable) in takers.items():
+            texts.setdefault(of(component, variable), []).append(f"`{taker}`")
+        if set(texts) == {""}:
+            continue
+        several = len(texts) > 1
+        yield fact, "; ".join(
+            f"{', '.join(who)}: {text or 'always'}" if several else text
+            for text, who in texts.items()
+        )
+
+
+def _facts_of(name: str) -> Iterator[tuple[str, str]]:
+    """What the schema says of a key that is no parameter."""
+    table, _, key = name.rpartition(".")
+    said = _schema(table).model_json_schema()["properties"][key]
+    kinds = [kind for kind in said.get("anyOf", ()) if kind != {"type": "null"}]
+    said = (kinds[0] if len(kinds) == 1 else {}) | said
+    if key.endswith("_s"):
+        yield "Unit", "s"
+    if "enum" in said:
+        yield "One of", ", ".join(f"`{toml(value)}`" for value in said["enum"])
+    if name in FOLLOWS:
+        yield "Default", _followed(name)
+    elif said.get("default") is not None:
+        yield "Default", f"`{toml(said['default'])}`"
+    if "minimum" in said and said["maximum"] != INT32_MAX:
+        yield "Bounds", f"{_short(said['minimum'])} to {_short(said['maximum'])}"
+
+
+def _followed(name: str) -> str:
+    """The default of a key that follows from others."""
+    return "follows from " + _listed([f"{{key}}`{key}`" for key in FOLLOWS[name]], "and")
+
+
+def _unit(component: Component, variable: Variable) -> str:
+    if variable.unit is None:
+        return ""
+    return UNITS[variable.unit].name.replace("rad", "°").replace("2", "²").replace("s3", "s³")
+
+
+def _choices(component: Component, variable: Variable) -> str:
+    return ", ".join(f"`{name}`" for name in (variable.choices or {}).values())
+
+
+def _default(component: Component, variable: Variable) -> str:
+    return f"`{toml(rows(variable, default(component, variable)))}`"
+
+
+def _bounds(component: Component, variable: Variable) -> str:
+    if variable.choices is not None or variable.type == "Boolean":
+        return ""
+    low, high = (
+        None if bound is None or bound == INT32_MAX else _short(in_file_units(variable, bound))
+        for bound in (variable.min, variable.max)
+    )
+    if high is None:
+        return "" if low is None else f"at least {low}"
+    return f"at most {high}" if low is None else f"{low} to {high}"
+
+
+def _short(number: float) -> str:
+    """``1e-6``, where Python has 1e-06."""
+    return re.sub(r"e([+-])0*", lambda e: "e" + e[1].strip("+"), f"{number:g}")
+
+
+def _effect(component: Component, variable: Variable) -> str:
+    """When a parameter has an effect: at least one condition of each group holds."""
+    return "; and ".join(_any_of(component, group) for group in variable.needs)
+
+
+def _any_of(component: Component, group: Sequence[Condition]) -> str:
+    names: dict[str, list[str]] = {}
+    for condition in group:
+        other = component[condition.parameter]
+        names.setdefault(_met(other, condition), []).append(f"`{other.key}`")
+    return " or ".join(f"{_listed(keys, 'or')} {holds}" for holds, keys in names.items())
+
+
+def _met(other: Variable, condition: Condition) -> str:
+    """What the other parameter must be."""
+    if not condition.values:
+        return "is `true`" if other.type == "Boolean" else "is not 0"
+    names = [(other.choices or {}).get(v, toml(v)) for v in condition.values]
+    return f"is {_listed([f'`{name}`' for name in names], 'or')}"
+
+
+def _listed(words: Sequence[str], last: str) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+# --- Commands ------------------------------------------------------------------------------------
+
+
+def commands() -> dict[str, Any]:
+    """The commands by what is typed before their arguments, ``export ssp``."""
+    return dict(_commands(get_command(app), ""))
+
+
+def _commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands(command, f"{above}{name} ")
+        else:
+            yield f"{above}{name}", command
+
+
+def command_pages() -> Iterator[str]:
+    """Markdown of all commands, each with its arguments and options."""
+    for name, command in commands().items():
+        context = command.make_context(name, [], resilient_parsing=True)
+        usage = re.sub("[{}]", "", " ".join(command.collect_usage_pieces(context)))
+        yield from (f"## {name}", "", f"    sblcosim {name} {usage}", "", _plain(command.help), "")
+        yield from (f":::{{program}} sblcosim {name}", ":::", "")
+        for parameter in command.params:
+            record = parameter.get_help_record(context)
+            if record is not None:
+                typed = re.sub(r" <\w+>$", "", record[0])  # an argument's type
+                yield from (f":::{{option}} {typed}", _plain(record[1]), ":::", "")
+
+
+def _plain(text: str) -> str:
+    """A help text as Markdown that shows it as it is."""
+    return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
+
+
+# --- Sphinx --------------------------------------------------------------------------------------
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives, and ``{key}`` to refer to a key of a scenario file."""
+    app.add_object_type("scenario-key", "key", "pair: %s; scenario key", objname="scenario key")
+    app.add_directive("scenario-keys", ScenarioKeys)
+    app.add_directive("commands", Commands)
+    return {"parallel_read_safe": True}

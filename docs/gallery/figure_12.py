@@ -1,0 +1,17 @@
+"""
+Figure 12: the path of Scenario 1
+=================================
+
+The true path, a semicircle, from above and in space. Its radius of 15 m is the paper's; its centre
+and where it begins are not given.
+"""
+
+import sblcosim
+from sblcosim.results.figures import plot_path, plot_path_3d
+
+run = sblcosim.run("paper-scenario-1")
+plot_path(run.record, {})
+
+# %%
+# In space:
+plot_path_3d(run.record, {})

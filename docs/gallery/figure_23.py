@@ -1,0 +1,17 @@
+"""
+Figure 23: interactions, Scenario 2
+===================================
+
+The mean error at each pair of levels. Lines that are not parallel are an interaction.
+
+The study of Scenario 2: seven factors at two levels, all 128 combinations. Here each has 10 runs,
+so that the page is made in seconds; the paper has 50, and so has `sblcosim paper`. What is there
+already is not run again: the pages of Scenario 2 share their runs.
+"""
+
+import sblcosim
+
+folder = "studies/paper-scenario-2"
+study = sblcosim.study.load("paper-scenario-2").with_replicates(10)
+study.run(folder)
+sblcosim.analysis.of_study(folder).plot_interactions()

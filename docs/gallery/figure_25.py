@@ -1,0 +1,13 @@
+"""
+Figure 25: the path of Scenario 3
+=================================
+
+The true path in space: straight legs of random lengths and directions. How the paper draws its
+random path is not given.
+"""
+
+import sblcosim
+from sblcosim.results.figures import plot_path_3d
+
+run = sblcosim.run("paper-scenario-3")
+plot_path_3d(run.record, {})

@@ -1,0 +1,17 @@
+"""
+Figure 29: interactions, Scenario 3
+===================================
+
+The mean error at each pair of levels. Lines that are not parallel are an interaction.
+
+The study of Scenario 3: seven factors at two levels, all 128 combinations. Here each has 10 runs,
+so that the page is made in seconds; the paper has 50, and so has `sblcosim paper`. What is there
+already is not run again: the pages of Scenario 3 share their runs.
+"""
+
+import sblcosim
+
+folder = "studies/paper-scenario-3"
+study = sblcosim.study.load("paper-scenario-3").with_replicates(10)
+study.run(folder)
+sblcosim.analysis.of_study(folder).plot_interactions()

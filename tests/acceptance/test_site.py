@@ -1,0 +1,251 @@
+"""The documentation site: built without a network and without a warning, and whole."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import pytest
+import sblcosim
+from sblcosim import analysis, limits, study
+from sblcosim.cli import app
+from sblcosim.results.responses import RESPONSES
+from sblcosim.scenario.scenario import Scenario, load
+from sblcosim.study.definition import Definition, DesignTable, FactorTable
+from typer.main import get_command
+
+pytest.importorskip("sphinx_gallery", reason="needs the extra docs")
+from sphinx.util.inventory import InventoryFile
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+BESIDE = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "models", "fmus",
+          "orchestrator")  # fmt: skip
+"""What pages of the site include."""
+NO_NETWORK = """
+import socket
+
+def connect(self, address, connect=socket.socket.connect):
+    if self.family != socket.AF_UNIX and address[0] not in ("127.0.0.1", "::1", "localhost"):
+        raise AssertionError(f"the site must be built without a network, got {address}")
+    return connect(self, address)
+
+socket.socket.connect = connect
+"""
+
+
+class Html(HTMLParser):
+    """The identifiers, the links and the parts of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.parts: list[str] = []
+        self.feed(path.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name == "id":
+                self.ids.add(value or "")
+            elif name == "href" and tag == "a":
+                self.links.append(value or "")
+            elif name in ("src", "href", "srcset", "data", "poster"):
+                self.parts.append(value or "")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A built site: its folder, its pages, and all that it defines, by kind and name."""
+
+    folder: Path
+    pages: Mapping[Path, Html]
+    objects: Mapping[str, Any]
+
+
+def alone(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python in a folder, without a network."""
+    (folder / "guard").mkdir()
+    (folder / "guard" / "sitecustomize.py").write_text(NO_NETWORK)
+    path = os.pathsep.join([str(folder / "guard"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": path},
+    )  # fmt: skip
+
+
+def built(folder: Path) -> Site:
+    """Build the site from a copy of the documents."""
+    shutil.copytree(DOCS, folder / "docs", ignore=shutil.ignore_patterns("made", "__pycache__"))
+    for name in BESIDE:
+        (folder / name).symlink_to(ROOT / name)
+    done = alone(folder, "-m", "sphinx", "-W", "--keep-going", "-n", "docs", "html")
+    assert done.returncode == 0, done.stderr[-5000:]
+    html = folder / "html"
+    pages = {path: Html(path) for path in html.rglob("*.html")}
+    return Site(html, pages, InventoryFile.loads((html / "objects.inv").read_bytes(), uri="").data)
+
+
+def test_the_build_has_no_network(tmp_path: Path) -> None:
+    done = alone(tmp_path, "-c", "import urllib.request as u; u.urlopen('http://192.0.2.1')")
+    assert "the site must be built without a network" in done.stderr
+
+
+def test_the_site_is_built_and_whole(tmp_path: Path) -> None:
+    """One test, so that several workers do not build it several times."""
+    site = built(tmp_path)
+    every_document_is_a_page(site)
+    every_page_of_the_gallery_has_its_figure(site)
+    every_key_of_a_scenario_is_in_the_reference(site)
+    every_command_and_option_is_in_the_reference(site)
+    every_public_name_is_in_the_reference(site)
+    the_pages_need_nothing_from_elsewhere(site)
+    links_within_the_site_lead_somewhere(site)
+
+
+def every_document_is_a_page(site: Site) -> None:
+    written = [p.relative_to(DOCS) for p in [*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")]]
+    drawn = [Path("made", p.relative_to(DOCS)) for p in DOCS.glob("gallery/*.py")]
+    assert len(drawn) == 21
+    for path in (*(p for p in written if "made" not in p.parts), *drawn):
+        assert site.folder / path.with_suffix(".html") in site.pages, path
+
+
+def every_page_of_the_gallery_has_its_figure(site: Site) -> None:
+    for path in DOCS.glob("gallery/*.py"):
+        html = site.pages[site.folder / "made" / "gallery" / f"{path.stem}.html"]
+        shown = [Path(part).name for part in html.parts if "sphx_glr" in part]
+        blocks = sum(line == "# %%" for line in path.read_text().splitlines()) + 1
+        assert sorted(shown) == sorted(
+            f"sphx_glr_{path.stem}_{n:03}{theme}.svg"
+            for n in range(1, blocks + 1) for theme in ("", "-dark")
+        )  # fmt: skip
+
+
+def every_key_of_a_scenario_is_in_the_reference(site: Site) -> None:
+    known = site.objects["std:scenario-key"]
+    for table, field in Scenario.model_fields.items():
+        inner = getattr(field.annotation, "model_fields", None)
+        for name in [table] if inner is None else [f"{table}.{key}" for key in inner]:
+            assert known[name].uri.startswith("reference/scenario.html"), name
+
+
+def commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, f"{above} {name}")
+        else:
+            yield f"{above} {name}", command
+
+
+def every_command_and_option_is_in_the_reference(site: Site) -> None:
+    all_commands = dict(commands(get_command(app), "sblcosim"))
+    assert len(all_commands) > 15
+    headings = site.pages[site.folder / "reference" / "commands.html"].ids
+    for name, command in all_commands.items():
+        assert name.removeprefix("sblcosim ").replace(" ", "-") in headings, name
+        for parameter in command.params:
+            if not parameter.hidden and parameter.name != "help":
+                typed = [o for o in parameter.opts if o.startswith("-")] or [parameter.metavar]
+                for option in typed:
+                    known = f"{name.replace(' ', '-')}.{option}"
+                    assert known in site.objects["std:cmdoption"]
+
+
+def every_public_name_is_in_the_reference(site: Site) -> None:
+    kinds = [kind for kind in site.objects if kind.startswith("py:")]
+    for package in (sblcosim, study, analysis, limits):
+        for name in set(package.__all__) - {"__version__"}:
+            full = f"{package.__name__}.{name}"
+            assert any(full in site.objects[kind] for kind in kinds), full
+
+
+START: dict[str, Any] = {"receiver": {"type": "sequential"}}
+
+
+def test_what_a_default_follows_from_moves_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DOCS / "extensions"))
+    from declarations import FOLLOWS
+
+    moved = {
+        "time.sampling_time_s": 0.5, "time.ekf_ratio": 2, "seed": 7, "fmi": 3,
+        "acoustics.range_std_m": 0.7, "target.depth_std_m": 0.7,
+        "target.waypoint_m": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+        "acoustics.sampling_time_s": 0.05, "receiver.update_interval_s": 0.5,
+    }  # fmt: skip
+    for name, sources in FOLLOWS.items():
+        table, _, key = name.partition(".")
+        if key == "fmi" or not set(sources) <= set(moved):
+            continue  # of a component it is empty, until a system is made; test_assumptions.py
+        for source in sources:
+            before, after = (
+                getattr(getattr(load(keys), table), key)
+                for keys in (START, nested(START, source, moved[source]))
+            )
+            assert before != after, f"{name} does not follow from {source}"
+
+
+def nested(tables: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    """Tables with another value of a key."""
+    table, _, key = name.rpartition(".")
+    return tables | ({table: tables.get(table, {}) | {key: value}} if table else {key: value})
+
+
+def the_pages_need_nothing_from_elsewhere(site: Site) -> None:
+    for path, html in site.pages.items():
+        for part in html.parts:
+            assert not urlsplit(part).netloc, f"{path.relative_to(site.folder)}: {part}"
+    for path in site.folder.rglob("*.css"):
+        text = path.read_text("utf-8")
+        for part in re.findall(r"url\(\s*['\"]?([^'\")]*)|@import\s+(\S+)", text):
+            assert not urlsplit("".join(part)).netloc, f"{path.relative_to(site.folder)}: {part}"
+
+
+def links_within_the_site_lead_somewhere(site: Site) -> None:
+    followed = 0
+    for path, html in site.pages.items():
+        for link in html.links:
+            url = urlsplit(link)
+            if not url.scheme and not url.netloc:
+                target = (path.parent / unquote(url.path)).resolve() if url.path else path
+                assert target.is_file(), f"{path.relative_to(site.folder)}: {link}"
+                if url.fragment and target in site.pages:
+                    ids = site.pages[target].ids
+                    assert unquote(url.fragment) in ids, f"{path.relative_to(site.folder)}: {link}"
+                    followed += 1
+    assert followed > 1000
+
+
+def test_every_key_of_a_study_is_in_the_reference() -> None:
+    text = (DOCS / "reference" / "study.md").read_text("utf-8")
+    for table in (Definition, FactorTable, DesignTable):
+        for key in table.model_fields:
+            assert f"\n| `{key}` |" in text, key
+
+
+def test_every_column_of_the_results_is_in_the_reference() -> None:
+    text = (DOCS / "reference" / "results.md").read_text("utf-8")
+    named = set(re.findall(r"`([\w{}…]+)`", text))
+    result = sblcosim.run("paper-scenario-1", "coupled", {"time.duration_s": 10.0})
+    columns = [
+        *result.errors.reset_index(), *result.percentiles.reset_index(),
+        *result.summary.reset_index(), *result.estimates["coupled"],
+    ]  # fmt: skip
+    for column in columns:
+        general = re.sub(r"_(expected|low|high|verdict)$", "", column)
+        general = re.sub(r"\b([a-z_]*?)[yz]_m$", r"\1x_m", general)
+        assert {column, general} & named, column
+    for response in RESPONSES:
+        framed = re.sub(r"^(absolute|relative|own_relative)_", "{frame}_", response)
+        axis = re.sub("_([xyz]|total)_", "_{axis}_", framed)
+        length = re.sub("_(horizontal|total)_", "_{length}_", framed)
+        assert {response, axis, length} & named, response
