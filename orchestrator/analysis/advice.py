@@ -36,20 +36,13 @@ from ..errors import ConfigurationError, nearest
 from ..shown import Shown, folded, page, verbatim
 from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
 from .runs import check_columns
+from .sentences import ordinal
 
 Floats = NDArray[np.float64]
 LEVEL_TOLERANCE = 1e-9
 """How far, relatively, a level may be from the one that a cost is given for."""
 PERCENTILE = 90.0
 """Default percentile."""
-
-
-def ordinal(number: float) -> str:
-    """``90th``, ``91st``, ``97.5th``."""
-    last, tens = number % 10, number % 100 // 10
-    endings: dict[float, str] = {1: "st", 2: "nd", 3: "rd"}
-    ending = endings.get(last, "th") if tens != 1 else "th"
-    return f"{number:g}{ending}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,14 @@ from .ranking import tied_groups
 from .tables import Analysis
 
 
+def ordinal(number: float) -> str:
+    """``90th``, ``91st``, ``97.5th``."""
+    last, tens = number % 10, number % 100 // 10
+    endings: dict[float, str] = {1: "st", 2: "nd", 3: "rd"}
+    ending = endings.get(last, "th") if tens != 1 else "th"
+    return f"{number:g}{ending}"
+
+
 def summary(
     analysis: Analysis, most: int, verbose: bool = False, width: int | None = None
 ) -> str:

@@ -8,6 +8,7 @@ import pytest
 from sblcosim.analysis import advice, bounds
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
+from sblcosim.analysis.sentences import ordinal
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 
@@ -119,7 +120,7 @@ def test_a_mean_takes_the_runs_that_would_have_shown_the_stated_contamination():
 
 
 def test_percentiles_are_spoken_as_people_do():
-    spoken = [advice.ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5)]
+    spoken = [ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5)]
     assert " ".join(spoken) == "1st 2nd 3rd 11th 12th 13th 22nd 90th 91st 97.5th"
 
 
