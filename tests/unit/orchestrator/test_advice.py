@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import advice, bounds
+from sblcosim.analysis import bounds
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
 from sblcosim.analysis.sentences import ordinal
