@@ -5,13 +5,13 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from . import simulate, studies, components, export
+from . import simulate, studies, components, export, schemas
 from .base import app
 
 
 def main() -> None:
     """Entry point of the command."""
-    gc.set_threshold(100_000)  # imports and figures make many objects, and little of it is garbage
+    gc.set_threshold(100_000)  # what a command loads is no garbage, and is looked through often
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # whatever the terminal's encoding
