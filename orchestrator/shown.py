@@ -78,12 +78,12 @@ class Listing(Shown, Mapping[str, str]):
 
 
 class Picture(Shown):
-    """A figure that was drawn: a notebook shows it, once, without any magic.
+    """A figure that was drawn: a notebook shows it, once, without any magic; `savefig` writes it.
 
     Attributes
     ----------
     figure
-        Matplotlib's figure: ``picture.figure.savefig("path.png")``.
+        Matplotlib's figure.
     axes
         The axes that were drawn on, to change something.
     """
@@ -100,8 +100,12 @@ class Picture(Shown):
 
     def _gist(self) -> str:
         width, height = self.figure.get_size_inches()
-        panels = len(self.axes)
+        panels = sum(ax.axison for ax in self.axes)
         return f"of {panels} panel{'' if panels == 1 else 's'}, {width:g} × {height:g} inch"
+
+    def savefig(self, *arguments: Any, **options: Any) -> None:
+        """Write the figure to a file; see `matplotlib.figure.Figure.savefig`."""
+        self.figure.savefig(*arguments, **options)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
         """The picture, sharp on dense screens; of axes that were given, their owner shows it."""

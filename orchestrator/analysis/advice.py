@@ -145,7 +145,10 @@ class Advice(Shown, Question):
         unit = f" {self.unit}" if self.unit else ""
         if self.limit is None:
             front = int(self.points["front"].sum())
-            return f"{front} of {len(self.points)} points are worth their cost."
+            return (
+                f"{front} of {len(self.points)} points are worth their cost: nothing else is both "
+                "cheaper and better. A limit picks one of them."
+            )
         wish = f"{self.statistic} of at most {self.limit:g}{unit}"
         if self.chosen is not None:
             row: Any = self.points.loc[self.chosen]

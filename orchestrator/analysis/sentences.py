@@ -48,6 +48,8 @@ def summary(
         f"Effects on {analysis.quantity}, {100 * analysis.confidence:.4g} % intervals:",
         *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
+        *(["open: the interval reaches to both sides of what matters; more runs decide"]
+          if "verdict" in shown and (shown["verdict"] == "open").any() else []),
         *(["", *notes(analysis)] if verbose else _left_out(analysis)),
     ]
     return fitted("\n".join(lines), width)
@@ -96,7 +98,8 @@ def answer(analysis: Analysis, most: int = 3) -> str:
         text = ", tied with ".join(words)
         parts.append(text + (f", and with {rest} more" if rest > 0 else ""))
     if parts:
-        sentences = [f"{what[0].upper()}{what[1:]} falls most with {'; then with '.join(parts)}."]
+        most = " most" if len(a.factors) > 1 else ""
+        sentences = [f"{what[0].upper()}{what[1:]} falls{most} with {'; then with '.join(parts)}."]
     else:
         sentences = [f"No factor alone changes {what} surely."]
     if len(several):

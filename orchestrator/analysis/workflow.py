@@ -284,7 +284,7 @@ def write(
     style.save(figures.plot_pareto(shown, theme=theme), folder, "pareto")
     style.save(figures.plot_main_effects(shown, theme=theme), folder, "main_effects")
     for name, axes in (
-        ("interactions", figures.plot_interactions(shown, theme=theme)),
+        ("interactions", len(shown.factors) > 1 and figures.plot_interactions(shown, theme=theme)),
         ("residuals", figures.plot_residuals(shown, theme=theme)),
     ):
         if axes:

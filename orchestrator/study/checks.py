@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from functools import cache
 from itertools import compress
 from typing import Any
@@ -175,9 +176,12 @@ _NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade")
 
 def _near(key: str, known: Sequence[str]) -> str:
     """Suggest the nearest key; without a table, compare the names alone."""
-    same = [k for k in known if k.partition(".")[2] == key.rpartition(".")[2]]
+    table, _, name = key.rpartition(".")
+    same = [k for k in known if k.partition(".")[2] == name]
     if same:
-        return f"; did you mean {same[0]!r}?"
+        others = [k.partition(".")[2] for k in known if k.startswith(f"{table}.")]
+        own = [f"{table}.{close}" for close in get_close_matches(name, others, n=1)]
+        return f"; did you mean {' or '.join(map(repr, [*own, same[0]]))}?"
     if "." in key:
         return nearest(key, known)
     close = nearest(key, [k.partition(".")[2] for k in known])

@@ -145,9 +145,9 @@ def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> Non
 
 @pytest.mark.parametrize("receiver", RECEIVERS)
 def test_the_same_holds_for_every_receiver(receiver: str) -> None:
-    gate = {"gate": 0.5} if receiver == "sequential" else {}
+    more = {"sequential": {"gate": 0.5}, "fixed_lag": {"lag_s": 1.0}}.get(receiver, {})
     tables = load("paper-scenario-1", SHORT).given()
-    check(load({**tables, "receiver": {"type": receiver, **gate}}))
+    check(load({**tables, "receiver": {"type": receiver, **more}}))
 
 
 def anything(numbers: random.Random) -> dict[str, Any]:

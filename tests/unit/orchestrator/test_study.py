@@ -110,6 +110,10 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
         {"factors": {"arm": {"keys": ["arm_length_m"], "levels": [1, 2]}}},
         "did you mean 'platform.arm_length_m'",
     ),
+    (
+        {"factors": {"gps": {"keys": ["platform.gps_std_m"], "levels": [1, 2]}}},
+        "did you mean 'platform.gps_horizontal_std_m' or 'receiver.gps_std_m'",
+    ),
     ({"factors": {"arm": {**ARM, "levels": [1, 1.0]}}}, r"levels that differ, got 1 twice"),
     ({"factors": {"arm": {**ARM, "levels": [1]}}}, "must have at least two levels, got 1"),
     ({"factors": {"arm": {**ARM, "levels": [1, -1]}}}, "levels: platform.arm_length_m: must be at"),
