@@ -180,7 +180,7 @@ def _near(key: str, known: Sequence[str]) -> str:
     same = [k for k in known if k.partition(".")[2] == name]
     if same:
         others = [k.partition(".")[2] for k in known if k.startswith(f"{table}.")]
-        own = [f"{table}.{close}" for close in get_close_matches(name, others, n=1)]
+        own = [f"{table}.{close}" for close in get_close_matches(name, others, n=2)]
         return f"; did you mean {' or '.join(map(repr, [*own, same[0]]))}?"
     if "." in key:
         return nearest(key, known)
