@@ -50,8 +50,8 @@ def run(
     scenario
         Name of a shipped scenario, path of a TOML file, nested tables, or a scenario from `load`.
     receiver
-        ``"ekf"``, ``"sequential"``, ``"multilateration"``, an FMU file, ``"file.py:Class"``, or a
-        callable that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
+        A name of `sblcosim.receivers`, ``"ekf"``, an FMU file, ``"file.py:Class"``, or a callable
+        that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
         `sblcosim.simulation.system.PythonComponent`). Several, in a sequence
         or (with labels) in a mapping, run side by side on the same noise. None: the scenario's own
         receiver. The raw fix always runs too, as ``raw``.

@@ -1,7 +1,8 @@
 """Directives that make the reference from the sources.
 
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
-components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options.
+components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
+``{json-documents}`` what they print with ``--json``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 
 from docutils import nodes
 from sblcosim.cli.base import app
+from sblcosim.cli.documents import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.scenario.assumptions import SOURCES
@@ -39,15 +41,15 @@ class Commands(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(command_pages()), allow_section_headings=True)
 
 
+class JsonDocuments(SphinxDirective):
+    """What commands print as JSON: a document for each, then the parts of which they are made."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(json_pages()), allow_section_headings=True)
+
+
 # --- Keys of scenario files ----------------------------------------------------------------------
 
-TOP = {
-    "name": "Name of the scenario, for the folder of its results",
-    "title": "Title for people; if it is empty, they see the name",
-    "seed": "Seed of all random numbers; a component may have its own",
-    "fmi": "Version of the standard that our components follow, 2 or 3",
-}
-"""Keys outside any table."""
 _STEP = ("time.sampling_time_s",)
 _UPDATE = (*_STEP, "time.ekf_ratio")
 FOLLOWS: Mapping[str, Sequence[str]] = {
@@ -84,7 +86,7 @@ def entries(table: str) -> Iterator[str]:
     for key in keys(table):
         takers = _takers(table, key)
         name = f"{table}.{key}" if table else key
-        text = _schema(table).model_fields[key].description or TOP[key]
+        text = _schema(table).model_fields[key].description
         facts = _facts(name, takers) if takers else _facts_of(name)
         yield from (f":::{{scenario-key}} {name}", f"{_plain(text)}.", "")
         yield from (f":{fact}: {words}" for fact, words in facts)
@@ -238,6 +240,48 @@ def command_pages() -> Iterator[str]:
                 yield from (f":::{{option}} {typed}", _plain(record[1]), ":::", "")
 
 
+# --- JSON ----------------------------------------------------------------------------------------
+
+
+def json_pages() -> Iterator[str]:
+    """Markdown of all documents, and of their parts."""
+    parts: dict[str, Any] = {}
+    for command, document in DOCUMENTS.items():
+        said = schema(command)
+        parts |= said.get("$defs", {})
+        same = next(name for name, other in DOCUMENTS.items() if other is document)
+        yield from (f"## {command}", "")
+        yield from (_json(said) if same == command else [f"As of `{same}`.", ""])
+    yield from ("## Parts", "")
+    for name, part in sorted(parts.items()):
+        yield from (f":::{{json-part}} {name}", *_json(part), ":::", "")
+
+
+def _json(said: Mapping[str, Any]) -> Iterator[str]:
+    """What an object is, and a line for each of its names."""
+    yield from (_plain(said["description"].replace("``", "")), "")
+    for name, field in said["properties"].items():
+        text = field.get("description", "").rstrip(".")
+        yield f"- `{name}` ({_json_type(field)}){f': {_plain(text)}.' if text else ''}"
+    yield ""
+
+
+def _json_type(said: Mapping[str, Any]) -> str:
+    """The type of a value, with references to parts; an arrow leads from names to values."""
+    if "$ref" in said:
+        return f"{{part}}`{said['$ref'].rpartition('/')[2]}`"
+    if "anyOf" in said:
+        return _listed([_json_type(one) for one in said["anyOf"]], "or")
+    if "enum" in said:
+        return _listed([f"`{value}`" for value in said["enum"]], "or")
+    if said["type"] == "array":
+        return f"list of {_json_type(said['items'])}"
+    if said["type"] == "object":
+        names = _json_type(said.get("propertyNames", {"type": "name"}))
+        return f"{names} → {_json_type(said['additionalProperties'])}"
+    return str(said["type"])
+
+
 def _plain(text: str) -> str:
     """A help text as Markdown that shows it as it is."""
     return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
@@ -247,8 +291,10 @@ def _plain(text: str) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directives, and ``{key}`` to refer to a key of a scenario file."""
+    """Register the directives; ``{key}`` is a key of a scenario file, ``{part}`` one of JSON."""
     app.add_object_type("scenario-key", "key", "pair: %s; scenario key", objname="scenario key")
     app.add_directive("scenario-keys", ScenarioKeys)
     app.add_directive("commands", Commands)
+    app.add_object_type("json-part", "part", "pair: %s; JSON", objname="part of JSON")
+    app.add_directive("json-documents", JsonDocuments)
     return {"parallel_read_safe": True}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from sblcosim.report.page import variables
+from sblcosim.shown import Picture
 from sblcosim.style import THEMES, svg
 
 MOST_POINTS = 2000
@@ -24,16 +26,18 @@ def scraper(
     block: Any, block_vars: Mapping[str, Any], gallery_conf: Mapping[str, Any]
 ) -> str:
     """Write the figure as SVG, in both themes; the reStructuredText that shows them."""
-    figure = _figure(block_vars["example_globals"].get("___"))
-    if figure is None:
+    picture = block_vars["example_globals"].get("___")
+    if not isinstance(picture, Picture | Axes):
         return ""
+    axes = picture.axes[0] if isinstance(picture, Picture) else picture
     thumbnail = Path(next(block_vars["image_path_iterator"]))
     light = thumbnail.with_suffix(".svg")
     dark = light.with_name(f"{light.stem}-dark.svg")
+    figure: Any = axes.figure
     for line in figure.findobj(Line2D):
         if line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_POINTS:
             line.set_rasterized(True)
-    drawing = svg(figure.axes[0], light.stem)
+    drawing = svg(axes, light.stem)
     figure.savefig(thumbnail, dpi=60)
     light.write_text(drawing, "utf-8")
     dark.write_text(darkened(drawing), "utf-8")
@@ -54,9 +58,3 @@ def darkened(drawing: str) -> str:
         drawing = drawing.replace(f"[{name}]", colour)
     # Matplotlib does not write what is black
     return drawing.replace("<svg ", f'<svg fill="{dark["ink"]}" ', 1)
-
-
-def _figure(found: Any) -> Any:
-    """The figure of what a plot function returns: axes, several of them, or a picture."""
-    first = found[0] if isinstance(found, Sequence) and found else found
-    return getattr(first, "figure", None)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import allow_rasterization
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
@@ -78,6 +79,7 @@ def lines_of(tracks: Tracks, look: Theme) -> Iterator[tuple[str, pd.DataFrame, d
 class _Dots(Line2D):
     """A line's markers as one path of round caps: in an SVG a tenth of what a mark each takes."""
 
+    @allow_rasterization  # type: ignore[untyped-decorator]
     def draw(self, renderer: Any) -> None:
         points = self.get_transform().transform(np.asarray(self.get_xydata(), dtype=np.float64))
         points = points[np.isfinite(points).all(axis=1)]

@@ -144,7 +144,13 @@ Overrides = TypedDict(
         "acoustics.processing_delay_s": float | None,
         "acoustics.processing_delay_correction_s": float | None,
         "receiver": Mapping[str, Any] | None,
-        "receiver.type": Literal["ekf", "sequential", "coupled", "multilateration"] | None,
+        "receiver.type": Literal[
+            "ekf",
+            "sequential",
+            "coupled",
+            "fixed_lag",
+            "multilateration",
+        ] | None,
         "receiver.fmu": str | None,
         "receiver.fmi": Literal[2, 3] | None,
         "receiver.interval_s": float | None,
@@ -191,6 +197,7 @@ Overrides = TypedDict(
         "receiver.imu_heading_error_std_deg": float | None,
         "receiver.imu_heading_error_time_s": float | None,
         "receiver.imu_tilt_std_deg": float | None,
+        "receiver.lag_s": float | None,
     },
     total=False,
 )

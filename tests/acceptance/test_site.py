@@ -18,6 +18,7 @@ import pytest
 import sblcosim
 from sblcosim import analysis, limits, study
 from sblcosim.cli import app
+from sblcosim.cli.documents import DOCUMENTS, schema
 from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
 from sblcosim.study.definition import Definition, DesignTable, FactorTable
@@ -107,6 +108,7 @@ def test_the_site_is_built_and_whole(tmp_path: Path) -> None:
     every_page_of_the_gallery_has_its_figure(site)
     every_key_of_a_scenario_is_in_the_reference(site)
     every_command_and_option_is_in_the_reference(site)
+    every_document_of_json_is_in_the_reference(site)
     every_public_name_is_in_the_reference(site)
     the_pages_need_nothing_from_elsewhere(site)
     links_within_the_site_lead_somewhere(site)
@@ -159,6 +161,18 @@ def every_command_and_option_is_in_the_reference(site: Site) -> None:
                 for option in typed:
                     known = f"{name.replace(' ', '-')}.{option}"
                     assert known in site.objects["std:cmdoption"]
+
+
+def every_document_of_json_is_in_the_reference(site: Site) -> None:
+    page = site.folder / "reference" / "json.html"
+    text = page.read_text("utf-8")
+    for command in DOCUMENTS:
+        assert command in site.pages[page].ids
+        said = schema(command)
+        for name, part in {"": said, **said["$defs"]}.items():
+            assert not name or name in site.objects["std:json-part"]
+            for field in part["properties"]:
+                assert f'<span class="pre">{field}</span>' in text, f"{command}: {name}.{field}"
 
 
 def every_public_name_is_in_the_reference(site: Site) -> None:
