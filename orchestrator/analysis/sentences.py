@@ -85,9 +85,8 @@ def answer(analysis: Analysis, most: int = 3) -> str:
     for same in tied_groups(a, [str(name) for name in single.index]):
         if len(named) >= most:
             break
-        shown, rest = same[: most + 1], len(same) - most - 1
+        shown, rest, words = same[: most + 1], len(same) - most - 1, list[str]()
         named += shown
-        words: list[str] = []
         for name in shown:
             size, interval = _reach(a, name)
             first = not parts and not words
@@ -98,8 +97,8 @@ def answer(analysis: Analysis, most: int = 3) -> str:
         text = ", tied with ".join(words)
         parts.append(text + (f", and with {rest} more" if rest > 0 else ""))
     if parts:
-        most = " most" if len(a.factors) > 1 else ""
-        sentences = [f"{what[0].upper()}{what[1:]} falls{most} with {'; then with '.join(parts)}."]
+        falls = f"{what[0].upper()}{what[1:]} falls{' most' if len(a.factors) > 1 else ''}"
+        sentences = [f"{falls} with {'; then with '.join(parts)}."]
     else:
         sentences = [f"No factor alone changes {what} surely."]
     if len(several):
@@ -117,7 +116,7 @@ def answer(analysis: Analysis, most: int = 3) -> str:
             "This holds as far as interactions that are not in the model may be neglected: the "
             f"design points cannot tell {'; '.join(same_as)}."
         )
-    elif len(a.factors) > 1 and all(len(term) == 1 for term in a.terms):
+    elif len(a.factors) > 1 and max(map(len, a.terms)) == 1:
         sentences.append("Interactions are not in the model.")
     return " ".join(sentences)
 

@@ -67,9 +67,7 @@ class Limits(Shown):
         return "bound" if self.is_bound else "reference"
 
     def _gist(self) -> str:
-        said = self.verdict()
-        unit = " m RMS" if said is not None and said.accuracy else ""
-        return f"of {len(self.epoch_ns)} epochs: {said or self.kind}{unit}"
+        return f"of {len(self.epoch_ns)} epochs: {self.verdict() or self.kind}"
 
     def at(self, epoch_ns: Integers) -> Integers:
         """Indices of the last epochs that are not after the given ones."""

@@ -106,16 +106,16 @@ class Verdict:
 
     @property
     def claim(self) -> str:
-        """Of one run: what the receiver claims is ``too little``, ``perhaps too little``,
-        ``fits``, or is ``perhaps too much``.
+        """Of one run: the covariance is ``optimistic``, ``perhaps optimistic``, ``fits``, or is
+        ``perhaps pessimistic``.
 
         Only the first is sure: see `MOST_OF_ONE_RUN`.
         """
         if self.mean_nees > MOST_OF_ONE_RUN:
-            return "too little"
+            return "optimistic"
         if self.by <= TELLING:
             return "fits"
-        return f"perhaps too {'little' if self.factor > 1 else 'much'}"
+        return f"perhaps {'optimistic' if self.factor > 1 else 'pessimistic'}"
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, with the sentence."""

@@ -56,8 +56,10 @@ _HEADS = {
 _GAP = "  "
 _LONGEST_LABEL = 16
 """Of a receiver that stands in the line of its first row; a longer one has a line of its own."""
-_SURE = "too little"
+_SURE = "optimistic"
 """What `Verdict.claim` says of a covariance that one run is enough to distrust."""
+_FEW = 10
+"""Fewer estimates than this are said with their number, if most updates gave none."""
 _ONE_RUN = "Whether a covariance is right, one run cannot tell; a study can."
 _CONSISTENCY = {
     "nees_position": "NEES of the position",
@@ -143,6 +145,10 @@ def _verdict(result: Result, receiver: str) -> str:
     reached: Any = result.errors.loc[which, "rms_m"]
     most: Any = result.percentiles.loc[which, "p95_m"]
     lost = "lost; " if row.lost else ""
+    if row.estimates < _FEW and row.update_share < 0.5:
+        several = "" if row.estimates == 1 else "s"
+        updates = row.estimates / row.update_share
+        lost += f"{row.estimates} estimate{several} in {updates:.0f} updates; "
     return (
         f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
     )
@@ -161,9 +167,9 @@ def _claim(result: Result, receiver: str) -> str:
         trust = "do not trust its covariance"
     elif judged.claim == "fits":
         trust = "looks right"
-    else:  # the length may be right, and yet the errors lie where the covariance has none
+    else:  # the length may be right, and yet the errors lie where the covariance has little
         fits = (said < reached) == (judged.factor > 1)
-        trust = judged.claim if fits else "perhaps of wrong shape"
+        trust = judged.claim if fits else f"{judged.claim} in some direction"
     return f"claims {meters(said)}: {trust}"
 
 

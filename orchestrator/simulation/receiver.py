@@ -199,6 +199,11 @@ class Receiver:
         given = {"valid", *REQUIRED_ESTIMATE, *self.outputs}
         if "covariance" in given:
             given.add("position_std")
+        if isinstance(self.outputs, str):
+            raise ConfigurationError(
+                f"{type(self).__name__}: outputs must be a tuple, as ({self.outputs!r},), got "
+                f"{quoted(self.outputs)}"
+            )
         for name in self.outputs:
             if name not in _OPTIONAL:
                 raise ConfigurationError(
@@ -281,6 +286,7 @@ class Receiver:
                     value = _of_position(value)
                 if value.shape != variable.shape or value.dtype.kind not in "biuf":
                     size = "×".join(map(str, variable.shape)) or "one number"
+                    size = "3×3 or 6×6" if variable.name == "covariance" else size
                     raise ConfigurationError(
                         f"{where} a {variable.name} of {size}, got {value.dtype} of shape "
                         f"{value.shape}"

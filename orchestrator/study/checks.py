@@ -27,7 +27,10 @@ def problems(study: Definition) -> Iterator[str]:
     known = known_keys()
     owner: dict[str, str] = {}
     if not study.factors and study.design.kind != "single":
-        yield "factors: must have at least one, got none"
+        yield (
+            "factors: must have at least one, got none; for the scenario as it is, replicated, say "
+            "[design] kind = 'single'"
+        )
     if study.factors and study.design.kind == "single":
         yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
     called: dict[str, str] = {}

@@ -201,7 +201,7 @@ CASES: list[tuple[str, str]] = [
     ("empty.py", "initialise, do_step, got none"),
     ("broken.py", "must be importable, got ZeroDivisionError: division by zero (broken.py, line 2"),
     ("syntax.py", "must be importable, got SyntaxError: "),
-    ("plain.py:Plain", "must make a component, got plain.py:Plain, whose object has no variables"),
+    ("plain.py:Plain", "as a class made from sblcosim.Receiver does, got plain.py:Plain, whose"),
     ("init.py", "must make the component, got ValueError: no (init.py:Init in init.py, line 4)"),
     ("outputs.py", "Odd: outputs must be some of velocity, "),
     ("names.py", "Odd: parameters must have names of their own, got 'update'"),
@@ -333,3 +333,22 @@ def test_a_file_is_run_once_and_leaves_no_module(tmp_path: Path) -> None:
     assert sys.modules["numpy"] is before["numpy"]
     assert "numpy.py" not in sys.modules
     assert [p.name for p in tmp_path.iterdir()] == ["numpy.py"]
+
+
+class Once(sblcosim.Receiver):
+    """Forgets to return what it estimates, but for the first time."""
+
+    def update(self, samples):
+        if self.fixed is None and (position := self.fix(samples)) is not None:
+            self.fixed = position
+            return sblcosim.Estimate(samples[-1].epoch, position)
+        return None
+
+    fixed = None
+
+
+def test_few_estimates_are_said_before_their_error() -> None:
+    result = sblcosim.run("realistic-dive", ["coupled", Once], {"time.duration_s": 60.0})
+    lines = str(result).splitlines()
+    assert "1 estimate in 59 updates; " in lines[1]
+    assert "updates; " not in lines[0]

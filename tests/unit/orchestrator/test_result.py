@@ -246,9 +246,9 @@ def test_the_first_lines_are_a_verdict_for_each_receiver(result):
     right = make_record({"ekf": np.array([[0.5, 0.5, 0.5]]), "raw": np.array([[1.0, 0, 0]])})
     fits, less = str(run_of(("ekf", "raw"), right)).splitlines()[:2]
     assert fits.endswith("claims 0.87 m: looks right")
-    assert less.endswith("claims 0.87 m: perhaps too little")
+    assert less.endswith("claims 0.87 m: perhaps optimistic")
     small = str(run_of(("ekf",), make_record({"ekf": np.array([[0.1, 0, 0]])})))
-    assert small.splitlines()[0].endswith("claims 0.87 m: perhaps too much")
+    assert small.splitlines()[0].endswith("claims 0.87 m: perhaps pessimistic")
     bare = without(result.record, "ekf.covariance")
     assert str(run_of(("ekf",), bare)).startswith("ekf: 5.0 m RMS, 95 % within 5.0 m; no covar")
     silent = without(result.record, **{"ekf.valid": np.zeros(101, bool)})
@@ -271,7 +271,7 @@ def test_errors_where_the_covariance_has_none_are_of_its_shape():
     own = {"ekf.covariance": np.tile(flat, (101, 1, 1))}
     result = run_of(("ekf",), without(record, "ekf.position_std", **own))
     assert result.consistency["ekf"]["absolute"].factor > 1.1
-    assert str(result).splitlines()[0].endswith("claims 10 m: perhaps of wrong shape")
+    assert str(result).splitlines()[0].endswith("claims 10 m: perhaps optimistic in some direction")
 
 
 def test_explanations_and_consistency_are_told_on_request(with_own):
