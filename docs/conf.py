@@ -26,6 +26,7 @@ extensions = [
 ]
 exclude_patterns = ["extensions", "gallery", "made/**/*.ipynb", "made/**/*.py", "**/.*"]
 default_role = "literal"  # docstrings name much that has no page of its own
+smartquotes_action = "qe"  # no dashes: --json is an option
 nitpick_ignore_regex = [("py:.*", r"(?!sblcosim).*")]  # no network: nobody else's names
 
 html_theme = "furo"
