@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated
 
@@ -75,7 +77,8 @@ def run(
     Prints a verdict for each receiver and the table of errors; the record, a manifest and the
     figures go to a folder. The exit code is 1 if a receiver has given no estimate at all.
     """
-    with waiting() as progress:
+    # What a user's code prints is no part of the result.
+    with waiting() as progress, redirect_stdout(sys.stderr):
         from .. import api, artifacts
         from ..scenario.scenario import load
 

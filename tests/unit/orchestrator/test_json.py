@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -182,3 +184,18 @@ def test_schemas_are_listed_and_a_wrong_name_is_one_line() -> None:
     assert (wrong.exit_code, wrong.stdout) == (2, "")
     assert wrong.stderr.startswith("error: schema: must be scenario or study or run.json or ")
     assert wrong.stderr.endswith("got 'rum.json'; did you mean 'run.json'?\n")
+
+
+def test_what_a_receiver_prints_is_no_json(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("chatty.py").write_text(
+        "import sblcosim\n\nclass Chatty(sblcosim.Receiver):\n    def update(self, samples):\n"
+        "        print('here')\n        here = self.fix(samples)\n"
+        "        return None if here is None else sblcosim.Estimate(samples[-1].epoch, here)\n"
+    )
+    asked = "run realistic-dive --receiver chatty.py --set time.duration_s=20 --no-figures --json"
+    command = [sys.executable, "-m", "sblcosim", *asked.split()]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "here" in done.stderr
+    assert "Chatty" in json.loads(done.stdout)["errors"]
