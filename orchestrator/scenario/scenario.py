@@ -73,7 +73,7 @@ class Scenario(Table):
         The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
-    name: Name = Field(default="scenario", description="A short name, also of the folder of results")
+    name: Name = Field(default="scenario", description="Short name, and folder of results")
     title: str = Field(default="", description="What people read, on top of tables and figures")
     seed: Annotated[int, Field(ge=SEED.min, le=SEED.max)] = Field(
         default=int(SEED.starts[0]), description="Seed of all random numbers"

@@ -131,7 +131,7 @@ class Definition(Table):
     """
 
     name: Name = Field(default="study", description="Of the folder of results")
-    title: str = Field(default="", description="For display")
+    title: str = Field(default="", description="What people read, on top of reports")
     scenario: str | dict[str, Any]
     replicates: Annotated[int, Field(ge=1)] = Field(
         default=1, description="Number of runs at each point"
