@@ -47,6 +47,8 @@ def meters(length: float) -> str:
     """A length in m for a sentence, with two digits that mean something."""
     if not isfinite(length):
         return "– m"
+    if length >= 1e6:  # of a filter that diverges
+        return f"{length:.1e} m"
     digits = 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
     return f"{length:,.{digits}f} m"
 

@@ -252,7 +252,10 @@ def _rows(table: pd.DataFrame) -> dict[Any, Any]:
 
 
 def _cell(value: Any, size: int = 9) -> str:
-    return f"{'–':>{size}}" if pd.isna(value) else f"{value:{size}.3f}"
+    if pd.isna(value):
+        return f"{'–':>{size}}"
+    text = f"{value:{size}.3f}"
+    return text if len(text) <= size else f"{value:{size}.1e}"
 
 
 def about(result: Result, receiver: str) -> list[str]:
