@@ -131,13 +131,13 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         yield look
 
 
-def new_figure(width: float, height: float, layout: Literal["none"] | None = None) -> Figure:
+def new_figure(width: float, height: float, *, laid_out: bool = False) -> Figure:
     """A figure of a given size [inch] that is not registered with pyplot.
 
-    Within `use`, Matplotlib makes room for what is outside of the axes, unless `layout` is
-    ``"none"``.
+    Within `use`, Matplotlib makes room for what is outside of the axes, unless the caller has
+    `laid_out` everything.
     """
-    figure = Figure(figsize=(width, height), layout=layout)  # type: ignore[arg-type]
+    figure = Figure(figsize=(width, height), layout="none" if laid_out else None)
     FigureCanvasAgg(figure)
     return figure
 

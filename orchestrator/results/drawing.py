@@ -164,7 +164,7 @@ def panels(
             raise ValueError(f"axes: must be {count} axes, got {len(axes)}")
         return axes
     heights = heights or (1.45,) * count
-    figure = new_figure(WIDTH, sum(heights) + GAP * (count - 1) + BOTTOM, "none")
+    figure = new_figure(WIDTH, sum(heights) + GAP * (count - 1) + BOTTOM, laid_out=True)
     grid = figure.subplots(count, sharex=True, gridspec_kw={"height_ratios": heights})
     for ax in grid:
         ax.margins(x=0.01)

@@ -86,7 +86,7 @@ def plot_path_3d(
     """Path and estimates in space, depth downwards (the paper's Figure 12b)."""
     with use(theme, ax) as look:
         own = ax is None
-        ax = ax or new_figure(6.4, 6.4, "none").add_subplot(projection="3d")
+        ax = ax or new_figure(6.4, 6.4, laid_out=True).add_subplot(projection="3d")
         truth = recorded(record, "target.position")
         platform = _Platform(record, truth)
         limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
@@ -177,7 +177,7 @@ def _maps(limits: dict[str, tuple[float, float]], count: int) -> list[Axes]:
     figure = new_figure(
         LEFT + columns * wide + (columns - 1) * GAP + RIGHT,
         BOTTOM + rows * high + (rows - 1) * (GAP + drawing.title_height("one line")),
-        "none",
+        laid_out=True,
     )
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for empty in grid.flat[count:]:

@@ -179,8 +179,8 @@ def variables_of(where: str, maker: Any) -> Iterable[Variable]:
     missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
     if missing:
         raise ConfigurationError(
-            f"{where}: must make a component, as a class made from sblcosim.Receiver does, got "
-            f"{name}, whose object has no {' and no '.join(missing)}"
+            f"{where}: must make a component, got {name}, whose object has no "
+            f"{' and no '.join(missing)}"
         )
     declared: Any = component.variables
     must = f"{where}: variables must be a sequence of Variable, got"

@@ -122,7 +122,7 @@ def test_runs_that_fail_are_rows_of_the_table(tmp_path: Path) -> None:
     )
     code, out, err = finish(command(tmp_path, "study", "bad.toml"))
     assert (code, err) == (0, "")
-    assert out.startswith("8 runs, 4 failed\n  e.g. ")
+    assert "\n8 runs, 4 failed\n  e.g. " in out
     table = pd.read_parquet(tmp_path / "studies" / "bad" / "runs.parquet")
     assert (table["error"].notna() == (table["sampling_time"] > 1)).all()
     assert table["ekf.absolute_total_rms_m"].isna().sum() == 4

@@ -19,6 +19,7 @@ import mutators
 import pandas as pd
 import pytest
 from command_line import Inputs, judge
+from sblcosim.scenario.file_schema import FILE_NAME
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
@@ -148,7 +149,7 @@ def test_a_mutated_file_gives_a_result_or_a_line(
     judge(ended, None if kind == "cache" else file.removesuffix(".fmu"))
     new = {p for p, what in _there(tmp_path).items() if before.get(p) != what}
     gone = before.keys() - _there(tmp_path).keys()
-    home = {"study": "cwd/results"}.get(command[0], "-")
+    home = {"study": "cwd/results", "new": f"cwd/{FILE_NAME}"}.get(command[0], "-")
     allowed = ("cwd/out", "cache", home)
     assert not [p for p in (*new, *gone) if not p.startswith(allowed)]
     assert os.listdir(tmp_path.parent) == around

@@ -56,8 +56,8 @@ def of_runs(function: Any, **options: Any) -> Any:
 
 
 CALLS: dict[str, Any] = {
-    "results.figures.plot_path theme": partial(figures.plot_path, RECORD, TRACKS),
-    "results.figures.plot_path_3d theme": partial(figures.plot_path_3d, RECORD, TRACKS),
+    "results.maps.plot_path theme": partial(figures.plot_path, RECORD, TRACKS),
+    "results.maps.plot_path_3d theme": partial(figures.plot_path_3d, RECORD, TRACKS),
     "results.figures.plot_axes theme": partial(figures.plot_axes, RECORD, TRACKS),
     "results.figures.plot_errors theme": partial(figures.plot_errors, RECORD, TRACKS),
     "results.figures.plot_errors frame": partial(figures.plot_errors, RECORD, TRACKS),
@@ -153,7 +153,7 @@ def literals() -> set[str]:
 
 def test_every_argument_that_is_a_choice_is_tried_here() -> None:
     found = literals()
-    assert "results.figures.plot_path theme" in found
+    assert "results.maps.plot_path theme" in found
     assert found <= CALLS.keys() | ELSEWHERE.keys(), found - CALLS.keys() - ELSEWHERE.keys()
     assert {f"{to} {name.split()[1]}" for name, to in ELSEWHERE.items()} <= CALLS.keys()
 

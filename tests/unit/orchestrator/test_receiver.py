@@ -201,7 +201,7 @@ CASES: list[tuple[str, str]] = [
     ("empty.py", "initialise, do_step, got none"),
     ("broken.py", "must be importable, got ZeroDivisionError: division by zero (broken.py, line 2"),
     ("syntax.py", "must be importable, got SyntaxError: "),
-    ("plain.py:Plain", "as a class made from sblcosim.Receiver does, got plain.py:Plain, whose"),
+    ("plain.py:Plain", "must make a component, got plain.py:Plain, whose object has no variables"),
     ("init.py", "must make the component, got ValueError: no (init.py:Init in init.py, line 4)"),
     ("outputs.py", "Odd: outputs must be some of velocity, "),
     ("names.py", "Odd: parameters must have names of their own, got 'update'"),
