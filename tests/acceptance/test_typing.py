@@ -181,10 +181,11 @@ PATIENCE = 60
 
 def completions(folder: Path, text: str, line: int, character: int) -> list[str]:
     """What the language server of an editor offers at a place."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     server = subprocess.Popen(
         [sys.executable, "-c", "from basedpyright.langserver import main; main()", "--stdio"],
         cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-        env={**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"},
+        env={**os.environ, "PATH": path},
     )  # fmt: skip
     assert server.stdin is not None
     assert server.stdout is not None
