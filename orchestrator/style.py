@@ -137,9 +137,8 @@ def new_figure(width: float, height: float, *, laid_out: bool = False) -> Figure
     Within `use`, Matplotlib makes room for what is outside of the axes, unless the caller has
     `laid_out` everything.
     """
-    figure = Figure(figsize=(width, height))
-    if laid_out:
-        figure.set_layout_engine("none")
+    layout: Any = "none" if laid_out else None
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
