@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
 from sblcosim.fmus.read.ports import Fmu
 
 from .errors import ConfigurationError, nearest
+from .results import metrics
 from .results.definitions import TRUTH
 from .results.description import RunDescription
 from .results.result import Result
@@ -101,7 +102,7 @@ def run(
     if before is not None:
         before(description.manifest())
     outcome = survive(
-        system, _essential(system), _executor(plan, master, step_timeout, progress)
+        system, _essential(system), _executor(plan, _labels(system), master, step_timeout, progress)
     )
     interval_ns = nanoseconds(settled.receiver.update_interval_s)
     return Result(description, outcome.record, interval_ns, outcome.failures)
@@ -120,23 +121,31 @@ def _essential(system: System) -> list[str]:
 
 def _executor(
     plan: Plan,
+    receivers: Sequence[str],
     master: str | None,
     step_timeout: float | None,
     progress: Callable[[float], None] | None,
 ) -> Callable[[Plan], Record]:
-    """A function that runs the plan, or the rest of it after receivers have failed."""
+    """A function that runs the plan, or the rest of it after receivers have failed.
+
+    An estimate with which nothing can be done is a failure of its receiver, too.
+    """
     apart = bool(strangers(plan))
 
     def executed(left: Plan) -> Record:
         # Without the failed receivers there may be no third-party FMU left to time.
         timed = len(left.components) == len(plan.components) or strangers(left)
-        return execute(
+        record = execute(
             left,
             progress,
             master=master,
             step_timeout=step_timeout if timed else None,
             apart=apart and (master == "python" or needs_python(left)),
         )
+        for component in left.components:
+            if component.name in receivers:
+                metrics.check(record, component.name)
+        return record
 
     return executed
 

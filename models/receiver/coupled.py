@@ -6,6 +6,7 @@ the platform; a filter that is wrong starts anew.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import log, pi, sqrt
 from typing import Any
 
@@ -72,8 +73,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
         "arm": ca.SX.zeros(BEACONS, 3),
-        "place_total": ca.SX.zeros(BEACONS, 2),
-        "place_count": ca.SX.zeros(BEACONS),
+        **pose.NOTHING.states,
         "score": 0,
         "restarts": 0,
         "passes": 0,
@@ -117,8 +117,10 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     epoch = ca.fmax(oldest, x.epoch)
     using = x.ready * (x.passes == 0)
 
-    mean, P, moved = _predicted(p, x, epoch - x.epoch)
-    said = pose.read(p, x, u, s, chosen, newest)
+    phi, noise = surroundings.transition(ca, p, epoch - x.epoch)
+    mean, P, moved = _predicted(x, phi, noise)
+    before = pose.later(x, surroundings.drift(p, phi, noise))
+    said = pose.read(p, u, s, chosen, newest, before)
     mean, P, located = _located(mean, P, said, packet, x.located)
 
     row = surroundings.depth(p, _elements(mean))
@@ -149,8 +151,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "located": located,
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
         "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, BEACONS, 1), x.arm),
-        "place_total": said.total,
-        "place_count": said.count,
+        **said.own.states,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
         "nis": x.nis + depth_nis + range_nis,
@@ -192,9 +193,10 @@ def _turned_arm(said: pose.Packet) -> Any:
     return ca.vertcat(*surroundings.arm_of(ca, at_zero, said.pose, arm))
 
 
-def _predicted(p: Symbols, x: Symbols, dt: Any) -> tuple[Any, Any, Map]:
-    """The state and its covariance a time dt [s] later, and Φ."""
-    phi, noise = surroundings.transition(ca, p, dt)
+def _predicted(
+    x: Symbols, phi: Mapping[tuple[int, int], Any], noise: Mapping[tuple[int, int], Any]
+) -> tuple[Any, Any, Map]:
+    """The state and its covariance after a transition, and Φ."""
     moved = Map(phi)
     Phi, Q = moved.matrix(STATES), ca.SX(STATES, STATES)
     for (i, j), value in noise.items():

@@ -18,10 +18,12 @@ from .variables import POSE_SOURCE
 _REPORTED = number_of(POSE_SOURCE, "reported_pose")
 _OWN = number_of(POSE_SOURCE, "own_beacon")
 _PASSES = 4
-_KNOWN = 0.12
+_KNOWN = 0.1
 """Variance of a heading with which to begin [rad²]."""
 _ENOUGH = 12
 """Number of own positions with which to begin, whatever the heading."""
+_TURN_VARIANCE = 0.5
+"""Of cos ψ and of sin ψ, if nothing is known of ψ."""
 _UNKNOWN = pi**2 / 3
 """Variance of a heading of which nothing is known [rad²]."""
 
@@ -49,8 +51,8 @@ class Packet:
         as far as it follows from the beacons' own positions [rad²].
     complete
         Whether that is good enough to begin with. An own position alone is not.
-    total, count
-        Sum of all own positions so far, north and east, (4, 2) [m], and number of each, (4, 1).
+    own
+        What own positions say so far.
     """
 
     is_own: Any
@@ -63,11 +65,101 @@ class Packet:
     first_heading: Any
     heading_variance: Any
     complete: Any
-    total: Any
+    own: Own
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """What single own positions say of the platform: ŝ_i = q + h b_i, as complex numbers.
+
+    q = p + g wanders, as the platform and the slow error of its GPS do, and h = exp(j(ψ + e_ψ)) is
+    free in the plane, so that a Kalman filter has no trouble with a heading of which nothing is
+    known. It has the same variance in all directions.
+
+    Attributes
+    ----------
+    place, turn
+        q and h, (2, 1) each [m], [1].
+    place_variance, turn_variance
+        Of each of their parts [m²], [1].
+    shared
+        E[q h*], half of it, (2, 1) [m].
+    count
+        Number of own positions.
+    """
+
+    place: Any
+    turn: Any
+    place_variance: Any
+    turn_variance: Any
+    shared: Any
     count: Any
 
+    @property
+    def states(self) -> dict[str, Any]:
+        """As states of the component."""
+        return {
+            "own_place": self.place,
+            "own_turn": self.turn,
+            "own_place_variance": self.place_variance,
+            "own_turn_variance": self.turn_variance,
+            "own_shared": self.shared,
+            "own_count": self.count,
+        }
 
-def fit(points: Any, body: Any, weight: Any) -> tuple[Any, Any]:
+    @property
+    def heading_variance(self) -> Any:
+        """Of the direction of h [rad²]: on the unit circle, von Mises of this inverse."""
+        length = ca.sqrt(ca.sumsqr(self.turn))
+        return ca.fmin(self.turn_variance / ca.fmax(length, 1e-6), _UNKNOWN)
+
+
+NOTHING = Own(ca.SX.zeros(2), ca.SX.zeros(2), 0, _TURN_VARIANCE, ca.SX.zeros(2), 0)
+"""What own positions say before the first."""
+
+
+def _times(a: Any, b: Any) -> Any:
+    """a b, of complex numbers as (2, 1)."""
+    return ca.vertcat(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
+
+
+def _conjugate(a: Any) -> Any:
+    return ca.vertcat(a[0], -a[1])
+
+
+def later(x: Symbols, drift: tuple[Any, Any]) -> Own:
+    """The own positions so far, after a place and a heading have wandered."""
+    kept = ca.exp(-drift[1] / 2)
+    return Own(
+        x.own_place, kept * x.own_turn, x.own_place_variance + drift[0],
+        _TURN_VARIANCE + kept**2 * (x.own_turn_variance - _TURN_VARIANCE),
+        kept * x.own_shared, x.own_count,
+    )
+
+
+def _with(own: Own, z: Any, b: Any, R: Any, there: Any) -> Own:
+    """With one more own position z of a beacon at b, of variance R; the first one makes q."""
+    square, shared, a, d = ca.sumsqr(b), own.shared, own.place_variance, own.turn_variance
+    off = z - own.place - _times(own.turn, b)
+    S = ca.fmax(a + square * d + 2 * ca.dot(b, shared), 0) + R
+    K = (_times(_conjugate(b), shared) + ca.vertcat(a, 0)) / S
+    L = (_conjugate(shared) + d * _conjugate(b)) / S
+    first = own.count == 0
+
+    def chosen(new: Any, at_first: Any, before: Any) -> Any:
+        return ca.if_else(there, ca.if_else(first, at_first, new), before)
+
+    return Own(
+        chosen(own.place + _times(K, off), z - _times(own.turn, b), own.place),
+        chosen(own.turn + _times(L, off), own.turn, own.turn),
+        chosen(a - ca.sumsqr(K) * S, R + square * d, a),
+        chosen(d - ca.sumsqr(L) * S, d, d),
+        chosen(shared - _times(K, _conjugate(L)) * S, -d * b, shared),
+        own.count + there,
+    )
+
+
+def fit(points: Any, body: Any) -> tuple[Any, Any]:
     """Pose that brings body-frame points to where they are reported, in closed form.
 
     Least squares for the first two columns of the rotation, made orthogonal; the third, which
@@ -78,19 +170,16 @@ def fit(points: Any, body: Any, weight: Any) -> tuple[Any, Any]:
     ----------
     points, body
         Reported positions, NED, and nominal ones in the body frame, (n, 3) [m].
-    weight
-        0 for a point that is not there, else 1; (n, 1).
 
     Returns
     -------
     position, rotation
         Of the reference point, (3, 1) [m], and body to NED, (3, 3).
     """
-    total = ca.fmax(ca.sum1(weight), 1)
-    center, mean = (weight.T @ points).T / total, (weight.T @ body).T / total
-    at = points - ca.repmat(center.T, points.shape[0], 1)
-    b = body - ca.repmat(mean.T, body.shape[0], 1)
-    horizontal = ca.repmat(weight, 1, 2) * b[:, :2]
+    n = points.shape[0]
+    center, mean = ca.sum1(points).T / n, ca.sum1(body).T / n
+    at, b = points - ca.repmat(center.T, n, 1), body - ca.repmat(mean.T, n, 1)
+    horizontal = b[:, :2]
     G = b[:, :2].T @ horizontal
     ridge = 1e-12 * (G[0, 0] + G[1, 1]) + 1e-24
     g11, g22, g12 = G[0, 0] + ridge, G[1, 1] + ridge, G[0, 1]
@@ -113,7 +202,9 @@ def _unit(v: Any) -> Any:
     return v / ca.sqrt(ca.fmax(ca.sumsqr(v), 1e-24))
 
 
-def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any) -> Packet:
+def read(
+    p: Symbols, u: Symbols, s: Samples, which: Any, newest: Any, before: Own
+) -> Packet:
     """The packet of one beacon.
 
     Parameters
@@ -122,6 +213,8 @@ def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any
         Whether it is the packet of each beacon: 0 or 1, (4, 1).
     newest
         Whether it is the newest packet: the positions of all beacons are of that one only.
+    before
+        What own positions have said until then.
     """
     def chosen(rows: Any) -> Any:
         return (which.T @ rows).T
@@ -131,20 +224,9 @@ def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any
     given = (p.pose_source == _REPORTED) * (ca.sumsqr(position) + ca.sumsqr(attitude) > 0)
     all_there = (p.pose_source != _OWN) * newest * (ca.sumsqr(u.packet_beacon_position) > 0)
     is_own = (given == 0) * (all_there == 0)
-    # What own positions say, averaged: a single one of a poor GPS turns the platform anywhere.
-    count = x.place_count + which
-    total = x.place_total + ca.diag(which) @ u.ping_beacon_position[:, :2]
-    mean = ca.horzcat(total / ca.repmat(ca.fmax(count, 1), 1, 2), u.ping_beacon_position[:, 2])
-    fitted, R = fit(
-        ca.if_else(all_there, u.packet_beacon_position, mean),
-        p.beacon_offset,
-        ca.if_else(all_there, 1, count > 0),
-    )
-    heard = ca.sum1(count)
-    arms = p.beacon_offset[:, :2]
-    center = (count.T @ arms) / ca.fmax(heard, 1)
-    square = ca.dot(count, ca.sum2(arms**2)) - heard * ca.sumsqr(center)
-    variance = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2 / ca.fmax(square, 1e-12)
+    fitted, R = fit(u.packet_beacon_position, p.beacon_offset)
+    white = ca.fmax(p.gps_std, LEAST_GPS_STD) ** 2
+    all_own = _with(before, own[:2], arm[:2], white, ca.sum1(which))
     position = ca.if_else(given, position, fitted)
     yaw = ca.if_else(given, attitude[2], ca.atan2(R[1, 0], R[0, 0]))
     roll = ca.if_else(given, attitude[0], ca.atan2(R[2, 1], R[2, 2]))
@@ -162,12 +244,11 @@ def read(p: Symbols, x: Symbols, u: Symbols, s: Samples, which: Any, newest: Any
             pitch=ca.if_else(is_own, 0, pitch),
             tilt_variance=ca.if_else(is_own, p.tilt_std**2, tilt_variance),
         ),
-        platform=position[:2],
-        first_heading=yaw,
-        heading_variance=ca.fmin(variance, _UNKNOWN),
-        complete=ca.fmax(is_own == 0, (ca.sum1(count > 0) >= 3) * ca.fmax(
-            variance < _KNOWN, heard >= _ENOUGH
+        platform=ca.if_else(is_own, all_own.place, position[:2]),
+        first_heading=ca.if_else(is_own, ca.atan2(all_own.turn[1], all_own.turn[0]), yaw),
+        heading_variance=all_own.heading_variance,
+        complete=ca.fmax(is_own == 0, ca.fmax(
+            all_own.heading_variance < _KNOWN, all_own.count >= _ENOUGH
         )),
-        total=total,
-        count=count,
+        own=all_own,
     )

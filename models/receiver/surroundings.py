@@ -135,6 +135,25 @@ def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...
     return phi, Q
 
 
+def drift(
+    p: Any, phi: Mapping[tuple[int, int], Any], noise: Mapping[tuple[int, int], Any]
+) -> tuple[Any, Any]:
+    """Variances by which a transition moves p + g, each part [m²], and ψ + e_ψ [rad²].
+
+    Of a platform, and of errors, that have gone on for long.
+    """
+    def moved(i: int, rate: int, std: Any, error: int, error_std: Any) -> Any:
+        gone = 1 - phi[error, error]
+        return (noise[i, i] + (phi[i, rate] * std) ** 2
+                + noise[error, error] + (gone * error_std) ** 2)
+
+    return (
+        moved(PLATFORM[0], PLATFORM_VELOCITY[0], p.platform_velocity_std,
+              GPS_ERROR[0], p.gps_markov_std),
+        moved(HEADING, HEADING_RATE, p.heading_rate_std, HEADING_ERROR, p.imu_heading_error_std),
+    )
+
+
 NEAREST = 1.0
 """Nearer to the platform than this many m, there is no arc about it."""
 WIDEST = 2.0

@@ -11,9 +11,10 @@ out. Those filters have one covariance for all, but for that of clock and sound 
   position and the error of its GPS. y is drawn when a range comes, and known from then on;
 - (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
 - (β, κ): clock and sound speed;
-- the heading as reported, from reported headings alone. Its white error counts as noise of the
-  ranges. Its slow error turns the whole track about the platform, which nothing observes: it is
-  only in the covariance.
+- the heading as reported, and its rate. Its white error counts as noise of the ranges; where a
+  packet has only its own beacon's position, the heading is drawn before that is used. Its slow
+  error turns the whole track about the platform, which nothing observes: it is only in the
+  covariance.
 
 A range has the density of `sblcosim.estimation.late`: punctual, late, or wrong.
 """
@@ -82,7 +83,7 @@ class Cloud:
     clock, P_clock
         Means of β [m] and κ, (n, 2), and their covariances, (n, 2, 2).
     turn, P_turn
-        Heading as reported and its rate, (2,), and the covariance, (2, 2).
+        Heading as reported and its rate, (n, 2), and the covariance, (2, 2).
     """
 
     log_weight: Floats
@@ -130,7 +131,7 @@ def particle_filter(
     Raises
     ------
     ConfigurationError
-        There is no such run, packets have no pose of the platform, or an argument is wrong.
+        There is no such run, nothing to begin with in it, or an argument is wrong.
 
     Examples
     --------
@@ -155,13 +156,8 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     Raises
     ------
     ConfigurationError
-        There is no first fix, or packets have no pose of the platform.
+        There is no first fix.
     """
-    if not samples.has_pose.all():
-        raise ConfigurationError(
-            "record: must have the platform's pose in all packets, for a particle filter, got own "
-            "positions of beacons"
-        )
     rng = np.random.default_rng(seed)
     depths = dict(zip(samples.depth_ns.tolist(), samples.depth.tolist(), strict=True))
     poses = _poses(p, samples)
@@ -174,8 +170,12 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
         if epoch in depths:
             cloud = sounded(p, cloud, depths[epoch])
         for i in np.flatnonzero(samples.range_ns == epoch):
-            cloud = placed(p, cloud, samples.position[i], samples.attitude[i, 2])
-            body, down = [*p.beacon_offset[samples.beacon[i]]], float(samples.position[i, 2])
+            body, down = [*p.beacon_offset[samples.beacon[i]]], float(poses[i].down)
+            if samples.has_pose[i]:
+                cloud = headed(p, cloud, samples.attitude[i, 2])
+                cloud = placed(p, cloud, samples.position[i], [0.0, 0.0])
+            else:
+                cloud = placed(p, turned(cloud, rng), samples.position[i], body)
             if located:
                 cloud = drawn(cloud, rng)
             elif epoch >= samples.depth_ns[0]:
@@ -207,7 +207,7 @@ def begun(p: Any, n: int) -> Cloud:
         np.tile(flat, (n, 1, 1)), _SEEN @ np.diag(std[_NORTH] ** 2) @ _SEEN.T,
         np.tile(mean[_DOWN], (n, 1)), np.diag(std[_DOWN] ** 2),
         np.zeros((n, 2)), np.tile(np.diag(std[[CLOCK, SPEED]] ** 2), (n, 1, 1)),
-        np.zeros(2), np.diag(std[_TURN] ** 2),
+        np.zeros((n, 2)), np.diag(std[_TURN] ** 2),
     )
 
 
@@ -229,7 +229,7 @@ def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     return replace(
         cloud, flat=cloud.flat @ F.T, P_flat=F @ cloud.P_flat @ F.T + N,
         down=cloud.down @ D.T, P_down=D @ cloud.P_down @ D.T + M, P_clock=P_clock,
-        turn=T @ cloud.turn, P_turn=T @ cloud.P_turn @ T.T + V,
+        turn=cloud.turn @ T.T, P_turn=T @ cloud.P_turn @ T.T + V,
     )
 
 
@@ -250,18 +250,35 @@ def sounded(p: Any, cloud: Cloud, depth: float) -> Cloud:
     )
 
 
-def placed(p: Any, cloud: Cloud, place: Floats, heading: float) -> Cloud:
-    """Reported position and heading of the platform."""
+def headed(p: Any, cloud: Cloud, heading: float) -> Cloud:
+    """A reported heading."""
+    R = surroundings.heading(np, p, [0.0] * STATES).variance
+    K, S, P = _gain(cloud.P_turn, np.array([1.0, 0.0]), R)
+    off = heading - cloud.turn[:, 0]
+    off -= 2 * np.pi * np.floor((off + np.pi) / (2 * np.pi))
+    return replace(
+        cloud, log_weight=cloud.log_weight - 0.5 * off**2 / S,
+        turn=cloud.turn + off[:, None] * K, P_turn=P,
+    )
+
+
+def turned(cloud: Cloud, rng: np.random.Generator) -> Cloud:
+    """Draw the heading from each particle's Gaussian; one of which nothing is known, anywhere."""
+    n, std = len(cloud.turn), np.sqrt(cloud.P_turn[0, 0])
+    off = std * rng.standard_normal(n) if std < np.pi else rng.uniform(-np.pi, np.pi, n)
+    slope, P = _known(cloud.P_turn)
+    return replace(cloud, turn=cloud.turn + off[:, None] * slope, P_turn=P)
+
+
+def placed(p: Any, cloud: Cloud, place: Floats, body: list[float]) -> Cloud:
+    """Reported position of a point of the platform; ``body`` is where it is in the body frame."""
     K, S, P = _gain(cloud.P_flat, _PLACE, max(p.gps_std, LEAST_GPS_STD) ** 2)
-    off = place[:2] - cloud.flat @ _PLACE
-    own = surroundings.heading(np, p, [0.0] * STATES).variance
-    k, _, P_turn = _gain(cloud.P_turn, np.array([1.0, 0.0]), own)
-    angle = heading - cloud.turn[0]
-    angle -= 2 * np.pi * np.floor((angle + np.pi) / (2 * np.pi))
+    c, s = np.cos(cloud.turn[:, 0]), np.sin(cloud.turn[:, 0])
+    arm = np.column_stack([c * body[0] - s * body[1], s * body[0] + c * body[1]])
+    off = place[:2] - arm - cloud.flat @ _PLACE
     return replace(
         cloud, log_weight=cloud.log_weight - 0.5 * (off**2).sum(axis=1) / S,
         flat=cloud.flat + off[:, :, None] * K, P_flat=P,
-        turn=cloud.turn + k * angle, P_turn=P_turn,
     )
 
 
@@ -277,21 +294,22 @@ def drawn(cloud: Cloud, rng: np.random.Generator) -> Cloud:
 
 def _at(cloud: Cloud, y: Floats, z: Floats) -> Cloud:
     """The particles with y and z known."""
-
-    def known(P: Floats) -> tuple[Floats, Floats]:
-        if not P[0, 0] > 0:
-            return np.eye(len(P))[0], P
-        slope = P[:, 0] / P[0, 0]
-        rest = P - np.outer(slope, P[0])
-        rest[0], rest[:, 0] = 0.0, 0.0
-        return slope, rest
-
-    K, P_flat = known(cloud.P_flat)
-    k, P_down = known(cloud.P_down)
+    K, P_flat = _known(cloud.P_flat)
+    k, P_down = _known(cloud.P_down)
     return replace(
         cloud, flat=cloud.flat + (y - cloud.flat[:, :, 0])[:, :, None] * K, P_flat=P_flat,
         down=cloud.down + (z - cloud.down[:, 0])[:, None] * k, P_down=P_down,
     )
+
+
+def _known(P: Floats) -> tuple[Floats, Floats]:
+    """How all follow the first, and their covariance once that is known."""
+    if not P[0, 0] > 0:
+        return np.eye(len(P))[0], P
+    slope = P[:, 0] / P[0, 0]
+    rest = P - np.outer(slope, P[0])
+    rest[0], rest[:, 0] = 0.0, 0.0
+    return slope, rest
 
 
 def anywhere(
@@ -303,7 +321,7 @@ def anywhere(
     std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2)
     slant = z + _REACH * std * rng.uniform(-1, 1, n)
     at = [0.0] * STATES
-    at[HEADING] = cloud.turn[0]
+    at[HEADING] = cloud.turn[:, 0]
     arm = surroundings.arm_of(np, at, pose, body)
     far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))
     bearing = rng.uniform(-np.pi, np.pi, n)
@@ -318,7 +336,7 @@ def anywhere(
 def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Cloud:
     """A range."""
     x: list[Any] = [0.0] * STATES
-    x[HEADING] = cloud.turn[0]
+    x[HEADING] = cloud.turn[:, 0]
     x[0], x[1], x[2] = cloud.flat[:, 0, 0], cloud.flat[:, 1, 0], cloud.down[:, 0]
     x[CLOCK], x[SPEED] = cloud.clock.T
     row = surroundings.range_(np, p, x, pose, body)
@@ -347,7 +365,8 @@ def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
     edges = np.cumsum(weight)
     picks = (np.arange(n) + rng.uniform()) / n * edges[-1]
     kept = np.minimum(np.searchsorted(edges, picks, side="right"), n - 1)
-    taken = {name: getattr(cloud, name)[kept] for name in ("flat", "down", "clock", "P_clock")}
+    each = ("flat", "down", "clock", "P_clock", "turn")
+    taken = {name: getattr(cloud, name)[kept] for name in each}
     return replace(cloud, log_weight=np.zeros(n), **taken)
 
 

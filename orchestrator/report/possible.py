@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from sblcosim.models import RECEIVERS
 
 from ..analysis.sentences import quantity
 from ..api import run
@@ -20,7 +19,9 @@ from ..errors import SblcosimError
 from ..limits.run import of_run
 from ..limits.verdict import Possible
 from ..scenario.scenario import Scenario
-from ..simulation.plan import LAG
+from ..scenario.wiring import connect
+from ..simulation.resolve import resolve
+from ..study.campaign import receivers_of
 from ..study.study import Study
 from .formats import number
 from .page import Block, Table
@@ -62,7 +63,9 @@ def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
 
 def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     """A table of the points, or nothing where nothing is known."""
-    column = next((c for c in runs.columns if c.endswith(f".{RMS}") and not _looks_back(c)), None)
+    looking_back = _looking_back(study)
+    columns = (c for c in runs.columns if c.endswith(f".{RMS}"))
+    column = next((c for c in columns if c.partition(".")[0] not in looking_back), None)
     means = None if column is None else runs.groupby("point")[column].mean()
     rows: list[Sequence[str]] = []
     for point in _chosen(len(study.points.values), means):
@@ -84,10 +87,13 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     return [Table("What is possible", head, rows, (), _NOTE)]
 
 
-def _looks_back(column: str) -> bool:
-    """Whether a column is of a receiver of ours that knows what came after its epochs."""
-    receiver = RECEIVERS.get(column.partition(".")[0])
-    return receiver is not None and any(v.name == LAG for v in receiver.of("parameter"))
+def _looking_back(study: Study) -> set[str]:
+    """The receivers that know what came after their epochs."""
+    try:
+        plan = resolve(connect(study.base, receivers_of(study)))
+    except SblcosimError:  # a file that is no longer there
+        return set()
+    return {component.name for component in plan.components if component.lag_s > 0}
 
 
 def cells(verdict: Possible) -> tuple[str, str]:

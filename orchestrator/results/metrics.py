@@ -71,9 +71,7 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     FmuError
         An estimate's epoch lies outside the run, or its position is not finite.
     """
-    judged = judge(record, receiver)
-    if judged.broken.any():
-        raise _problem(record, receiver, judged)
+    judged = _intact(record, receiver)
     estimates = judged.estimates
     columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
     columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
@@ -103,6 +101,26 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     if estimates.nis_degrees is not None:
         columns["nis_degrees"] = estimates.nis_degrees
     return pd.DataFrame(columns)
+
+
+def check(record: Record, receiver: str) -> None:
+    """Refuse estimates whose epoch lies outside of the run, or whose position is not finite.
+
+    Raises
+    ------
+    FmuError
+        There is such a one; ``component`` is the one to blame.
+    """
+    _intact(record, receiver)
+
+
+def _intact(record: Record, receiver: str) -> Judged:
+    judged = judge(record, receiver)
+    if judged.broken.any():
+        error = _problem(record, receiver, judged)
+        error.component = str(error).partition(".")[0]
+        raise error
+    return judged
 
 
 def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:

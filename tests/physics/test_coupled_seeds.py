@@ -130,8 +130,5 @@ def test_where_motion_is_drawn_it_is_near_the_bound(
     bound = float(np.sqrt(np.mean(squares)))
     print(source, sampling_time, arm, f"{rms:.3f} {bound:.3f} {rms / bound:.3f} {nees:.2f}")
     assert lost == 0.0
-    # Short arms, a ping a second, and of the heading only what the beacons' places say of it: there
-    # the posterior is bent too much for a Gaussian.
-    bent = (source, sampling_time, arm) == ("own_beacon", 1.0, 0.4)
-    assert rms < (1.3 if bent else 1.1) * bound
-    assert 2.8 < nees < (4.0 if bent else 3.3)
+    assert rms < 1.1 * bound
+    assert 2.8 < nees < 3.3

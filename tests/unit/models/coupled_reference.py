@@ -116,7 +116,8 @@ class Reference:
         self.nis, self.degrees, self.epoch, self.depth_epoch = 0.0, 0, 0.0, 0.0
         self.counts = np.zeros(4)
         self.down = 0.0
-        self.arm, self.places = np.zeros((4, 3)), [[] for _ in range(4)]  # type: Any
+        self.arm = np.zeros((4, 3))
+        self.own, self.own_P, self.own_count = np.zeros(4), np.diag([0.0, 0.0, 0.5, 0.5]), 0
         self.mean = np.zeros(N)
         self.mean[X], self.mean[V] = p["prior_position"], p["prior_velocity"]
         std = np.zeros(N)
@@ -172,6 +173,39 @@ class Reference:
         F, Q = self.transition(dt)
         self.mean = F @ self.mean
         self.P = F @ self.P @ F.T + Q
+
+        p = self.p
+
+        def far(rate: str) -> float:  # of a rate that is a Gauss-Markov process
+            std, tau = p[f"{rate}_std"], p[f"{rate}_time"]
+            return float(2 * std**2 * tau**2 * (dt / tau - 1 + np.exp(-dt / tau)))
+
+        def off(std: str, tau: str) -> float:
+            return float(2 * p[std] ** 2 * (1 - np.exp(-dt / p[tau])))
+
+        turned = far("heading_rate") + off("imu_heading_error_std", "imu_heading_error_time")
+        went = far("platform_velocity") + off("gps_markov_std", "gps_correlation_time")
+        keep = np.exp(-turned / 2)
+        F = np.diag([1, 1, keep, keep])
+        self.own = F @ self.own
+        self.own_P = F @ self.own_P @ F + np.diag([went, went, *[0.5 * (1 - keep**2)] * 2])
+
+    def own_place(self, z: Array, b: Array) -> None:
+        """Where a beacon said it was: of (p + g, cos, sin), linear."""
+        H = np.array([[1, 0, b[0], -b[1]], [0, 1, b[1], b[0]]])
+        R = max(self.p["gps_std"], 0.01) ** 2 * np.eye(2)
+        if self.own_count == 0:  # nothing is known of the place: it is z less the rest
+            T = np.vstack([np.hstack([np.zeros((2, 2)), -H[:, 2:]]), np.eye(4)[2:]])
+            self.own = T @ self.own
+            self.own[:2] += z
+            self.own_P = T @ self.own_P @ T.T
+            self.own_P[:2, :2] += R
+        else:
+            K = self.own_P @ H.T @ np.linalg.inv(H @ self.own_P @ H.T + R)
+            self.own = self.own + K @ (z - H @ self.own)
+            rest = np.eye(4) - K @ H
+            self.own_P = rest @ self.own_P @ rest.T + K @ R @ K.T
+        self.own_count += 1
 
     def transition(self, dt: float) -> tuple[Array, Array]:
         """Phi and Q."""
@@ -229,7 +263,7 @@ class Reference:
         p = self.p
         newest = u["range_epoch"][i] == u["range_epoch"].max()
         body, own = p["beacon_offset"][i], u["ping_beacon_position"][i]
-        self.places[i].append(own[:2])
+        self.own_place(own[:2], body[:2])
         source, attitude, variance, enough = p["pose_source"], None, 0.0, True
         if source == 1 and (u["ping_platform_position"][i].any()
                             or u["ping_platform_attitude"][i].any()):
@@ -239,19 +273,10 @@ class Reference:
             attitude = angles(R)
         first = attitude
         if attitude is None:
-            heard = [n for n in range(4) if self.places[n]]
-            total = sum(len(self.places[n]) for n in heard)
-            arms = np.concatenate([[p["beacon_offset"][n, :2]] * len(self.places[n])
-                                   for n in heard])
-            square = ((arms - arms.mean(0)) ** 2).sum()
-            variance = max(p["gps_std"], 0.01) ** 2 / max(square, 1e-12)
-            enough = len(heard) >= 3 and (variance < 0.12 or total >= 12)
+            variance = self.own_P[2, 2] / max(length(self.own[2:]), 1e-6)
+            enough = variance < 0.1 or self.own_count >= 12
             variance = min(variance, np.pi**2 / 3)
-            if enough:
-                points = np.array([[*np.mean(self.places[n], 0), u["ping_beacon_position"][n, 2]]
-                                   for n in heard])
-                position, R = fit(points, p["beacon_offset"][heard])
-                first = angles(R)
+            position, first = self.own[:2], [0, 0, np.arctan2(self.own[3], self.own[2])]
         if not self.located and enough:
             self.located = True
             states = [6, 7, PSI]

@@ -296,7 +296,7 @@ def test_the_first_fix_waits_for_the_platform() -> None:
     result = raft.dive(path, {"pose_source": 3, "gps_markov_std": 0.0},
                        acoustics={"range_std": 0.1}, steps=60)
     assert result.t[0] == pytest.approx(1.3)  # the twelfth packet
-    assert result.distance.max() < 8.0
+    assert result.distance.max() < 10.0
     assert result.receiver.y["restart_count"] == 0
 
 

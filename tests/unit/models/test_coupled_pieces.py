@@ -8,9 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from coupled_reference import fit as fit_in_numpy
 from coupled_reference import gradient, retracted, rotation
-from harness import CROSS, Array
+from harness import Array
 from sblcosim.models import RECEIVERS
 from sblcosim.models.receiver import arc, coupled, pose, surroundings
 from sblcosim.models.receiver.surroundings import STATES
@@ -48,9 +47,8 @@ def state(rng: np.random.Generator) -> tuple[Array, Array]:
 # --- The pose of points --------------------------------------------------------------------------
 
 
-def fitted(points: Array, body: Array, weight: Any = None) -> tuple[Array, Array]:
-    weight = np.ones(len(body)) if weight is None else weight
-    position, R = pose.fit(symbols(points), symbols(body), symbols(weight))
+def fitted(points: Array, body: Array) -> tuple[Array, Array]:
+    position, R = pose.fit(symbols(points), symbols(body))
     return number(position), number(R)
 
 
@@ -78,24 +76,13 @@ def test_exact_points_give_the_exact_pose(spread: float, most: float) -> None:
         np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-12)
 
 
-def test_a_point_that_is_not_there_does_not_count() -> None:
-    rng = np.random.default_rng(8)
-    body = CROSS + rng.normal(scale=0.2, size=(4, 3))
-    points = body @ rotation(0.1, -0.1, 2.0).T + 5 + rng.normal(scale=0.1, size=(4, 3))
-    points[2] = 1e3
-    expected = fit_in_numpy(points[[0, 1, 3]], body[[0, 1, 3]])
-    for got, value in zip(fitted(points, body, [1, 1, 0, 1]), expected, strict=True):
-        np.testing.assert_allclose(got, value, atol=1e-9)
-
-
 @pytest.mark.parametrize("body", [
     np.zeros((4, 3)), np.outer([1, 2, 3, 4], [1, 0, 0]), np.tile([3.0, 1.0, 0.5], (4, 1)),
     np.outer([1, 2, 3, 4], [1, 1, 0.2]),
 ])
-@pytest.mark.parametrize("weight", [np.ones(4), np.zeros(4), [1, 0, 0, 0], [1, 1, 0, 0]])
-def test_a_degenerate_arrangement_gives_numbers(body: Array, weight: Any) -> None:
+def test_a_degenerate_arrangement_gives_numbers(body: Array) -> None:
     for points in (body, body + 7, np.zeros((4, 3)), np.eye(4, 3)):
-        position, R = fitted(points, body, weight)
+        position, R = fitted(points, body)
         assert np.isfinite(position).all()
         assert np.isfinite(R).all()
         assert abs(R).max() <= 1 + 1e-9

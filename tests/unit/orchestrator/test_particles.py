@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from model_dive import dive, parameters
-from sblcosim.errors import ConfigurationError
 from sblcosim.estimation import linear, model, particles
 from sblcosim.estimation.linear import Problem
 from sblcosim.estimation.samples import Samples
@@ -102,9 +100,32 @@ def test_it_is_consistent_with_motion_from_its_model() -> None:
     assert 1.5 < np.mean(values) < 5.5  # 3 expected
 
 
-def test_packets_must_have_a_pose() -> None:
-    p = parameters()
-    samples, _ = dive(p, 1, 12)
-    own = replace(samples, has_pose=np.zeros(len(samples.range), bool))
-    with pytest.raises(ConfigurationError, match="must have the platform's pose in all packets"):
-        particles.filtered(p, own, 100, 1)
+@pytest.mark.parametrize("known", [False, True])
+def test_own_positions_tell_the_heading(known: bool) -> None:
+    """Of beacons at rest; one packet with a pose changes nothing that they do not say."""
+    p = parameters(
+        gps_std_m=0.1, gps_markov_std_m=0.0, platform_velocity_std_m_s=0.0, tilt_std_deg=0.0,
+        heading_rate_std_deg_s=0.0, imu_heading_error_std_deg=0.0, imu_heading_std_deg=1.0,
+        sound_speed_std=0.0, clock_std_m=0.0, outlier_probability=0.0,
+        initialisation="first_receptions",
+    )
+    rng = np.random.default_rng(4)
+    n, yaw, at = 24, 2.0, np.array([12.0, -5.0, 8.0])
+    beacon, ns = np.arange(n) % 4, 1_000_000_000 * np.arange(1, n + 1)
+    c, s = np.cos(yaw), np.sin(yaw)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    arms = p.beacon_offset[beacon] @ R.T
+    place = arms + [100.0, 50.0, 0.0] + 0.1 * rng.normal(size=(n, 3)) * [1, 1, 0]
+    heard = np.linalg.norm(at - arms, axis=1) + p.range_std * rng.normal(size=n)
+    pose, attitude = np.zeros(n, bool), np.zeros((n, 3))
+    if known:
+        pose[5], place[5], attitude[5, 2] = True, [100.0, 50.0, 0.0], yaw
+    samples = Samples(
+        0, ns, np.full(n, at[2]), ns, beacon, heard, pose, place, attitude,
+    )
+    last = particles.filtered(p, samples, 20_000, 3)
+    error = last.position[-1] - [112.0, 45.0, 8.0]
+    P = last.covariance[-1][::2, ::2]
+    assert np.linalg.norm(error[:2]) < 1.0
+    assert error @ np.linalg.solve(P, error) < 11.3  # 99 %
+    assert np.sqrt(P[0, 0] + P[1, 1]) < 1.0
