@@ -308,12 +308,24 @@ def compile_objects(
 
 @remember
 def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
-    """The engines for many simulations; the same for both versions of FMI."""
+    """The engines for many simulations; kept, as they are the most of a build.
+
+    They are the same for both versions of FMI, and whatever is said about the variables.
+    """
     from sblcosim.models.loading import load
 
     sources = {**engine_sources(load(name)), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
-    return compile_objects(sources, units, compiler)
+    facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
+    folder = cache() / _of_sources(facts, units, sources)
+    paths = [folder / f"{number}.o" for number in range(len(units))]
+    if not all(map(_usable, paths)):
+        _make_folder(paths[0])
+        objects = compile_objects(sources, units, compiler)
+        with _caching():
+            for path, content in zip(paths, objects, strict=True):
+                write_sealed(path, content)
+    return [path.read_bytes() for path in paths]
 
 
 def fmi_headers() -> Path:
@@ -351,8 +363,12 @@ def key(name: str, fmi: Fmi) -> str:
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
     """A name for the sources of a `library` and the flags, without the compiler."""
-    units = [(unit.source, unit.flags) for unit in _library_units(name, lanes, platform)]
-    digest = _digest([platform, units])
+    return _of_sources([platform], _library_units(name, lanes, platform), sources)
+
+
+def _of_sources(facts: Sequence[str], units: Sequence[Unit], sources: Mapping[str, bytes]) -> str:
+    """A name for what units of sources are compiled to."""
+    digest = _digest([*facts, [(unit.source, unit.flags) for unit in units]])
     for file in sorted(sources):
         digest.update(file.encode() + b"\0" + sources[file] + b"\0")
     return digest.hexdigest()[:32]

@@ -149,3 +149,21 @@ def test_examples_are_short_and_all_tested() -> None:
     assert files.keys() == NEEDS.keys()
     for name, text in files.items():
         assert len(text.splitlines()) < 60, name
+
+
+class Later(sblcosim.Receiver):
+    """Its epochs lie a day after the run."""
+
+    def update(self, samples: Any) -> sblcosim.Estimate:
+        return sblcosim.Estimate(samples[-1].epoch + 86400.0, np.zeros(3))
+
+
+def test_an_epoch_outside_of_the_run_is_a_failure_of_its_receiver() -> None:
+    short = {"time.duration_s": 5.0}
+    with pytest.raises(sblcosim.FmuError, match=r"^later\.epoch: must lie within the run"):
+        sblcosim.run("harbour-square", {"later": Later}, short)
+    result = sblcosim.run("harbour-square", {"later": Later, "ekf": "ekf"}, short)
+    assert list(result.failures) == ["later"]
+    assert "must lie within the run, 0 to 5 s, got 864" in result.failures["later"]
+    alone = sblcosim.run("harbour-square", "ekf", short)
+    assert np.array_equal(result.estimates["ekf"], alone.estimates["ekf"])
