@@ -2,7 +2,7 @@
 
     pip install fmpy
     sblcosim export ssp paper-scenario-1 --bake
-    python examples/in_fmpy.py paper-scenario-1.ssp
+    python examples/in_fmpy.py paper-scenario-1-baked.ssp
 
 An SSP package is a ZIP archive with the FMUs and their connections in it. These FMUs are baked:
 they start with the scenario's numbers, so there is nothing to set. Prints the epoch of each

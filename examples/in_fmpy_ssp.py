@@ -2,7 +2,7 @@
 
     pip install fmpy
     sblcosim export ssp paper-scenario-1 --bake
-    python examples/in_fmpy_ssp.py paper-scenario-1.ssp
+    python examples/in_fmpy_ssp.py paper-scenario-1-baked.ssp
 
 FMPy does not look at the package's parameter sets: it must be baked. Prints the epoch of each
 estimate and the position: north, east, down.

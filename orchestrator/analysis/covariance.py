@@ -21,7 +21,7 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
     Parameters
     ----------
     table
-        Of runs; those that have failed do not count.
+        Of runs; one that has failed counts for the receivers that have not.
 
     Returns
     -------
@@ -30,9 +30,9 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
         factors' values, the fields of `sblcosim.results.consistency.Verdict`, and ``words``.
         Without the receivers and frames that have no NEES.
     """
-    good = table[table["error"].isna()]
     rows: list[dict[str, Any]] = []
-    for receiver, frame, column in _columns(good):
+    for receiver, frame, column in _columns(table):
+        good = table[table["error"].isna() | table[column].notna()]
         for point, runs in good.groupby("point", sort=True):
             verdict = of_runs(runs[column].to_numpy(np.float64, na_value=np.nan))
             levels = {name: runs[name].iloc[0] for name in factors}

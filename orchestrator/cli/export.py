@@ -39,7 +39,10 @@ def ssp(
     ] = 1,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.ssp", help="The package [default: NAME.ssp]."),
+        typer.Option(
+            "--out", metavar="FILE.ssp",
+            help="The package, replaced if it is there [default: NAME.ssp, or NAME-baked.ssp].",
+        ),
     ] = None,
     receiver: ReceiverOption = None,
     set_: SetOption = None,
@@ -76,7 +79,10 @@ def fmu(
     scenario: ScenarioArgument,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.fmu", help="The FMU [default: NAME.fmu]."),
+        typer.Option(
+            "--out", metavar="FILE.fmu",
+            help="The FMU, replaced if it is there [default: NAME.fmu].",
+        ),
     ] = None,
     receiver: ReceiverOption = None,
     set_: SetOption = None,

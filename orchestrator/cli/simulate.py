@@ -94,7 +94,7 @@ def run(
             progress=progress,
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(wanted, figures=not no_figures, other=other)
+        folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
     report(result, folder, wanted, "run", as_json, verbose)
     refuse_silence(result)
 
@@ -136,7 +136,7 @@ def smooth(
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
-        written = smoothed.save(wanted, figures=not no_figures, other=other)
+        written = smoothed.save(wanted, figures=not no_figures, other=other, processes=2)
     report(smoothed, written, wanted, "smooth", as_json, verbose)
 
 
@@ -266,6 +266,10 @@ def receivers(as_json: JsonOption = False) -> None:
     say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 
 
+_OTHER_FORMATS = {".json", ".yaml", ".yml", ".ini", ".xml", ".ssp", ".fmu"}
+"""That somebody may mean; any other end is a part of the name, as in ``dive.1``."""
+
+
 @app.command()
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
@@ -293,6 +297,8 @@ def new(
         raise ConfigurationError(
             f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
         )
+    if file.suffix.lower() in _OTHER_FORMATS:
+        raise ConfigurationError(f"{file}: must be a TOML file, got {file.suffix}")
     if file.suffix != ".toml":
         file = file.with_name(f"{file.name}.toml")
     text = starter(file.stem, source)
@@ -310,3 +316,4 @@ def new(
         raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
     command = shlex.join(["sblcosim", "run", str(file)])
     say(f"written to {file}; simulate it with: {command}")
+    say(f"(editors complete and explain its keys with {schema.name}, beside it)")

@@ -175,7 +175,9 @@ def study(
         lines = contents.study_lines(told, verbose)
         say("\n".join([*lines, "", f"written to {out}"]))
     if told.failed == told.runs:
-        typer.echo(f"error: all {told.runs} runs failed: there is nothing to analyse", err=True)
+        rest = ", ".join(told.receivers)
+        left = f"what can be analysed is of {rest}" if rest else "there is nothing to analyse"
+        typer.echo(f"error: all {told.runs} runs failed: {left}", err=True)
         raise typer.Exit(1)
 
 
@@ -264,7 +266,7 @@ def replay(
         wanted, other = destination(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
-        folder = result.save(wanted, figures=not no_figures, other=other)
+        folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
     report(result, folder, wanted, "replay", as_json, verbose)
     refuse_silence(result)
 

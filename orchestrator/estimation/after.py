@@ -74,9 +74,12 @@ class Smoothed(Shown):
         """Everything in one Dataset; see `Result.to_xarray`."""
         return self.result.to_xarray()
 
-    def save(self, directory: str | Path, *, figures: bool = True, other: Other = "refuse") -> Path:
+    def save(
+        self, directory: str | Path, *, figures: bool = True, other: Other = "refuse",
+        processes: int = 1,
+    ) -> Path:
         """Write everything into a folder; see `Result.save`."""
-        return self.result.save(directory, figures=figures, other=other)
+        return self.result.save(directory, figures=figures, other=other, processes=processes)
 
     def to_json(self) -> dict[str, Any]:
         """As `Result.to_json`, with ``steps_m`` and ``converged``."""

@@ -70,7 +70,8 @@ def export_ssp(
     Parameters
     ----------
     path
-        The file; None: ``NAME.ssp`` in the current folder. A file that is there is replaced.
+        The file; None: ``NAME.ssp`` in the current folder, ``NAME-baked.ssp`` if it is baked. A
+        file that is there is replaced.
     scenario, receiver, overrides, components
         As in `sblcosim.run`. The raw fix is left out unless it is asked for.
     version
@@ -103,7 +104,8 @@ def export_ssp(
         files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
         if part.name in sets:
             files[f"resources/{part.name}.ssv"] = _document(_parameter_set(part, version))
-    return written(Path(path or f"{settled.name}.ssp"), lambda file: write_fmu(file, files))
+    name = f"{settled.name}{'-baked' if bake else ''}.ssp"
+    return written(Path(path or name), lambda file: write_fmu(file, files))
 
 
 # --- The system structure description -------------------------------------------------------------

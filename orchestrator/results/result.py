@@ -15,7 +15,7 @@ from ..scenario.sources import RAW
 from ..shown import Picture, Shown
 from . import figures as plots
 from . import metrics, notebook, possible, text
-from .catalogue import Figure, by_name, jobs
+from .catalogue import Figure, by_name, drawing, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
 from .description import RunDescription
 
@@ -241,6 +241,7 @@ class Result(Shown):
         figures: bool = True,
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
+        processes: int = 1,
     ) -> Path:
         """Write the record, estimates, tables, manifest and figures into a folder.
 
@@ -251,6 +252,9 @@ class Result(Shown):
         other
             What to do if the folder holds the result of another run: ``"refuse"``, ``"replace"``,
             or ``"number"``, which appends the next free number.
+        processes
+            2: figures are drawn in a forked process, too, where there is such a thing; not for
+            programs with threads.
 
         Returns
         -------
@@ -264,21 +268,22 @@ class Result(Shown):
         """
         style.named(theme)
         with artifacts.draft(directory, self._manifest(), other) as draft:
-            folder = draft.folder
-            artifacts.write_table(self.table, folder, "record")
-            tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
-            estimates = pd.concat(tables, ignore_index=True)
-            estimates.insert(0, "receiver", estimates.pop("receiver"))
-            artifacts.write_table(estimates, folder, "estimates")
-            artifacts.write_table(self.errors.reset_index(), folder, "errors")
-            artifacts.write_table(self.percentiles.reset_index(), folder, "percentiles")
-            artifacts.write_table(self.summary.reset_index(), folder, "summary")
-            if hasattr(self.scenario, "dump_toml"):
-                (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
-            if figures:
-                for job in jobs(FIGURES, self):
-                    job.save(folder, theme)
+            drawn = jobs(FIGURES, self) if figures else []
+            with drawing(drawn, draft.folder, theme, processes):
+                self._write_tables(draft.folder, directory)
         return Path(directory).with_name(draft.path.name)
+
+    def _write_tables(self, folder: Path, directory: str | Path) -> None:
+        artifacts.write_table(self.table, folder, "record")
+        tables = [table.assign(receiver=name) for name, table in self.estimates.items()]
+        estimates = pd.concat(tables, ignore_index=True)
+        estimates.insert(0, "receiver", estimates.pop("receiver"))
+        artifacts.write_table(estimates, folder, "estimates")
+        artifacts.write_table(self.errors.reset_index(), folder, "errors")
+        artifacts.write_table(self.percentiles.reset_index(), folder, "percentiles")
+        artifacts.write_table(self.summary.reset_index(), folder, "summary")
+        if hasattr(self.scenario, "dump_toml"):
+            (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
 
     def _scenario_file(self, directory: str | Path) -> str:
         file: str = self.scenario.dump_toml(Path(directory))

@@ -123,4 +123,6 @@ def _unknown(fields: Fields, location: Sequence[str | int]) -> str:
         # Suggest a key that contains the name: "arm" for "arm_length_m".
         parts = [key for key in tables[table] if name.lower() in key.lower()]
         close = f"; did you mean {parts[0]!r}?" if parts else ""
+        if not close and table == "receiver":
+            close = "; what a receiver of your own has is set by receiver.parameters.NAME"
     return f"[{table}] has no key {quoted(name)}{close}"

@@ -287,7 +287,9 @@ else:
             ),
             **COMMON,
             "prior": (
-                Literal[TRUE] | None,
+                Annotated[
+                    Literal[TRUE] | None, BeforeValidator(lambda v: TRUE if v is True else v)
+                ],
                 Field(None, description="'true': the prior is the true start, at rest"),
             ),
         },

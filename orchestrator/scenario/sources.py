@@ -68,8 +68,15 @@ def known_source(source: Source) -> Source:
     raise ConfigurationError(
         f"receiver: must be {', '.join(RECEIVERS)}, an .fmu file or FILE.py:CLASS, got "
         f"{quoted(str(source))}"
-        + nearest(str(source), RECEIVERS)
+        + (nearest(str(source), RECEIVERS) or _as_file(str(source)))
     )
+
+
+def _as_file(source: str) -> str:
+    """What was perhaps meant by ``file:Class``."""
+    file, colon, name = source.rpartition(":")
+    meant = f"{file}.py:{name}"
+    return f"; did you mean {meant!r}?" if colon and os.path.isfile(f"{file}.py") else ""
 
 
 def file_of(source: Source) -> str | None:

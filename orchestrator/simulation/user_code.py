@@ -96,9 +96,10 @@ def component_of_file(text: str) -> PythonSource:
         (name,) = known
     maker = vars(module).get(name)
     if not callable(maker):
+        got = quoted(name) if maker is None else f"{quoted(name)}, {instance(maker)}"
+        others = nearest(name, known) or (f"; it has {', '.join(known)}" if known else "")
         raise ConfigurationError(
-            f"{where} must name a class of {quoted(path.name)}, got {quoted(name)}"
-            f"{nearest(name, known)}"
+            f"{where} must name a class of {quoted(path.name)}, got {got}{others}"
         )
     return _source(maker, f"{path.absolute()}:{name}", sha256)
 

@@ -603,6 +603,20 @@ def test_a_study_of_which_every_run_failed_exits_with_1(cli: Callable[..., Resul
     assert done.stderr == "error: all 12 runs failed: there is nothing to analyse\n"
 
 
+def test_the_receivers_that_have_not_failed_are_told(cli: Callable[..., Result]) -> None:
+    Path("mine.py").write_text(
+        "import sblcosim\n\nclass Mine(sblcosim.Receiver):\n"
+        "    def update(self, samples):\n        raise ValueError('no')\n"
+    )
+    Path("both.toml").write_text(f'receivers = ["ekf", "mine.py:Mine"]\n{STUDY}')
+    done = cli("study", "both.toml")
+    assert done.exit_code == 1
+    assert re.match(r"ekf: .* covariance", done.stdout)
+    assert "no covariance" not in done.stdout
+    assert done.stderr == "error: all 12 runs failed: what can be analysed is of ekf\n"
+    assert cli("analyse", "studies/both").exit_code == 0
+
+
 def test_advice_that_finds_nothing_exits_with_1(cli: Callable[..., Result]) -> None:
     Path("good.toml").write_text(STUDY)
     assert cli("study", "good.toml").exit_code == 0

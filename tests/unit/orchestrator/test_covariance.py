@@ -55,10 +55,15 @@ def test_each_point_is_judged_by_its_own_runs() -> None:
     assert "in band at 1 (95 % each, from 30 runs a point" in sentence
 
 
-def test_runs_that_have_failed_do_not_count() -> None:
+def test_a_run_that_has_failed_counts_for_the_receivers_that_have_not() -> None:
     table = runs({1: [*right(1), 1e9]})
-    table.loc[table["good.nees_position"] == 1e9, "error"] = "broken"
+    last = table["good.nees_position"] == 1e9
+    table.loc[last, "good.nees_position"] = np.nan
+    table.loc[last, "error"] = "broken"
     assert covariance.by_point(table)["runs"].tolist() == [30]
+    before = covariance.by_point(runs({1: right(1)}))
+    others = runs({1: right(1)}).assign(error="another has failed")
+    pd.testing.assert_frame_equal(covariance.by_point(others), before)
 
 
 def test_both_covariances_of_a_receiver_are_judged_apart() -> None:
