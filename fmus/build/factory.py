@@ -366,7 +366,7 @@ def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: 
     return _of_sources([platform], _library_units(name, lanes, platform), sources)
 
 
-def _of_sources(facts: Sequence[str], units: Sequence[Unit], sources: Mapping[str, bytes]) -> str:
+def _of_sources(facts: Sequence[object], units: Sequence[Unit], sources: Mapping[str, bytes]) -> str:
     """A name for what units of sources are compiled to."""
     digest = _digest([*facts, [(unit.source, unit.flags) for unit in units]])
     for file in sorted(sources):

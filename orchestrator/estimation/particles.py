@@ -320,7 +320,7 @@ def anywhere(
     depth = cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n)
     std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2)
     slant = z + _REACH * std * rng.uniform(-1, 1, n)
-    at = [0.0] * STATES
+    at: list[Any] = [0.0] * STATES
     at[HEADING] = cloud.turn[:, 0]
     arm = surroundings.arm_of(np, at, pose, body)
     far = np.sqrt(np.maximum(slant**2 - (depth - pose.down - arm[2]) ** 2, 0))

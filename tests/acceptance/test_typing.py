@@ -105,15 +105,26 @@ def found(folder: Path) -> dict[str, set[tuple[str, int, str]]]:
     return {"mypy": mypy(folder), "basedpyright": basedpyright(folder)}
 
 
-def mypy(folder: Path) -> set[tuple[str, int, str]]:
+def run_mypy(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run mypy; what it has found out about the package it keeps for the next one."""
     pytest.importorskip("mypy")
     installed = not (folder / "sblcosim").exists()
     cache = ROOT / ".mypy_cache" if installed else folder / "cache"
     command = [
         sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "pyproject.toml"),
-        "--cache-dir", str(cache), "--output", "json", *sorted(p.name for p in folder.glob("*.py")),
+        "--cache-dir", str(cache), *arguments,
     ]  # fmt: skip
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+def test_the_package_is_typed(folder: Path) -> None:
+    done = run_mypy(folder, "-p", "sblcosim")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def mypy(folder: Path) -> set[tuple[str, int, str]]:
+    files = sorted(p.name for p in folder.glob("*.py"))
+    done = run_mypy(folder, "--output", "json", *files)
     assert done.returncode == 1, done.stderr
     lines = map(json.loads, done.stdout.splitlines())
     return {(m["file"], m["line"], m["message"]) for m in lines if m["severity"] == "error"}

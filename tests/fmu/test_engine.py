@@ -54,7 +54,7 @@ def chain(engines: dict[str, Engine]) -> dict[str, tuple[Array, Array, Array, in
     rng = np.random.default_rng(20210123)
     ports: dict[str, Array] = {}
     result = {}
-    for name in ("target", "platform", "acoustics", *RECEIVERS):
+    for name in CHAIN:
         engine = engines[name]
         component = engine.model.component
         random = [plausible(component, rng) for _ in range(RUNS)]
@@ -88,16 +88,14 @@ def chain(engines: dict[str, Engine]) -> dict[str, tuple[Array, Array, Array, in
 
 
 BUILDS = [(cc, lanes) for cc in ("gcc", "zig") for lanes in (1, 2, 4, 8)]
-LARGE = ("coupled", "fixed_lag")
-"""Take up to 10 s to compile: all builds are compared by hand only."""
+FEW = [("gcc", 8), ("zig", 4)]
+CHAIN = ("target", "platform", "acoustics", *RECEIVERS)
 
 
 @pytest.mark.parametrize(
     ("name", "builds"),
-    [(name, BUILDS) for name in ("target", "platform", "acoustics", *RECEIVERS)
-     if name not in LARGE]
-    + [(name, [("gcc", 8), ("zig", 4)]) for name in LARGE]
-    + [pytest.param(name, BUILDS, marks=pytest.mark.slow) for name in LARGE],
+    [(name, BUILDS if name == "target" else FEW) for name in CHAIN]
+    + [pytest.param(name, BUILDS, marks=pytest.mark.slow) for name in CHAIN],
 )  # fmt: skip
 def test_every_number_of_lanes_gives_the_same_bits(
     name: str, builds: list[tuple[str, int]],

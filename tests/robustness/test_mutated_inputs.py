@@ -24,7 +24,7 @@ from sblcosim.scenario.file_schema import FILE_NAME
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
 SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
-QUICK, ALL = 300, 2000
+QUICK, ALL = 150, 2000
 CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out", "out")
