@@ -26,3 +26,13 @@ def names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any],
         return getattr(import_module(f".{homes[name]}", package), name)
 
     return get, lambda: sorted(homes)
+
+
+class Module:
+    """A module that is imported at its first use, because that takes long."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(import_module(self._name), attribute)

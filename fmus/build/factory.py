@@ -74,12 +74,13 @@ def build(
         )
     if fmi not in SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
-    ready = _ready(key(name, fmi), f"{name}.fmu") if baked is None else None
+    of = key(name, fmi)
+    ready = _ready(of, f"{name}.fmu") if baked is None else None
     if ready is not None:
         return ready
     _versions()  # without CasADi no compiler helps
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
-    path = cache() / _fingerprint(name, fmi, ccs, baked) / f"{name}.fmu"
+    path = cache() / _fingerprint(of, ccs, baked) / f"{name}.fmu"
     if not _usable(path):
         _make_folder(path)
         write(path, name, fmi, ccs, baked)
@@ -366,7 +367,9 @@ def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: 
     return _of_sources([platform], _library_units(name, lanes, platform), sources)
 
 
-def _of_sources(facts: Sequence[object], units: Sequence[Unit], sources: Mapping[str, bytes]) -> str:
+def _of_sources(
+    facts: Sequence[object], units: Sequence[Unit], sources: Mapping[str, bytes]
+) -> str:
     """A name for what units of sources are compiled to."""
     digest = _digest([*facts, [(unit.source, unit.flags) for unit in units]])
     for file in sorted(sources):
@@ -375,11 +378,11 @@ def _of_sources(facts: Sequence[object], units: Sequence[Unit], sources: Mapping
 
 
 def _fingerprint(
-    name: str, fmi: Fmi, ccs: Sequence[compilers.Compiler], baked: Component | None = None
+    of: str, ccs: Sequence[compilers.Compiler], baked: Component | None = None
 ) -> str:
-    """A name for the sources of an FMU, the flags and the tools."""
+    """A name for the sources of an FMU, whose `key` it is `of`, the flags and the tools."""
     tools = [(cc.command, cc.identity, cc.platform) for cc in ccs]
-    return _digest([key(name, fmi), tools, _versions(), repr(baked)]).hexdigest()[:32]
+    return _digest([of, tools, _versions(), repr(baked)]).hexdigest()[:32]
 
 
 @remember

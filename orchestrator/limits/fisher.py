@@ -6,9 +6,11 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
+
+from ..lazy import Module
 
 Floats = NDArray[np.float64]
+special = Module("scipy.special")
 
 _CORE, _STEP = 10.0, 0.005
 """Half the width of the grid about 0, and its step, in standard deviations of the noise."""
@@ -62,10 +64,10 @@ def _integrand(z: Floats, probability: float, mu: float, distribution: str) -> F
     if distribution == "half_normal":
         s = mu * sqrt(pi / 2)
         w = sqrt(1 + s * s)
-        g = 2 / w * np.exp(log_ndtr(s * z / w)) * _normal(z / w)
+        g = 2 / w * np.exp(special.log_ndtr(s * z / w)) * _normal(z / w)
         slope = -z / w**2 * g + 2 * s / w**2 * _normal(z / w) * _normal(s * z / w)
     else:
-        g = np.exp(0.5 / mu**2 - z / mu + log_ndtr(z - 1 / mu)) / mu
+        g = np.exp(0.5 / mu**2 - z / mu + special.log_ndtr(z - 1 / mu)) / mu
         slope = (phi - g) / mu
     f = (1 - probability) * phi + probability * g
     df = -(1 - probability) * z * phi + probability * slope

@@ -31,9 +31,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import bdtr, chdtri, stdtrit
 
+from ..lazy import Module
 from .definitions import CONFIDENCE
+
+special = Module("scipy.special")
 
 DEGREES = 3
 """Degrees of freedom of a position."""
@@ -43,11 +45,6 @@ POWER = 0.9
 """Probability of telling it."""
 TAIL = 0.001
 """Probability that the largest of some run means of normal errors is called far above."""
-LEAST_MEDIAN = float(chdtri(DEGREES, 0.5))
-"""Smallest median of the run means of a right covariance."""
-MOST_OF_ONE_RUN = DEGREES * float(chdtri(1, 0.05))
-"""Mean NEES of one run that right covariances exceed in no more than 1 run of 20: the errors of a
-run cannot follow each other more than one that stays."""
 MOST_RUNS = 10**9
 NEES_COLUMNS = {
     "absolute": "nees_position",
@@ -109,9 +106,9 @@ class Verdict:
         """Of one run: the covariance is ``optimistic``, ``perhaps optimistic``, ``fits``, or is
         ``perhaps pessimistic``.
 
-        Only the first is sure: see `MOST_OF_ONE_RUN`.
+        Only the first is sure: see `most_of_one_run`.
         """
-        if self.mean_nees > MOST_OF_ONE_RUN:
+        if self.mean_nees > most_of_one_run():
             return "optimistic"
         if self.by <= TELLING:
             return "fits"
@@ -159,7 +156,7 @@ def of_runs(mean_nees: ArrayLike) -> Verdict:
     if far:
         return _by_median(values, mean, far)
     spread = float(values.std(ddof=1)) / mean if mean > 0 else 0.0
-    quantile = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2))
+    quantile = float(special.stdtrit(n - 1, (1 + CONFIDENCE) / 2))
     reach = math.exp(min(quantile * spread / math.sqrt(n), 700.0))  # where exp overflows
     low, high = mean / reach, mean * reach
     word = _word(low, high, DEGREES, DEGREES)
@@ -168,24 +165,34 @@ def of_runs(mean_nees: ArrayLike) -> Verdict:
     )
 
 
+def most_of_one_run() -> float:
+    """Mean NEES of one run that right covariances exceed in no more than 1 run of 20.
+
+    The errors of a run cannot follow each other more than one that stays.
+    """
+    return DEGREES * float(special.chdtri(1, 0.05))
+
+
 def _far_above(values: NDArray[np.float64]) -> int:
     """Number of runs so far above the median that normal errors do not explain the farthest."""
     n = len(values)
-    limit = np.median(values) * chdtri(1, TAIL / n) / chdtri(1, 0.5)
+    limit = np.median(values) * special.chdtri(1, TAIL / n) / special.chdtri(1, 0.5)
     return int((values > limit).sum())
 
 
 def _by_median(values: NDArray[np.float64], mean: float, far: int) -> Verdict:
     n, median = len(values), float(np.median(values))
     # The largest k with P(x₍k₎ > median) = P(Binomial(n, ½) < k) below 2.5 %.
-    k = int((bdtr(np.arange(n), n, 0.5) < (1 - CONFIDENCE) / 2).sum())
+    k = int((special.bdtr(np.arange(n), n, 0.5) < (1 - CONFIDENCE) / 2).sum())
     if k < 1:
         return Verdict(
             "unknown", math.nan, n, mean, "median", median, math.nan, math.nan, runs_far_above=far
         )
     low, high = float(values[k - 1]), float(values[n - k])
-    word = _word(low, high, LEAST_MEDIAN, DEGREES)
-    right = min(max(median, LEAST_MEDIAN), DEGREES)
+    # The median of the run means of a right covariance is at least that of one sample's NEES.
+    least = float(special.chdtri(DEGREES, 0.5))
+    word = _word(low, high, least, DEGREES)
+    right = min(max(median, least), DEGREES)
     return Verdict(
         word, _factor(median, right), n, mean, "median", median, low, high, runs_far_above=far
     )
@@ -206,7 +213,7 @@ def _needed(spread: float) -> int:
     shift = 2 * math.log(TELLING)
 
     def tells(n: int) -> bool:
-        quantiles = stdtrit(n - 1, (1 + CONFIDENCE) / 2) + stdtrit(n - 1, POWER)
+        quantiles = special.stdtrit(n - 1, (1 + CONFIDENCE) / 2) + special.stdtrit(n - 1, POWER)
         return bool(quantiles * spread <= shift * math.sqrt(n))
 
     low, high = 1, 2

@@ -47,11 +47,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
+from ..lazy import Module
 from ..shown import Shown
 from ..simulation.record import Estimates, Record
 
+special = Module("scipy.special")
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Nanoseconds = NDArray[np.int64]
@@ -405,7 +406,7 @@ def chi_square_band(degrees: Any, samples: Any) -> tuple[Any, Any]:
     tail = (1 - CONFIDENCE) / 2
     some = (np.asarray(samples) > 0) & (np.asarray(degrees) > 0)
     n, dof = np.where(some, samples, 1), np.where(some, degrees, 1)
-    low, high = (np.where(some, chdtri(dof, p) / n, np.nan)[()] for p in (1 - tail, tail))
+    low, high = (np.where(some, special.chdtri(dof, p) / n, np.nan)[()] for p in (1 - tail, tail))
     return low, high
 
 

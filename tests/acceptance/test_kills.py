@@ -1,7 +1,7 @@
 """Kill -9 at any moment: the same command then gives the same bytes, and leaves nothing behind.
 
-Half a dozen kills run with all tests, 200 with ``pytest -m slow -s`` of this file; any other number,
-and other moments, with ``SBLCOSIM_KILLS=1000 SBLCOSIM_KILLS_SEED=7`` before it.
+Half a dozen kills run with all tests, 200 with ``pytest -m slow -s`` of this file; any other
+number, and other moments, with ``SBLCOSIM_KILLS=1000 SBLCOSIM_KILLS_SEED=7`` before it.
 """
 
 from __future__ import annotations
