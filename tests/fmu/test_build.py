@@ -175,7 +175,7 @@ def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     cc = compiler.find()
 
     def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = cc) -> str:
-        return factory._fingerprint(name, fmi, [cc])
+        return factory._fingerprint(factory.key(name, fmi), [cc])
 
     seen = {known_as()}
 
