@@ -148,9 +148,17 @@ def plot_interactions(
 def plot_main_effects(
     analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
-    """Mean at both levels of each factor, and the overall mean (the paper's Figure 17)."""
+    """Mean at both levels of each factor, and the overall mean (the paper's Figure 17).
+
+    Bars are intervals of the means: an effect is the difference of two of them, equally sure, so
+    that its interval is √2 times as long. There are none for effects within replicates, which are
+    surer than their means.
+    """
     with use(theme, ax) as look:
         factors = analysis.factors
+        reach = (analysis.effects["high"] - analysis.effects["low"]) / 2 / np.sqrt(2)
+        if analysis.replicate_effects is not None:
+            reach *= np.nan
         own = ax is None
         if ax is None:
             ax = new_figure(max(4.0, 1.2 + 0.95 * len(factors)), 3.8).add_subplot()
@@ -158,9 +166,10 @@ def plot_main_effects(
                    label=f"overall mean {analysis.overall_mean:.3g}")
         ticks: list[float] = []
         names: list[str] = []
-        for i, (_, table) in enumerate(analysis.main_effects.groupby("factor", sort=False)):
+        for i, (name, table) in enumerate(analysis.main_effects.groupby("factor", sort=False)):
             x = 2.0 * i + np.array([0.0, 1.0])
-            ax.plot(x, table["mean"], "-o", ms=5, lw=1.6, color=look.receivers[0])
+            ax.errorbar(x, table["mean"], np.full(2, reach.get(name, np.nan)), fmt="-o", ms=5,
+                        lw=1.6, capsize=3, elinewidth=1, color=look.receivers[0])
             ticks += [*x]
             names += [f"{value:g}" for value in table["value"]]
         first = factors[0]

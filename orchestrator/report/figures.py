@@ -36,7 +36,8 @@ FIGURES: Mapping[str, Figure[Findings]] = by_name(
     Figure("pareto", plots.plot_pareto, _analysis, _pareto, _largest),
     Figure(
         "main_effects", plots.plot_main_effects, _analysis,
-        lambda f: f"Main effects: mean {f.shown.quantity} at both levels of each factor, "
+        lambda f: f"Main effects: mean {f.shown.quantity} at both levels of each factor"
+        f"{', with its interval' if f.shown.replicate_effects is None else ''}, "
         "and the overall mean.",
         lambda f: f"Main effects; overall mean {f.shown.overall_mean:.3g}"
         f"{unit(f.shown)}",

@@ -120,6 +120,7 @@ ELSEWHERE = {
     "report.study.save transform": "report.factorial.find",
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
+    "results.catalogue.drawing theme": "results.catalogue.Job.axes",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 

@@ -11,6 +11,7 @@ from sblcosim.analysis import figures as plots
 from sblcosim.analysis import sweep
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.factorial import Factorial, analyse
+from scipy import stats
 
 ALL = (
     plots.plot_pareto, plots.plot_interactions, plots.plot_main_effects, plots.plot_residuals
@@ -77,8 +78,23 @@ def test_main_effects_are_the_means_around_the_overall_mean(replicated):
     ax = plots.plot_main_effects(replicated)
     mean, *lines = ax.lines
     assert mean.get_ydata()[0] == replicated.overall_mean
-    drawn = np.concatenate([line.get_ydata() for line in lines])
+    means = [line for line in lines if line.get_marker() == "o"]
+    drawn = np.concatenate([line.get_ydata(orig=False) for line in means])
     np.testing.assert_allclose(drawn, replicated.main_effects["mean"])
+
+
+def test_main_effects_have_the_intervals_of_means():
+    """As from the textbook: s t(df) / √n about the mean of the n runs at a level."""
+    analysis = experiment(4, 2)
+    table = analysis.table
+    cells = table.groupby(list(analysis.factors))["y"]
+    df = len(table) - cells.ngroups
+    s = np.sqrt(((table["y"] - cells.transform("mean")) ** 2).sum() / df)
+    n = len(table) / 2
+    bar = plots.plot_main_effects(analysis).collections[0].get_segments()[0]
+    mean = analysis.main_effects["mean"].iloc[0]
+    reach = stats.t.ppf(0.975, df) * s / np.sqrt(n)
+    np.testing.assert_allclose(sorted(bar[:, 1]), [mean - reach, mean + reach])
 
 
 def test_centre_points_are_drawn_among_the_main_effects():
