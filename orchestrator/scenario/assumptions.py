@@ -55,12 +55,17 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (
-        "acoustics.clock_offset_s", "acoustics.processing_delay_s",
-        "acoustics.processing_delay_correction_s", "acoustics.assumed_sound_speed_m_s",
+        "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
+        "acoustics.clock_drift_std_s_s", "acoustics.clock_sync_age_s",
+        "acoustics.processing_delay_s", "acoustics.processing_delay_correction_s",
+        "acoustics.assumed_sound_speed_m_s",
     ),
-    "clock_walk_psd_m2_s": ("acoustics.clock_drift_s_s", "acoustics.assumed_sound_speed_m_s"),
+    "clock_walk_psd_m2_s": (
+        "acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s",
+        "acoustics.assumed_sound_speed_m_s",
+    ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
-    "depth_bias_std_m": ("target.depth_bias_m",),
+    "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
 }
 """Keys of ``[receiver]``, and the keys that each follows from."""
 
@@ -82,6 +87,8 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     markov = platform.imu_heading_markov_std_deg
     speed = acoustics.assumed_sound_speed_m_s
     delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
+    age = acoustics.clock_sync_age_s
+    drift, drift_std = (acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s)
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
     n, e, d = platform.gps_antenna_offset_m
     values = {
@@ -112,10 +119,13 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         ),
         "outlier_mean_m": acoustics.outlier_mean_m if outliers else None,
         "assumed_sound_speed_m_s": speed,
-        "clock_std_m": abs(acoustics.clock_offset_s + delay) * speed,
-        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (acoustics.clock_drift_s_s * speed) ** 2,
+        "clock_std_m": speed * hypot(
+            acoustics.clock_offset_s + delay + drift * age,
+            acoustics.clock_offset_std_s, drift_std * age,
+        ),
+        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (hypot(drift, drift_std) * speed) ** 2,
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
-        "depth_bias_std_m": abs(target.depth_bias_m),
+        "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {

@@ -34,7 +34,7 @@ def first_ticks(seed: int = 1, **parameters: Any) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     w = np.array([
         rng.standard_normal(MANY) if draw.kind == "normal" else rng.integers(2**53, size=MANY)
-        for draw in MODEL.draws
+        for draw in MODEL.draws if draw.occasion == "tick"
         for _ in range(draw.size)
     ], dtype=float)
     columns = [np.repeat(part[:, None], MANY, 1) for part in (stepper.x, stepper._u, stepper._p)]
