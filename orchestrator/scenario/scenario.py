@@ -291,9 +291,8 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     overrides
         Keys to change: ``{"platform.arm_length_m": 0.4}``, also as nested tables or as
         ``keys.items()`` of any dict, or ``["platform.arm_length_m=0.4"]`` with values in TOML (a
-        bare word is a string). A preset (``platform.beaufort``, ``platform.imu_grade``,
-        ``platform.gps_grade``, ``acoustics.clock_grade``) replaces the keys that it sets, except
-        those that are overridden too.
+        bare word is a string). A preset (``platform.beaufort``, ``platform.gps_grade``) replaces
+        the keys that it sets, except those that are overridden too.
 
     Raises
     ------
