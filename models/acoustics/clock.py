@@ -6,14 +6,15 @@ crystal
     Vig, *Quartz Crystal Resonators and Oscillators for Frequency Control and Timing Applications:
     A Tutorial* (2007), chapter 2, hierarchy of oscillators: 10⁻⁵ to 10⁻⁴; the better end.
 tcxo
-    Vig, *Introduction to Quartz Frequency Standards*, SLCET-TR-92-1 (1992), Table 1: temperature
-    stability 5 · 10⁻⁷. (Its accuracy over a year without any calibration is 2 · 10⁻⁶.)
+    Vig, *Introduction to Quartz Frequency Standards*, SLCET-TR-92-1 (1992), Table 1: it ages by
+    5 · 10⁻⁷ a year. (With all that temperature does, its accuracy over a year is 2 · 10⁻⁶.)
 ocxo
     The same table: accuracy 10⁻⁸ over a year.
 csac
-    4 · 10⁻¹⁰, what temperature does to a Symmetricom SA.45s according to its data sheet; it ages by
-    6 to 9 · 10⁻¹⁰ a month (Microchip, "Chip Scale Atomic Clocks: Effects on Timing Error", part 2,
-    2020), so the figure is that of a clock calibrated within some weeks.
+    4 · 10⁻¹⁰, what temperature does to a Symmetricom SA.45s, by its data sheet as quoted on the
+    list time-nuts (24 January 2018); it ages by 6 to 9 · 10⁻¹⁰ a month (Microchip, "Chip Scale
+    Atomic Clocks: Effects on Timing Error", part 2, 2020), so the figure is that of a clock
+    calibrated within some weeks.
 """
 
 from __future__ import annotations

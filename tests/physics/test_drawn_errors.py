@@ -17,6 +17,7 @@ import sblcosim
 from numpy.typing import NDArray
 from sblcosim.models.acoustics import clock
 from sblcosim.models.platform import gps
+from sblcosim.results.sums import responses
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.lanes import execute
 from sblcosim.simulation.resolve import resolve
@@ -184,6 +185,30 @@ def test_a_seed_draws_the_same_numbers_whatever_their_size() -> None:
     np.testing.assert_allclose(errors[1], 3 * errors[0], rtol=1e-12)
     again = records({"target.depth_bias_std_m": 0.1}, "target.depth", runs=20)
     assert (again["target.depth"] == once["target.depth"]).all()
+
+
+def test_a_receiver_that_is_told_of_a_drawn_clock_knows_how_wrong_it_is() -> None:
+    """A clock half an hour after its synchronisation; the mean NEES of a position should be 3."""
+    dive = sblcosim.load("realistic-dive", {
+        "acoustics.clock_offset_s": 0.0, "acoustics.clock_grade": "tcxo",
+        "acoustics.clock_sync_age_s": 1800.0,
+        "target.depth_bias_m": 0.0, "target.depth_bias_std_m": 0.3,
+    })
+    assert dive.receiver.clock_std_m == pytest.approx(1.35)
+    assert dive.receiver.depth_bias_std_m == pytest.approx(0.3)
+    seeds = {f"{name}.seed": np.arange(1, 51) for name in COMPONENTS}
+    found = []
+    for scenario in (dive, dive.override({
+        "receiver.clock_std_m": 0.01, "receiver.clock_walk_psd_m2_s": 0.0,
+        "receiver.depth_bias_std_m": 0.0,
+    })):
+        plan = resolve(connect(scenario))
+        sums = execute(plan, seeds).sums["coupled"]
+        found.append(float(responses(sums, plan.stop_ns - plan.start_ns).nees_position.mean()))
+    told, untold = found
+    print(f"NEES {told:.2f}; untold {untold:.2f}")
+    assert 2.0 < told < 3.3
+    assert untold > 2 * told
 
 
 OLD: Mapping[str, Any] = {
