@@ -1,10 +1,11 @@
 """Clock grades: how fast a receiver's clock runs away from the beacons', as a fraction.
 
-Sources; a published limit is taken for the standard deviation, as if it were one.
+Sources; what is published is a limit or an accuracy, and that it is a standard deviation (for the
+crystal two) is an estimate.
 
 crystal
-    Vig, *Quartz Crystal Resonators and Oscillators for Frequency Control and Timing Applications:
-    A Tutorial* (2007), chapter 2, hierarchy of oscillators: 10⁻⁵ to 10⁻⁴; the better end.
+    Micro Crystal CC7V-T1A, a watch crystal: tolerance ±20 ppm (Microchip, *Selecting and Testing
+    32 kHz Crystal Oscillators for AVR Microcontrollers*, AN2648, table of tested crystals).
 tcxo
     Vig, *Introduction to Quartz Frequency Standards*, SLCET-TR-92-1 (1992), Table 1: it ages by
     5 · 10⁻⁷ a year. (With all that temperature does, its accuracy over a year is 2 · 10⁻⁶.)
