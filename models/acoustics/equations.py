@@ -22,8 +22,13 @@ _EXPONENTIAL = number_of(OUTLIERS, "exponential")
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    drift = p.clock_drift + p.clock_drift_std * w.clock_drift
     return {
         "start": t,
+        "clock_offset": (
+            p.clock_offset + p.clock_offset_std * w.clock_offset + drift * p.clock_sync_age
+        ),
+        "clock_drift": drift,
         "range": ca.SX.zeros(BEACONS),
         "true_range": ca.SX.zeros(BEACONS),
         "range_epoch": ca.repmat(t, BEACONS, 1),
@@ -76,12 +81,15 @@ def _outlier(p: Symbols, w: Symbols) -> Any:
 RANGE_ERRORS: tuple[RangeError, ...] = (_noise, _outlier)
 """All errors added to a range."""
 _DRAWS = (
+    Draw("clock_offset", "normal", "initial", 1, ("clock_offset_std",)),
+    Draw("clock_drift", "normal", "initial", 1, ("clock_drift_std",)),
     Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
     Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
     Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
     Draw("noise", "normal", "tick", 1, ("range_std",)),
 )
-"""Draws of the loss and the errors. Append new ones, so that the others keep their numbers."""
+"""Draws of the clock, the loss and the errors. Append new ones, so that the others keep their
+numbers."""
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
@@ -92,7 +100,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     )
     true_range = _path_length(p, u, beacon)
     delay = (
-        p.clock_offset + p.clock_drift * (t - x.start)
+        x.clock_offset + x.clock_drift * (t - x.start)
         + p.processing_delay - p.processing_delay_correction
     )
     travel_time = true_range / p.sound_speed

@@ -25,8 +25,9 @@ from ..ports import (
 
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 
+_CLOCK = ("clock_offset_std", "clock_drift_std")
 _RANDOM = tuple(
-    not_zero("range_std", "loss_probability", outlier)
+    not_zero("range_std", "loss_probability", *_CLOCK, outlier)
     for outlier in ("outlier_probability", "outlier_mean")
 )
 
@@ -53,7 +54,14 @@ COMPONENT = Component(
         parameter("outlier_mean", "Mean excess of an outlier", "m", start=1.0, min=0.0,
                   needs=(not_zero("outlier_probability"),)),
         parameter("clock_offset", "Receiver's clock minus the beacons' at the start", "s"),
+        parameter("clock_offset_std", "Standard deviation of what a run adds to that difference",
+                  "s", min=0.0),
         parameter("clock_drift", "Rate of change of that difference", "s/s", min=-0.1, max=0.1),
+        parameter("clock_drift_std", "Standard deviation of what a run adds to that rate", "s/s",
+                  min=0.0),
+        parameter("clock_sync_age", "Time from the last synchronisation of the clocks to the "
+                  "start; they have drifted since", "s", min=0.0,
+                  needs=(not_zero("clock_drift", "clock_drift_std"),)),
         parameter("processing_delay", "Time the receiver takes before it stamps an arrival", "s",
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "What the receiver subtracts for it", "s",

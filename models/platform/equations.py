@@ -33,6 +33,7 @@ DRAWS = (
     Draw("first_imu", "normal", "initial", 9),
     Draw("gps", "normal", "tick", 6, _scales(*_GPS, "std", "markov_std")),
     Draw("imu", "normal", "tick", 6, _scales(*_IMU, "std", "markov_std")),
+    Draw("mounting", "normal", "initial", 3 * BEACONS, ("mounting_std",) * (3 * BEACONS)),
 )
 
 
@@ -49,6 +50,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "imu_turn_on": _imu(p, "turn_on_std") * w.first_imu[3:6],
         "imu_markov": _imu(p, "markov_std") * w.first_imu[6:],
         "imu_decay": ca.exp(-p.sampling_time / p.imu_correlation_time),
+        "mounting": p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, BEACONS).T,
     }
 
 
@@ -76,7 +78,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     return {
         "position": position,
         "attitude": attitude,
-        "beacon_position": _placed(position, R, b + p.mounting_error),
+        "beacon_position": _placed(position, R, b + x.mounting),
         "reported_beacon_position": _placed(reported_position, rotation(reported_attitude), b),
         "reported_position": reported_position,
         "reported_attitude": reported_attitude,

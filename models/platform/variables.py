@@ -34,7 +34,8 @@ def _any(sensor: str, axes: tuple[str, ...], *parts: str) -> tuple[Condition, ..
 
 _REDRAWN = (*_any("gps", _GPS_AXES, "std", "markov_std"),
             *_any("imu", _IMU_AXES, "std", "markov_std"))
-_DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"))
+_DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"),
+          *not_zero("mounting_std"))
 _WAVES = not_zero(*(f"{axis}_amplitude" for axis in (*ANGLES, *DISPLACEMENTS)))
 _WARM = not_zero("imu_temperature_offset", "imu_temperature_rate")
 _INCLINED = {"tilt": not_zero("roll_amplitude", "pitch_amplitude"),
@@ -103,6 +104,8 @@ COMPONENT = Component(
         *_waves(),
         parameter("mounting_error", "Installation error of each beacon, body frame; the platform "
                   "does not know it", "m", shape=(BEACONS, 3)),
+        parameter("mounting_std", "Standard deviation of what a run adds to that error, per beacon "
+                  "and axis", "m", min=0.0),
         parameter("gps_antenna_offset", "Position of the GPS antenna relative to the reference "
                   "point, body frame; the platform does not know it", "m", shape=(3,)),
         *_gps("std", "GPS: standard deviation of white noise per sample"),

@@ -32,6 +32,7 @@ DRAWS = (
     Draw("attempt", "uniform", "leg", 2),
     Draw("kick", "normal", "node", 6),
     Draw("depth", "normal", "tick", 1, ("depth_std",)),
+    Draw("depth_bias", "normal", "initial", 1, ("depth_bias_std",)),
 )
 
 
@@ -299,6 +300,10 @@ def _equations(
     leg: Loop = _never("leg"),  # noqa: B008
     node: Loop = _never("node"),  # noqa: B008
 ) -> Equations:
+    def start(p: Symbols, w: Symbols, t: Any) -> Values:
+        bias = p.depth_bias + p.depth_bias_std * w.depth_bias
+        return {**initial(p, w, t), "depth_bias": bias}
+
     def output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
         position, velocity = motion(p, x, t)
         return {
@@ -314,11 +319,11 @@ def _equations(
         true_depth = motion(p, x, t)[0][2]
         return {
             "true_depth": true_depth,
-            "depth": true_depth + p.depth_bias + p.depth_std * w.depth,
+            "depth": true_depth + x.depth_bias + p.depth_std * w.depth,
             "depth_epoch": t,
         }
 
-    return Equations(output, initial, tick, advance=(leg, node), draws=DRAWS)
+    return Equations(output, start, tick, advance=(leg, node), draws=DRAWS)
 
 
 def _horizontal(course: Course, length: Callable[[Symbols], Any]) -> Equations:

@@ -43,9 +43,10 @@ _MOVING = not_zero("speed")
 _PATHS = _on(*_HORIZONTAL, "waypoints")
 _STOCHASTIC = "white_noise_acceleration"
 _RANDOM = (
-    (*not_zero("depth_std"), *_on("random_path", _STOCHASTIC)),
+    (*not_zero("depth_std", "depth_bias_std"), *_on("random_path", _STOCHASTIC)),
     (
-        *not_zero("depth_std", "acceleration_psd", "initial_position_std", "initial_velocity_std"),
+        *not_zero("depth_std", "depth_bias_std", "acceleration_psd", "initial_position_std",
+                  "initial_velocity_std"),
         *_on("random_path"),
     ),
 )
@@ -109,7 +110,9 @@ COMPONENT = Component(
                   "axis", "m2/s3", start=0.01, min=0.0, needs=(_on(_STOCHASTIC),)),
         parameter("depth_std", "Standard deviation of the depth sensor's white noise", "m",
                   start=0.1, min=0.0),
-        parameter("depth_bias", "Constant error of the depth sensor", "m"),
+        parameter("depth_bias", "Constant error of the depth sensor, the same in every run", "m"),
+        parameter("depth_bias_std", "Standard deviation of what a run adds to that error", "m",
+                  min=0.0),
         *ports(MOTION, "output"),
         *ports(DEPTH, "output"),
         output("true_depth", "True depth at the time of the newest reading", "m",

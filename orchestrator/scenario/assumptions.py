@@ -55,12 +55,17 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
     "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
     "clock_std_m": (
-        "acoustics.clock_offset_s", "acoustics.processing_delay_s",
-        "acoustics.processing_delay_correction_s", "acoustics.assumed_sound_speed_m_s",
+        "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
+        "acoustics.clock_drift_std_s_s", "acoustics.clock_sync_age_s",
+        "acoustics.processing_delay_s", "acoustics.processing_delay_correction_s",
+        "acoustics.assumed_sound_speed_m_s",
     ),
-    "clock_walk_psd_m2_s": ("acoustics.clock_drift_s_s", "acoustics.assumed_sound_speed_m_s"),
+    "clock_walk_psd_m2_s": (
+        "acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s",
+        "acoustics.assumed_sound_speed_m_s",
+    ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
-    "depth_bias_std_m": ("target.depth_bias_m",),
+    "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
 }
 """Keys of ``[receiver]``, and the keys that each follows from."""
 
@@ -81,7 +86,6 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
                  platform.imu_heading_step_deg)
     markov = platform.imu_heading_markov_std_deg
     speed = acoustics.assumed_sound_speed_m_s
-    delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
     n, e, d = platform.gps_antenna_offset_m
     values = {
@@ -112,10 +116,9 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         ),
         "outlier_mean_m": acoustics.outlier_mean_m if outliers else None,
         "assumed_sound_speed_m_s": speed,
-        "clock_std_m": abs(acoustics.clock_offset_s + delay) * speed,
-        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (acoustics.clock_drift_s_s * speed) ** 2,
+        **_clock(acoustics),
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
-        "depth_bias_std_m": abs(target.depth_bias_m),
+        "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {
@@ -136,6 +139,18 @@ def _cross(arm: float, depth: float) -> tuple[float, ...]:
     arms = ((1, 0), (0, 1), (-1, 0), (0, -1))
     assert len(arms) == BEACONS
     return tuple(v for x, y in arms for v in (arm * x, arm * y, depth))
+
+
+def _clock(acoustics: Any) -> dict[str, float]:
+    """How far the clock is off at the start, and how it strays from there."""
+    delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
+    drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s
+    age, speed = acoustics.clock_sync_age_s, acoustics.assumed_sound_speed_m_s
+    fixed = acoustics.clock_offset_s + drift * age + delay
+    return {
+        "clock_std_m": speed * hypot(fixed, acoustics.clock_offset_std_s, drift_std * age),
+        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (hypot(drift, drift_std) * speed) ** 2,
+    }
 
 
 def _motion(platform: Any, axes: Sequence[str]) -> tuple[float, float | None]:

@@ -12,19 +12,21 @@ from typing import Any, Protocol
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition
 
-from .schema import CORE_COMPONENTS, PRESETS, in_si, preset, toml
+from .schema import CORE_COMPONENTS, PRESET_TABLES, in_si, preset, toml
 
 Key = tuple[str, ...]
 """A key's table and name, or its name alone."""
 Ours = Mapping[str, Collection[str]]
 """Names of our components that use the keys of each table."""
 _SHOWN = 3  # names listed in a reason
+_OF_PRESETS = {"platform": "the platform is", "acoustics": "the acoustics are"}
 
 
 class Tables(Protocol):
     """The part of a scenario that is needed here."""
 
     platform: Any
+    acoustics: Any
     receiver: Any
 
 
@@ -59,7 +61,7 @@ def given(scenario: Tables) -> Iterator[Key]:
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
         for key in type(table).model_fields:
-            if key in table.model_fields_set and (key in table.variables or key in PRESETS):
+            if key in table.model_fields_set and (key in table.variables or key in PRESET_TABLES):
                 yield name, key
 
 
@@ -74,9 +76,9 @@ def conditions(key: Key) -> Iterator[Key]:
 def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
     """Why a key has no effect in any of our components that use it; None if it has one."""
     name, table = key[-1], getattr(scenario, key[0])
-    if name in PRESETS:
-        unused = getattr(table, name) is None or ours["platform"]
-        return None if unused else "the platform is another component"
+    if name in PRESET_TABLES:
+        unused = getattr(table, name) is None or ours[key[0]]
+        return None if unused else f"{_OF_PRESETS[key[0]]} another component"
     reasons = [
         next(
             (_text(component, group, table) for group in _groups(component, name)
@@ -146,10 +148,10 @@ def _governors(scenario: Tables) -> dict[Key, list[Key]]:
         ("time", "sampling_time_s"): [*ticks, update],
         ("time", "ekf_ratio"): [update],
     }
-    for name in PRESETS:
-        value = getattr(scenario.platform, name)
+    for name, table in PRESET_TABLES.items():
+        value = getattr(getattr(scenario, table), name)
         if value is not None:
-            governors["platform", name] = [("platform", key) for key in preset(name, value)]
+            governors[table, name] = [(table, key) for key in preset(name, value)]
     return governors
 
 

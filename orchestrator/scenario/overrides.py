@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, instance, quoted, shortened
 from .keys import Overrides
-from .schema import PRESETS
+from .schema import PRESET_TABLES, PRESETS
 
 Changes = Overrides | ItemsView[str, Any] | Sequence[str]
 """Keys with values, ``{"platform.arm_length_m": 0.4}``, which type checkers know; ``keys.items()``
@@ -21,9 +21,9 @@ def clear_for_presets(
 ) -> None:
     """Remove the keys that presets among the overrides replace: the later value wins."""
     said = dict(batch)
-    table = raw.get("platform")
     for name, keys in PRESETS.items():
-        if said.get(("platform", name)) is not None and isinstance(table, dict):
+        table = raw.get(PRESET_TABLES[name])
+        if said.get((PRESET_TABLES[name], name)) is not None and isinstance(table, dict):
             for key in keys:
                 table.pop(key, None)
 

@@ -26,7 +26,7 @@ from .messages import is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, shown
 from .schema import (
-    PRESETS,
+    PRESET_TABLES,
     PRIOR_KEYS,
     SEED,
     SHARED_PARAMETERS,
@@ -89,19 +89,15 @@ class Scenario(Table):
     def _complete(self) -> Self:
         """Fill in values that were not given, then check keys against each other."""
         common = {"sampling_time_s": self.time.sampling_time_s, "seed": self.seed}
-        presets: dict[str, Any] = {}
-        for name in PRESETS:
-            value = getattr(self.platform, name)
+        presets: dict[str, dict[str, Any]] = {"target": {}, "platform": {}, "acoustics": {}}
+        for name, where in PRESET_TABLES.items():
+            value = getattr(getattr(self, where), name)
             if value is not None:
-                presets |= preset(name, value)
+                presets[where] |= preset(name, value)
         if self.target.waypoint_m:
-            presets["waypoint_count"] = len(self.target.waypoint_m) // 3
-        for name, table in self._tables("target", "platform", "acoustics"):
-            table.fill(
-                {**_starts(name)}
-                | {k: v for k, v in presets.items() if k in table.variables}
-                | common
-            )
+            presets["target"]["waypoint_count"] = len(self.target.waypoint_m) // 3
+        for name, table in self._tables(*presets):
+            table.fill({**_starts(name)} | presets[name] | common)
             table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
         self._complete_receiver()
         problems = [*self._problems()]
@@ -295,7 +291,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     overrides
         Keys to change: ``{"platform.arm_length_m": 0.4}``, also as nested tables or as
         ``keys.items()`` of any dict, or ``["platform.arm_length_m=0.4"]`` with values in TOML (a
-        bare word is a string). A preset (``platform.beaufort``, ``platform.imu_grade``) replaces
+        bare word is a string). A preset (``platform.beaufort``, ``platform.gps_grade``) replaces
         the keys that it sets, except those that are overridden too.
 
     Raises
@@ -348,7 +344,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
 
 SETTERS = {
     ("seed",), ("time", "sampling_time_s"), ("time", "ekf_ratio"),
-    *(("platform", name) for name in PRESETS),
+    *((table, name) for name, table in PRESET_TABLES.items()),
 }
 """Keys that only set other keys. If one sets none, the user is mistaken."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
@@ -25,9 +25,10 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.acoustics import clock
 from sblcosim.models.declaration import Component, Variable, number_of
+from sblcosim.models.platform import gps, imu
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
-from sblcosim.models.platform.imu import GRADES, grade
 
 from ..shown import public
 
@@ -43,11 +44,22 @@ PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
 
 
+_PRESETS: Mapping[str, tuple[str, Callable[[Any], Mapping[str, float]], Iterable[Any]]] = {
+    "beaufort": ("platform", sea_state, LEVELS),
+    "imu_grade": ("platform", imu.grade, imu.GRADES),
+    "gps_grade": ("platform", gps.grade, gps.GRADES),
+    "clock_grade": ("acoustics", clock.grade, clock.GRADES),
+}
+"""The table of each preset, its parameters in SI units for a value, and all values."""
+PRESET_TABLES: Mapping[str, str] = {name: table for name, (table, _, _) in _PRESETS.items()}
+"""Keys that set other keys of the same table, and that table."""
+
+
 def preset(name: str, value: Any) -> dict[str, Any]:
-    """Keys of ``[platform]`` that a preset sets, and their values."""
-    platform = COMPONENTS["platform"]
-    values = sea_state(value) if name == "beaufort" else grade(value)
-    return {platform[k].key: in_file_units(platform[k], v) for k, v in values.items()}
+    """Keys that a preset sets in its table, and their values."""
+    table, values, _ = _PRESETS[name]
+    known = COMPONENTS[table]
+    return {known[k].key: in_file_units(known[k], v) for k, v in values(value).items()}
 
 
 def _name(value: str) -> str:
@@ -227,6 +239,13 @@ def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -
     return table
 
 
+def _grade(sensor: str, grades: Iterable[str]) -> tuple[Any, Any]:
+    """A key that selects the grade of a sensor."""
+    names = tuple(grades)
+    text = f"Sets keys of {sensor} not given: {', '.join(names)}"
+    return Literal[names] | None, Field(None, description=text)
+
+
 _Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(settled)]
 COMMON: Mapping[str, Any] = {
     "fmu": (
@@ -270,13 +289,15 @@ else:
                 Annotated[int, Field(ge=min(LEVELS), le=max(LEVELS))] | None,
                 Field(None, description="Sea state, 0 to 6: sets the keys of waves not given"),
             ),
-            "imu_grade": (
-                Literal[tuple(GRADES)] | None,
-                Field(None, description=f"Sets keys of the IMU not given: {', '.join(GRADES)}"),
-            ),
+            "imu_grade": _grade("the IMU", imu.GRADES),
+            "gps_grade": _grade("the GPS", gps.GRADES),
         },
     )
-    Acoustics = _table("Acoustics", COMPONENTS["acoustics"], COMMON)
+    Acoustics = _table(
+        "Acoustics",
+        COMPONENTS["acoustics"],
+        {**COMMON, "clock_grade": _grade("the receiver's clock", clock.GRADES)},
+    )
     Receiver = _table(
         "Receiver",
         {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
@@ -298,9 +319,9 @@ else:
 
 PRESETS: Mapping[str, frozenset[str]] = {
     name: frozenset(key for value in values for key in preset(name, value))
-    for name, values in (("beaufort", LEVELS), ("imu_grade", GRADES))
+    for name, (_, _, values) in _PRESETS.items()
 }
-"""Keys of ``[platform]`` that set other keys, and all keys they may set."""
+"""Keys that set other keys of their table, and all keys they may set."""
 
 
 def _duration(value: Any) -> Any:

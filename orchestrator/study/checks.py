@@ -174,7 +174,8 @@ def known_keys() -> tuple[str, ...]:
     return tuple(keys)
 
 
-_NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade")
+_NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade", "gps_grade",
+               "clock_grade")
 
 
 def _near(key: str, known: Sequence[str]) -> str:

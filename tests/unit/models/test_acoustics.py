@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import CROSS, NS
+from sblcosim.models.acoustics import clock
 from sblcosim.models.loading import load
 from scipy.optimize import brentq
 from scipy.stats import binom, expon, halfnorm, kstest, norm
@@ -34,7 +36,7 @@ def first_ticks(seed: int = 1, **parameters: Any) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     w = np.array([
         rng.standard_normal(MANY) if draw.kind == "normal" else rng.integers(2**53, size=MANY)
-        for draw in MODEL.draws
+        for draw in MODEL.draws if draw.occasion == "tick"
         for _ in range(draw.size)
     ], dtype=float)
     columns = [np.repeat(part[:, None], MANY, 1) for part in (stepper.x, stepper._u, stepper._p)]
@@ -112,6 +114,33 @@ def test_clock_drift_counts_from_the_start() -> None:
     y = c.step(start + NS // 10, NS // 10)
     assert y["range"][0] == pytest.approx(length(0) + 1500.0 * 1e-4 * 0.1, abs=1e-9)
     assert y["range_epoch"].tolist() == [50.1, 50.0, 50.0, 50.0]
+
+
+def test_a_clock_that_a_run_draws_has_drifted_since_it_was_synchronised() -> None:
+    drawn = {"clock_offset": 2.0, "clock_drift": -0.5}
+    c = Stepper(
+        MODEL, {"range_std": 0.0, "clock_offset": 1e-3, "clock_offset_std": 1e-4,
+                "clock_drift": 1e-5, "clock_drift_std": 4e-5, "clock_sync_age": 20.0},
+        noise=lambda draw, _: np.full(draw.size, drawn.get(draw.name, 0.0)),
+    )
+    c.set(target_position=POSITION, beacon_position=CROSS)
+    c.step(0, NS // 10)
+    for k in range(1, 9):
+        y = tick(c)
+        beacon = (k - 1) % 4
+        error = 1e-3 + 2.0 * 1e-4 + (1e-5 - 0.5 * 4e-5) * (20.0 + 0.1 * k)
+        assert y["range"][beacon] == pytest.approx(length(beacon) + 1500.0 * error, abs=1e-9)
+
+
+def test_clock_grades_are_in_the_readme_and_within_bounds() -> None:
+    readme = (resources.files("sblcosim.models.acoustics") / "README.md").read_text("utf-8")
+    for name, std in clock.GRADES.items():
+        assert f"| `{name}` | {std:g} | {1500 * 3600 * std:.2g} |" in readme
+        assert clock.grade(name) == {"clock_drift": 0.0, "clock_drift_std": std}
+        for parameter in clock.grade(name):
+            assert MODEL.component[parameter].causality == "parameter"
+    with pytest.raises(KeyError):
+        clock.grade("sundial")
 
 
 def test_beacons_take_turns_and_only_the_received_one_changes() -> None:

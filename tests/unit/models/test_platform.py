@@ -14,6 +14,7 @@ import pytest
 from sblcosim.models.equations import Model
 from sblcosim.models.geometry import rotation
 from sblcosim.models.loading import load
+from sblcosim.models.platform import gps
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.platform.imu import GRADES, grade
 from scipy import stats
@@ -133,6 +134,17 @@ def test_mounting_errors_move_the_true_beacons_in_the_body_frame_only() -> None:
                  **waves)
     moved = p.y["beacon_position"] - p.y["reported_beacon_position"]
     np.testing.assert_allclose(moved, rotated(attitude, mounting), atol=1e-14)
+
+
+def test_what_a_run_adds_to_the_mounting_is_scaled_and_stays() -> None:
+    fixed = np.arange(12.0).reshape(4, 3)
+    unit = np.linspace(-1, 1, 12)
+    p = platform(lambda draw, _: unit if draw.name == "mounting" else np.zeros(draw.size),
+                 mounting_error=fixed, mounting_std=0.5)
+    for _ in range(2):
+        moved = p.y["beacon_position"] - p.y["reported_beacon_position"]
+        np.testing.assert_allclose(moved, fixed + 0.5 * unit.reshape(4, 3), atol=1e-14)
+        p.step(p.t_ns, SECOND)
 
 
 def test_antenna_offset_shifts_the_report_with_the_true_attitude() -> None:
@@ -336,7 +348,8 @@ def test_slopes_are_those_of_a_raft_in_a_fully_developed_sea(beaufort: int) -> N
 
 def test_presets_name_parameters_of_the_platform_within_their_bounds() -> None:
     component = model().component
-    for preset in (*map(sea_state, LEVELS), *map(grade, GRADES)):
+    presets = (*map(sea_state, LEVELS), *map(grade, GRADES), *map(gps.grade, gps.GRADES))
+    for preset in presets:
         for name, value in preset.items():
             variable = component[name]
             assert variable.causality == "parameter"
@@ -378,7 +391,48 @@ def test_tactical_heading_drifts_by_a_degree_per_hour() -> None:
     assert attitude_error(p)[0] == pytest.approx(1e-3)
 
 
-@pytest.mark.parametrize("preset", [lambda: sea_state(7), lambda: grade("toy")])
+@pytest.mark.parametrize("name", gps.GRADES)
+def test_the_parts_of_a_gps_grade_make_up_the_published_error(name: str) -> None:
+    chosen, set_ = gps.GRADES[name], gps.grade(name)
+    assert chosen.white + chosen.markov + chosen.bias == pytest.approx(1)
+    for axis, std in (("horizontal", chosen.horizontal), ("vertical", chosen.vertical)):
+        parts = [set_[f"gps_{axis}_{part}"] for part in ("std", "markov_std", "bias_std")]
+        assert np.linalg.norm(parts) == pytest.approx(std, rel=3e-4)
+    assert set(set_) == {name for name in (v.name for v in model().component.of("parameter"))
+                         if name.startswith("gps_") and name != "gps_antenna_offset"}
+
+
+def test_gps_grades_are_the_published_numbers() -> None:
+    """95 % of the length of two unit normals is the square root of chi-squared's."""
+    radial = sqrt(stats.chi2.ppf(0.95, 2))
+    normal = stats.norm.ppf(0.975)
+    published = {
+        "standalone": (3 / radial, 4 / normal), "sbas": (1.062 / radial, 1.790 / normal),
+        "differential": (0.5 / sqrt(2), 0.75), "rtk_float": (0.2 / sqrt(2), 0.4 / sqrt(2)),
+        "rtk_fixed": (0.01 / sqrt(2), 0.02),
+    }
+    assert {name: (g.horizontal, g.vertical) for name, g in gps.GRADES.items()} == {
+        name: pytest.approx(each) for name, each in published.items()
+    }
+
+
+def test_readme_shows_the_gps_grades_of_the_code() -> None:
+    readme = (resources.files("sblcosim.models.platform") / "README.md").read_text("utf-8")
+    for name, chosen in gps.GRADES.items():
+        assert f"| `{name}` | {chosen.horizontal:.3g} | {chosen.vertical:.3g} |" in readme
+        s = gps.grade(name)
+        parts = " | ".join(
+            f"{s[f'gps_horizontal_{part}']:g} / {s[f'gps_vertical_{part}']:g}"
+            for part in ("std", "markov_std", "bias_std")
+        )
+        row = [line for line in readme.splitlines() if f"`{name}` | {parts}" in line]
+        assert len(row) == 1
+        assert row[0].endswith(f"| {chosen.correlation_time:g} |")
+
+
+@pytest.mark.parametrize("preset", [
+    lambda: sea_state(7), lambda: grade("toy"), lambda: gps.grade("toy"),
+])
 def test_unknown_presets_are_key_errors(preset: Any) -> None:
     with pytest.raises(KeyError):
         preset()

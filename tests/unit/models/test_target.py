@@ -385,6 +385,17 @@ def test_depth_readings_are_true_depth_plus_bias_plus_noise() -> None:
     assert stats.kstest(error, "norm", (0.7, 0.2)).pvalue > 0.01
 
 
+@pytest.mark.parametrize("trajectory", TRAJECTORIES.values())
+def test_what_a_run_adds_to_the_bias_is_scaled_and_stays(trajectory: str) -> None:
+    others = numpy_noise(3)
+    path = target(
+        trajectory, depth_std=0.0, depth_bias=0.7, depth_bias_std=0.2,
+        noise=lambda draw, count: 1.5 if draw.name == "depth_bias" else others(draw, count),
+    )
+    record = path.run(2 * SECOND, SECOND // 10)
+    np.testing.assert_allclose((record["depth"] - record["true_depth"])[2:], 1.0, atol=1e-12)
+
+
 def test_a_reading_belongs_to_the_tick_and_appears_in_the_step_that_contains_it() -> None:
     path = target("straight_line", noise=no_noise, depth_start=0.0, depth_end=150.0, speed=sqrt(2),
                   sampling_time=1.0)

@@ -62,10 +62,18 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"acoustics.clock_offset_s": -1e-3}, "clock_std_m", 1.5),
     ({"acoustics.processing_delay_s": 5e-3, "acoustics.processing_delay_correction_s": 3e-3},
      "clock_std_m", 3.0),
+    ({"acoustics.clock_offset_s": -3e-4, "acoustics.clock_offset_std_s": 4e-4}, "clock_std_m",
+     0.75),
+    ({"acoustics.clock_offset_s": -1e-4, "acoustics.clock_drift_s_s": 1e-6,
+      "acoustics.clock_drift_std_s_s": 4e-6, "acoustics.clock_sync_age_s": 400.0}, "clock_std_m",
+     1500 * hypot(3e-4, 1.6e-3)),
     ({"acoustics.clock_drift_s_s": -1e-6}, "clock_walk_psd_m2_s", 100 * 0.0015**2),
+    ({"acoustics.clock_drift_s_s": -3e-6, "acoustics.clock_drift_std_s_s": 4e-6},
+     "clock_walk_psd_m2_s", 100 * 0.0075**2),
     ({"acoustics.sound_speed_m_s": 1470.0}, "sound_speed_std", 1500 / 1470 - 1),
     ({"acoustics.sound_speed_m_s": 100.0}, "sound_speed_std", 0.5),
     ({"target.depth_bias_m": -0.11}, "depth_bias_std_m", 0.11),
+    ({"target.depth_bias_m": -0.03, "target.depth_bias_std_m": 0.04}, "depth_bias_std_m", 0.05),
 ]
 
 

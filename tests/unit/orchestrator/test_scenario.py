@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from sblcosim.errors import ConfigurationError, NoEffectWarning
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.acoustics import clock
+from sblcosim.models.platform import gps
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
 from sblcosim.scenario.assumptions import SOURCES
@@ -102,6 +104,46 @@ def test_presets_set_what_is_not_given() -> None:
     assert math.radians(platform.imu_tilt_bias_deg) == pytest.approx(
         grade("tactical")["imu_tilt_bias"], rel=1e-11
     )
+
+
+@pytest.mark.parametrize("name", gps.GRADES)
+def test_a_gps_grade_sets_what_is_not_given(name: str) -> None:
+    wanted = gps.grade(name)
+    table = load({"platform": {"gps_grade": name, "gps_vertical_std_m": 9.0}}).platform
+    assert table.gps_vertical_std_m == 9.0
+    others = {key: getattr(table, COMPONENTS["platform"][key].key) for key in wanted}
+    assert others == {**wanted, "gps_vertical_std": 9.0}
+    assert load({}).platform.imu_tilt_bias_deg == table.imu_tilt_bias_deg
+
+
+@pytest.mark.parametrize("name", clock.GRADES)
+def test_a_clock_grade_sets_what_is_not_given(name: str) -> None:
+    table = load({"acoustics": {"clock_grade": name, "clock_offset_s": 1e-4}}).acoustics
+    assert (table.clock_drift_s_s, table.clock_drift_std_s_s) == (0.0, clock.GRADES[name])
+    assert (table.clock_offset_s, table.clock_offset_std_s, table.clock_sync_age_s) == (1e-4, 0, 0)
+    own = load({"acoustics": {"clock_grade": name, "clock_drift_std_s_s": 1e-3}}).acoustics
+    assert own.clock_drift_std_s_s == 1e-3
+
+
+def test_grades_that_are_said_later_replace_the_keys_that_they_set() -> None:
+    dive = load("realistic-dive", {"platform.gps_grade": "sbas", "acoustics.clock_grade": "csac"})
+    assert dive.platform.gps_horizontal_markov_std_m == 0.3037
+    assert (dive.acoustics.clock_drift_s_s, dive.acoustics.clock_offset_s) == (0.0, 9e-4)
+    assert dive.receiver.gps_markov_std_m == 0.3037
+    assert dive.dump_toml() == load(tomllib.loads(dive.dump_toml())).dump_toml()
+
+
+@pytest.mark.parametrize(("table", "key", "wrong", "meant"), [
+    ("platform", "gps_grade", "rtk_fix", "rtk_fixed"),
+    ("platform", "gps_grade", "stand-alone", "standalone"),
+    ("acoustics", "clock_grade", "oxco", "ocxo"),
+])
+def test_an_unknown_grade_is_one_line_with_the_nearest(
+    table: str, key: str, wrong: str, meant: str
+) -> None:
+    (line,) = problems({table: {key: wrong}})
+    assert line.startswith(f"scenario: [{table}] {key}: must be '")
+    assert line.endswith(f", got \"{wrong}\"; did you mean '{meant}'?")
 
 
 def test_waypoints_are_rows_and_are_counted() -> None:
@@ -212,6 +254,15 @@ EVERY_SEA_KEY = {f"platform.{key}": 1.0 for key in SEA}
         (
             {"platform": {"fmu": "/other.fmu"}}, {"platform.beaufort": 6},
             "platform.beaufort: .*, as the platform is another component$",
+        ),
+        (
+            {"acoustics": {"fmu": "/other.fmu"}}, {"acoustics.clock_grade": "ocxo"},
+            "acoustics.clock_grade: .*, as the acoustics are another component$",
+        ),
+        (
+            {}, {"acoustics.clock_grade": "ocxo", "acoustics.clock_drift_s_s": 0.0,
+                 "acoustics.clock_drift_std_s_s": 1e-6},
+            "acoustics.clock_grade: .*, as clock_drift_s_s and clock_drift_std_s_s are given$",
         ),
         (
             {"receiver": {"update_interval_s": 0.2}}, {"time.ekf_ratio": 3},
