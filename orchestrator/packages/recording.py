@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from .. import artifacts, style
+from .. import artifacts, shown, style
 from ..layout import fitted, table
+from ..results.consistency import Verdict
 from ..results.result import Result
 
 
@@ -33,6 +33,11 @@ class Recording(Result):
     @cached_property
     def _judged(self) -> pd.DataFrame:
         return pd.DataFrame()
+
+    @cached_property
+    def consistency(self) -> dict[str, dict[str, Verdict]]:
+        """Empty."""
+        return {}
 
     def save(
         self,
@@ -72,4 +77,4 @@ class Recording(Result):
         return f"{self.scenario_name}: {self.record._gist()}"
 
     def _repr_html_(self) -> str:
-        return self.table._repr_html_()  # type: ignore[operator]
+        return shown.page(self.scenario_name, self.table.to_html(max_rows=10))

@@ -42,7 +42,8 @@ _STEPS = {
 }  # fmt: skip
 """Annotations with the step of all components: their element and attribute, and whose they are."""
 _SIDES = (
-    "Annotations", "ElementGeometry", "SystemGeometry", "GraphicalElements", "MetaData", "Signature",
+    "Annotations", "ElementGeometry", "SystemGeometry", "GraphicalElements", "MetaData",
+    "Signature",
 )  # fmt: skip
 """What has no effect on a simulation."""
 
@@ -354,8 +355,10 @@ class _Reader:
     def _file(self, source: str, where: str) -> str:
         name = unquote(source).removeprefix("./")
         if name not in self._archive.names:
-            raise self._refusal(where, "source must be a file in the package",
-                                f"{quoted(source)}{nearest(name, self._archive.names)}")  # fmt: skip
+            close = nearest(name, self._archive.names)
+            raise self._refusal(
+                where, "source must be a file in the package", f"{quoted(source)}{close}"
+            )
         return name
 
     def _only(self, element: Element, where: str, *known: str) -> None:

@@ -61,8 +61,8 @@ class _Component(ctypes.Structure):
 class _Run(ctypes.Structure):
     _fields_ = (
         ("components", _P), ("n_components", _N), ("calls", _P), ("copies", _P),
-        ("conversions", _P), ("records", _P), ("n_records", _N), ("instants", _P), ("n_instants", _I), ("progress", _P),
-        ("outcome", _I), ("status", _I), ("ended_early", _I),
+        ("conversions", _P), ("records", _P), ("n_records", _N), ("instants", _P),
+        ("n_instants", _I), ("progress", _P), ("outcome", _I), ("status", _I), ("ended_early", _I),
     )  # fmt: skip
 
 
