@@ -58,8 +58,8 @@ def run(
         overrides, FMI version and components must be left out then. Its communication intervals
         are those that `export_ssp` has written, or the step that it gives for OMSimulator or the
         Open Simulation Platform, or the default step sizes of its FMUs, or a thousandth of the
-        run; `Result.remarks` says which. A result without receivers, or without the true positions
-        to compare them with, has a record but no errors.
+        run; `Result.remarks` says which. Without receivers, or without the true positions to
+        compare them with, the result is a `sblcosim.packages.recording.Recording`: no errors.
     receiver
         A name of `sblcosim.receivers`, ``"ekf"``, an FMU file, ``"file.py:Class"``, or a callable
         that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
@@ -171,10 +171,11 @@ def _run_package(
         [name for name in receivers if name not in used],
         _executor(plan, receivers, master, step_timeout, progress),
     )
+    failures = {name: package.said(message) for name, message in outcome.failures.items()}
     if not receivers:
-        return Recording(description, outcome.record, None, outcome.failures)
+        return Recording(description, outcome.record, None, failures)
     interval_ns = planned[receivers[0]].tick_ns
-    return Result(description, outcome.record, interval_ns, outcome.failures)
+    return Result(description, outcome.record, interval_ns, failures)
 
 
 def _labels(system: System) -> list[str]:

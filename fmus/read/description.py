@@ -109,7 +109,11 @@ def parsed(archive: Archive, name: str) -> ET.Element:
     try:
         _check_xml(xml)
         return ET.fromstring(xml)
-    except (ValueError, ET.ParseError) as error:
+    except ET.ParseError as error:  # of its namespaces
+        raise FmuError(
+            f"{archive.path}: {shown(name)} must be well-formed XML, got {shown(str(error))}"
+        ) from error
+    except ValueError as error:
         raise FmuError(f"{archive.path}: {shown(name)} must be {error}") from error
 
 

@@ -25,7 +25,14 @@ from sblcosim.fmus.read.description import describe
 from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models.declaration import Number
 
-from ..errors import ConfigurationError, ConfigurationWarning, FmuError, nearest, quoted
+from ..errors import (
+    ConfigurationError,
+    ConfigurationWarning,
+    FmuError,
+    SblcosimError,
+    nearest,
+    quoted,
+)
 from ..simulation.system import ComponentSpec, Connection, Conversion, System, Value
 from .structure import Component, Link, Parameter, Structure, structure_of
 from .units import Unit, conversion, units_of
@@ -46,12 +53,20 @@ class Package:
         Of the file.
     remarks
         What the package leaves open and how it was settled, in sentences.
+    path, folder
+        The file, and where it is unpacked.
     """
 
     name: str
     sha256: str
     system: System
     remarks: tuple[str, ...]
+    path: Path
+    folder: Path
+
+    def said(self, message: str) -> str:
+        """A message about an FMU, with the package in place of the folder."""
+        return message.replace(str(self.folder), str(self.path))
 
 
 def is_package(source: object) -> bool:
@@ -91,7 +106,12 @@ def opened(source: str | Path) -> Iterator[Package]:
             system, remarks = _Assembly(structure, parts).system()
         except ConfigurationError as error:
             raise ConfigurationError(f"{path}: {error}") from error
-        yield Package(path.stem, sha256, system, tuple(remarks))
+        package = Package(path.stem, sha256, system, tuple(remarks), path, folder)
+        try:
+            yield package
+        except SblcosimError as error:
+            error.args = (package.said(str(error)),)
+            raise
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,6 +165,8 @@ class _Reader:
         if system is None:
             raise self._refusal(DESCRIPTION, "must have a System", "none")
         self._units = self._defined(root)
+        self._only(root, DESCRIPTION, "System", "Enumerations", "Units", "DefaultExperiment",
+                   *_SIDES)  # fmt: skip
         self._only(system, "the system", "Connectors", "ParameterBindings", "Elements",
                    "Connections", *_SIDES)  # fmt: skip
         elements = system.find("ssd:Elements", NAMESPACES)
@@ -176,7 +178,7 @@ class _Reader:
             components[component.name] = component
         links = tuple(
             self._link(connection, components)
-            for connection in system.iterfind("ssd:Connections/ssd:Connection", NAMESPACES)
+            for connection in system.iterfind("ssd:Connections/*", NAMESPACES)
         )
         step_ns, step_of = self._step(root)
         experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
@@ -218,6 +220,8 @@ class _Reader:
         )
 
     def _link(self, element: Element, components: Collection[str]) -> Link:
+        if _local(element) != "Connection":
+            raise self._refusal("the system", "must have connections", _local(element))
         ends = []
         for end in ("start", "end"):
             owner = element.get(f"{end}Element", "")
@@ -254,6 +258,8 @@ class _Reader:
         found: list[Parameter] = []
         bindings = element.find("ssd:ParameterBindings", NAMESPACES)
         for binding in () if bindings is None else bindings:
+            if _local(binding) != "ParameterBinding":
+                raise self._refusal(where, "must have bindings of parameters", _local(binding))
             self._only(binding, f"{where}: ParameterBinding", "ParameterValues", "Annotations")
             for key, only in (("type", _SET), ("sourceBase", "SSD")):
                 if binding.get(key, only) != only:
@@ -274,7 +280,11 @@ class _Reader:
                                     "ParameterSet in its ParameterValues", "neither")  # fmt: skip
             root = inline
         units = self._units | self._defined(root)
-        for parameter in root.iterfind("ssv:Parameters/ssv:Parameter", NAMESPACES):
+        self._only(root, f"{where}: ParameterSet", "Parameters", "Enumerations", "Units", *_SIDES)
+        for parameter in root.iterfind("ssv:Parameters/*", NAMESPACES):
+            if _local(parameter) != "Parameter":
+                raise self._refusal(f"{where}: ParameterSet", "must hold parameters",
+                                    _local(parameter))  # fmt: skip
             name = prefix + parameter.get("name", "")
             values = [child for child in parameter if _local(child) not in _SIDES]
             values = [child for child in values if _local(child) != "Dimension"]

@@ -334,7 +334,7 @@ def _connections(
 ) -> dict[tuple[str, str], Connection]:
     """Connections by target component and variable."""
     connections: dict[tuple[str, str], Connection] = {}
-    taken: dict[tuple[str, int | str], Connection] = {}
+    taken: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
         where = f"connection {connection.source} -> {connection.target}"
         _, _, source = _end(where, connection.source, "output", ports)
@@ -362,8 +362,8 @@ def _connections(
                 raise ConfigurationError(message)
             if warn:
                 warnings.warn(message, ConfigurationWarning, stacklevel=3)
-        for reference in target.references or (variable,):
-            earlier = taken.setdefault((component, reference), connection)
+        for name in target.variables or (variable,):
+            earlier = taken.setdefault((component, name), connection)
             if earlier is not connection:
                 raise ConfigurationError(
                     f"{where}: an input must have one source, got {earlier.source} as well"

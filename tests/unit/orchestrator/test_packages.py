@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.cli import app
-from sblcosim.errors import ConfigurationError, ConfigurationWarning
+from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.files import scratch
 from sblcosim.packages.read import opened
@@ -255,6 +255,9 @@ def test_a_package_of_somebody_else_runs(fmi: int, stranger: Path, tmp_path: Pat
     ]
     assert result.errors.empty
     assert "a.y[1,1]" in result.text()
+    assert "1001 instants" in repr(result)
+    assert "a.y[1,1]" in result._repr_html_()
+    assert result.to_xarray()["a_y"].shape == (1001, 2, 2)
     done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out"), "--json"])
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["errors"] == {}
@@ -297,6 +300,22 @@ def test_a_connectors_own_unit_comes_first(stranger2: Path, tmp_path: Path) -> N
     with opened(path) as found:
         (connection,) = found.system.connections
     assert (connection.target, connection.conversion) == ("b.u[2]", Conversion(0.5, 3.0))
+
+
+def test_an_fmu_that_fails_is_named_with_its_package(stranger2: Path, tmp_path: Path) -> None:
+    own = bound(values(("gain", "Real", 'value="-1"')))
+    path = package(tmp_path, stranger2, component("a", own))
+    with pytest.raises(FmuError, match=r"^a: ") as caught:
+        sblcosim.run(path)
+    assert str(scratch()) not in str(caught.value)
+    nothing = bytearray(stranger2.read_bytes())
+    for name in ("binaries/linux64", "binaries/darwin64"):
+        nothing = nothing.replace(name.encode(), b"B" + name[1:].encode())
+    (tmp_path / "nothing.fmu").write_bytes(nothing)
+    path = package(tmp_path, tmp_path / "nothing.fmu", component("a"))
+    with pytest.raises(ConfigurationError) as other:
+        sblcosim.run(path)
+    assert str(other.value).startswith(f"{path}/resources/a b.fmu: must have a binary for ")
 
 
 def test_whole_arrays_are_connected_as_such(stranger2: Path, tmp_path: Path) -> None:
@@ -485,6 +504,17 @@ ODD: dict[str, tuple[dict[str, str], str]] = {
         r"stopTime: must be a finite number, got 'nan'",
     ),
     "another version": ({"elements": A, "version": "3.0"}, r"must be of version 1\.0 or 2\.0, got"),
+    "an unknown kind of connection": (
+        {"elements": TWO, "links": "<ssd:Bus/>"}, r"the system: must have connections, got Bus",
+    ),
+    "an unknown binding": (
+        {"elements": component("a", bound("<ssd:Odd/>"))},
+        r"Component 'a': must have bindings of parameters, got Odd",
+    ),
+    "something beside the system": (
+        {"elements": A, "after": EXPERIMENT + "<ssd:Variants/>"},
+        r"SystemStructure\.ssd: must hold what can be simulated here, got Variants",
+    ),
     "no version": ({"elements": A, "version": ""}, r"must be of version 1\.0 or 2\.0, got ''"),
 }
 
@@ -517,6 +547,7 @@ BOMB = '<!DOCTYPE a [<!ENTITY b "ha">]><a>&b;</a>'
         (lambda p: p.mkdir() or p, r"must be an SSP package, got a folder"),
         (lambda p: p.write_bytes(b"PK\3\4nothing") and p, r"is not an SSP package"),
         (lambda p: written(p, "<a>"), r"SystemStructure\.ssd must be well-formed XML"),
+        (lambda p: written(p, "<b:a/>"), r"must be well-formed XML, got unbound prefix"),
         (lambda p: written(p, BOMB), r"must be XML without a document type declaration"),
         (lambda p: written(p, "<a/>"), r"must be a SystemStructureDescription of SSP 1\.0 or 2\.0"),
         (lambda p: written(p, "<a/>", "a.ssd"), r"must contain SystemStructure\.ssd, got none"),
