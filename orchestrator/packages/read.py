@@ -372,7 +372,9 @@ def _filled(
     given: dict[str, dict[int, Number]] = {}
     for variable, parameter in values.items():
         if variable not in part.places:
-            raise ConfigurationError(f"{name}.{variable}: cannot be set")
+            raise ConfigurationError(
+                f"{name}.{variable}: must be a parameter or an input to be set, got the time"
+            )
         place = part.places[variable]
         if place.port.causality not in ("parameter", "input"):
             raise ConfigurationError(

@@ -7,6 +7,7 @@ import math
 import re
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +288,27 @@ def test_a_connection_is_transformed(master: str, stranger2: Path, tmp_path: Pat
     )  # fmt: skip
     out = sblcosim.run(path, master=master).record.values
     assert np.array_equal(out["b.y"][1:, 0, 0], out["a.now"][:-1] * 0.1 + 0.3)
+
+
+def test_masters_agree_on_conversions_and_lanes_refuse_them() -> None:
+    system = connect(sblcosim.load(DIVE))
+    first, *rest = system.connections
+    changed = replace(first, conversion=Conversion(1.1, 0.7))
+    plan = resolve(replace(system, connections=(changed, *rest)))
+    one, other = (execute(plan, master=master) for master in ("native", "python"))
+    for key, value in one.values.items():
+        assert value.tobytes() == other.values[key].tobytes(), key
+    plain = execute(resolve(system))
+    assert not np.array_equal(plain.values["acoustics.range"], one.values["acoustics.range"])
+    with pytest.raises(ConfigurationError, match="acoustics: must have inputs that are whole outp"):
+        execute(plan, master="lanes")
+
+
+def test_an_element_has_one_source(stranger2: Path, tmp_path: Path) -> None:
+    both = link("a.y[1,1]", "b.u[1]") + link("a.now", "b.u[1]")
+    path = package(tmp_path, stranger2, component("a") + component("b"), both)
+    with pytest.raises(ConfigurationError, match=r"b\.u\[1\]: an input must have one source"):
+        sblcosim.run(path)
 
 
 def test_a_connectors_own_unit_comes_first(stranger2: Path, tmp_path: Path) -> None:
