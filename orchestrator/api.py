@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.models.ports import REQUIRED_ESTIMATE
 
-from .errors import ConfigurationError, nearest
+from .errors import ConfigurationError, instance, nearest, shortened
+from .packages import read as packages
+from .packages.read import is_package
+from .packages.recording import Recording
 from .results import metrics
 from .results.definitions import TRUTH
 from .results.description import RunDescription
@@ -41,7 +45,7 @@ def run(
     progress: Callable[[float], None] | None = None,
     before: Callable[[Mapping[str, Any]], None] | None = None,
 ) -> Result:
-    """Simulate a scenario.
+    """Simulate a scenario, or the system in an SSP package.
 
     If one of several receivers fails, the run is repeated without it. The result has its message in
     `Result.failures` and the estimates of the others.
@@ -50,6 +54,12 @@ def run(
     ----------
     scenario
         Name of a shipped scenario, path of a TOML file, nested tables, or a scenario from `load`.
+        Or the path of an SSP package, ``FILE.ssp``, which leaves nothing else to choose: receivers,
+        overrides, FMI version and components must be left out then. Its communication intervals
+        are those that `export_ssp` has written, or the step that it gives for OMSimulator or the
+        Open Simulation Platform, or the default step sizes of its FMUs, or a thousandth of the
+        run; `Result.remarks` says which. Without receivers, or without the true positions to
+        compare them with, the result is a `sblcosim.packages.recording.Recording`: no errors.
     receiver
         A name of `sblcosim.receivers`, ``"ekf"``, an FMU file, ``"file.py:Class"``, or a callable
         that makes a Python component (see `sblcosim.simulation.receiver.Receiver` and
@@ -84,6 +94,10 @@ def run(
     >>> result = run("paper-scenario-1", ["ekf", "sequential"])      # doctest: +SKIP
     >>> result.errors.rms_m["sequential", "absolute", "total"]  # doctest: +SKIP
     """
+    if is_package(scenario):
+        _refuse_choices(receiver=receiver, overrides=overrides, fmi=fmi, components=components)
+        with patience(step_timeout), packages.opened(cast(str | Path, scenario)) as package:
+            return _run_package(package, master, step_timeout, progress, before)
     settled = load(scenario, overrides)
     with patience(step_timeout):
         system = connect(settled, receiver, fmi, components)
@@ -106,6 +120,62 @@ def run(
     )
     interval_ns = nanoseconds(settled.receiver.update_interval_s)
     return Result(description, outcome.record, interval_ns, outcome.failures)
+
+
+def _refuse_choices(**choices: object) -> None:
+    """Refuse arguments that choose what a package has chosen."""
+    for name, value in choices.items():
+        if value is not None and value != ():
+            raise ConfigurationError(
+                f"{name}: must be left out for an SSP package, which holds all that runs, got "
+                f"{shortened(instance(value))}"
+            )
+
+
+def _run_package(
+    package: packages.Package,
+    master: str | None,
+    step_timeout: float | None,
+    progress: Callable[[float], None] | None,
+    before: Callable[[Mapping[str, Any]], None] | None,
+) -> Result:
+    """Run a package that is open."""
+    plan = resolve(package.system)
+    check_size(plan)
+    planned = {c.name: c for c in plan.components}
+    known = {c.name for c in plan.columns}
+    receivers = [
+        name
+        for name in planned
+        if name not in CORE_COMPONENTS
+        and {*TRUTH, *(f"{name}.{port}" for port in REQUIRED_ESTIMATE)} <= known
+    ]
+    seeds = {
+        c.name: int(s.values[0]) for c in plan.components for s in c.settings
+        if s.port.name == "seed" and s.port.causality == "parameter"
+    }  # fmt: skip
+    description = RunDescription(
+        scenario_name=package.name,
+        scenario={"package": f"{package.name}.ssp", "sha256": package.sha256},
+        receivers=receivers,
+        fmus={name: component.sha256 for name, component in planned.items()},
+        seeds=seeds,
+        origins=_origins({name: Path(name) for name in receivers}, package.system, plan),
+        remarks=[*package.remarks, *_shortening(package.system, plan, 0)],
+    )
+    if before is not None:
+        before(description.manifest())
+    used = {c.source.partition(".")[0] for c in package.system.connections}
+    outcome = survive(
+        package.system,
+        [name for name in receivers if name not in used],
+        _executor(plan, receivers, master, step_timeout, progress),
+    )
+    failures = {name: package.said(message) for name, message in outcome.failures.items()}
+    if not receivers:
+        return Recording(description, outcome.record, None, failures)
+    interval_ns = planned[receivers[0]].tick_ns
+    return Result(description, outcome.record, interval_ns, failures)
 
 
 def _labels(system: System) -> list[str]:
@@ -183,9 +253,14 @@ def _origins(
 
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
     """Remarks for the reader of the results."""
+    return _shortening(system, plan, nanoseconds(scenario.time.sampling_time_s))
+
+
+def _shortening(system: System, plan: Plan, most_ns: int) -> list[str]:
+    """What is said of a run that is shorter than it should be, by more than so much [ns]."""
     wanted, simulated = system.stop_ns - system.start_ns, plan.stop_ns - plan.start_ns
     lost = wanted - simulated
-    if lost <= nanoseconds(scenario.time.sampling_time_s):
+    if lost <= most_ns:
         return []
     digits = max(1, math.ceil(-math.log10(lost / SECOND)))
     return [

@@ -131,8 +131,13 @@ class Archive:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Archive]:
+def opened(path: Path, what: str = "an FMU") -> Iterator[Archive]:
     """Open an FMU file, within the bounds of this module.
+
+    Parameters
+    ----------
+    what
+        What it must be, for messages, if it is another archive of the same kind.
 
     Raises
     ------
@@ -142,7 +147,7 @@ def opened(path: Path) -> Iterator[Archive]:
         lead out of its folder. Only what `Archive.read` and `Archive.unpack` read is known to be
         intact.
     """
-    _check_file(path)
+    _check_file(path, what)
     try:
         file = _Bounded(path)
     except OSError as error:
@@ -153,7 +158,7 @@ def opened(path: Path) -> Iterator[Archive]:
         with _intact(path):
             sha256 = _hash(file)
             if not zipfile.is_zipfile(file):
-                raise FmuError(f"{path}: is not an FMU (not a ZIP archive)")
+                raise FmuError(f"{path}: is not {what} (not a ZIP archive)")
             archive = zipfile.ZipFile(file)
         with archive:
             entries = archive.infolist()
@@ -161,17 +166,17 @@ def opened(path: Path) -> Iterator[Archive]:
             yield Archive(path, sha256, [entry.filename for entry in entries], archive)
 
 
-def _check_file(path: Path) -> None:
+def _check_file(path: Path, what: str) -> None:
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        raise FmuError(f"{path}: must be an FMU, got no file") from None
+        raise FmuError(f"{path}: must be {what}, got no file") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise FmuError(f"{shown(str(path))}: must be an FMU, got {reason}") from error
+        raise FmuError(f"{shown(str(path))}: must be {what}, got {reason}") from error
     if not stat.S_ISREG(status.st_mode):
         got = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        raise FmuError(f"{path}: must be an FMU, got {got}")
+        raise FmuError(f"{path}: must be {what}, got {got}")
     if status.st_size > MAX_FILE:
         raise FmuError(f"{path}: must have at most {MAX_FILE:,} bytes, got {status.st_size:,}")
 

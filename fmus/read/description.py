@@ -94,14 +94,27 @@ def terminals_of(archive: Archive) -> ET.Element | None:
     FmuError
         Their file is damaged, larger than the bounds, or no XML.
     """
-    if TERMINALS not in archive.names:
-        return None
-    xml = archive.read(TERMINALS)
+    return parsed(archive, TERMINALS) if TERMINALS in archive.names else None
+
+
+def parsed(archive: Archive, name: str) -> ET.Element:
+    """An XML file of an archive.
+
+    Raises
+    ------
+    FmuError
+        It is damaged, larger than the bounds, or no XML.
+    """
+    xml = archive.read(name)
     try:
         _check_xml(xml)
         return ET.fromstring(xml)
-    except (ValueError, ET.ParseError) as error:
-        raise FmuError(f"{archive.path}: {TERMINALS} must be {error}") from error
+    except ET.ParseError as error:  # of its namespaces
+        raise FmuError(
+            f"{archive.path}: {shown(name)} must be well-formed XML, got {shown(str(error))}"
+        ) from error
+    except ValueError as error:
+        raise FmuError(f"{archive.path}: {shown(name)} must be {error}") from error
 
 
 def _check_xml(xml: bytes) -> str:

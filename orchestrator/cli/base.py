@@ -75,6 +75,14 @@ ScenarioArgument = Annotated[
         autocompletion=completion.scenarios,
     ),
 ]
+RunnableArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="TOML file, a name from 'sblcosim scenarios', or an SSP package, FILE.ssp.",
+        autocompletion=completion.scenarios,
+    ),
+]
 ReceiverOption = Annotated[
     list[str] | None,
     typer.Option(

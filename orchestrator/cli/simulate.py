@@ -8,11 +8,11 @@ import shlex
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shortened
 from . import completion
 from .base import (
     FmiOption,
@@ -20,7 +20,7 @@ from .base import (
     JsonOption,
     NoFiguresOption,
     ReceiverOption,
-    ScenarioArgument,
+    RunnableArgument,
     SeedOption,
     SetOption,
     StepTimeoutOption,
@@ -43,7 +43,7 @@ from .base import (
 
 @app.command()
 def run(
-    scenario: ScenarioArgument,
+    scenario: RunnableArgument,
     receiver: ReceiverOption = None,
     set_: SetOption = None,
     out: Annotated[
@@ -72,18 +72,22 @@ def run(
     step_timeout: StepTimeoutOption = None,
     no_figures: NoFiguresOption = False,
 ) -> None:
-    """Simulate a scenario and write its results.
+    """Simulate a scenario, or an SSP package, and write its results.
 
     Prints a verdict for each receiver and the table of errors; the record, a manifest and the
     figures go to a folder. The exit code is 1 if a receiver has given no estimate at all.
+
+    Of an SSP package, FILE.ssp, all is in the file: its communication intervals are those that
+    'sblcosim export ssp' has written, or the step given for OMSimulator or the Open Simulation
+    Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
+    the folder has the record and the manifest.
     """
     # What a user's code prints is no part of the result.
     with waiting() as progress, redirect_stdout(sys.stderr):
         from .. import api, artifacts
-        from ..scenario.scenario import load
 
-        settled = load(scenario, overrides(set_, seed))
-        wanted, other = destination(out, Path("runs", settled.name), force)
+        settled, name = _settled(scenario, receiver, set_, fmi, seed)
+        wanted, other = destination(out, Path("runs", name), force)
         artifacts.check(wanted, other=other)
         result = api.run(
             settled,
@@ -97,6 +101,31 @@ def run(
         folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
     report(result, folder, wanted, "run", as_json, verbose)
     refuse_silence(result)
+
+
+def _settled(
+    scenario: str,
+    receiver: list[str] | None,
+    set_: list[str] | None,
+    fmi: int | None,
+    seed: int | None,
+) -> tuple[Any, str]:
+    """What is simulated, a scenario or the path of a package, and its name."""
+    from ..packages.read import is_package
+    from ..scenario.scenario import load
+
+    if not is_package(scenario):
+        settled = load(scenario, overrides(set_, seed))
+        return settled, settled.name
+    for name, value in (
+        ("--receiver", receiver), ("--set", set_), ("--fmi", fmi), ("--seed", seed),
+    ):  # fmt: skip
+        if value is not None and value != []:
+            got = shortened(str(value[0] if isinstance(value, list) else value))
+            raise ConfigurationError(
+                f"{name}: must be left out for an SSP package, which holds all that runs, got {got}"
+            )
+    return scenario, Path(scenario).stem
 
 
 @app.command()
@@ -142,22 +171,26 @@ def smooth(
 
 @app.command()
 def plan(
-    scenario: ScenarioArgument,
+    scenario: RunnableArgument,
     receiver: ReceiverOption = None,
     set_: SetOption = None,
     fmi: FmiOption = None,
     seed: SeedOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print what would run, and how it is connected."""
+    """Print what would run, a scenario or an SSP package, and how it is connected."""
     with waiting():
-        from ..scenario.scenario import load
+        from ..packages.read import is_package, opened
         from ..scenario.wiring import connect
         from ..simulation.plan_checks import check_size
         from ..simulation.resolve import resolve
 
-        settled = load(scenario, overrides(set_, seed))
-        resolved = resolve(connect(settled, receiver or (), fmi))
+        settled, _ = _settled(scenario, receiver, set_, fmi, seed)
+        if is_package(settled):
+            with opened(settled) as package:
+                resolved = resolve(package.system)
+        else:
+            resolved = resolve(connect(settled, receiver or (), fmi))
         check_size(resolved)
     if as_json:
         from .contents import plan as content
@@ -315,5 +348,4 @@ def new(
     except OSError as error:
         raise ConfigurationError(f"{file}: must be writable, got {error.strerror}") from None
     command = shlex.join(["sblcosim", "run", str(file)])
-    say(f"written to {file}; simulate it with: {command}")
-    say(f"(editors complete and explain its keys with {schema.name}, beside it)")
+    say(f"written to {file}, with {schema.name} for editors beside it; simulate it with: {command}")

@@ -24,6 +24,7 @@ from sblcosim.fmus.build.description import PACKAGE
 from sblcosim.fmus.host.nanoseconds import SECOND
 
 from ..errors import check_choice
+from ..packages.structure import DESCRIPTION, NAMESPACES
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
@@ -44,15 +45,6 @@ Version = Literal[1, 2]
 
 PARAMETER_SET = "scenario"
 """Name of every parameter set: tools apply the sets of one name."""
-
-_NAMESPACES = {
-    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
-    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
-    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
-    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
-    "sblcosim": "urn:org.sblcosim",
-}
 
 
 def export_ssp(
@@ -99,7 +91,7 @@ def export_ssp(
     plan = fmu_plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = parts_of(plan, bake)
     sets = {part.name for part in parts if part.planned.settings and not bake}
-    files = {"SystemStructure.ssd": _document(_structure(settled, plan, parts, version, sets))}
+    files = {DESCRIPTION: _document(_structure(settled, plan, parts, version, sets))}
     for part in parts:
         files[f"resources/{part.name}.fmu"] = part.fmu.read_bytes()
         if part.name in sets:
@@ -118,7 +110,7 @@ def _structure(
     document = ET.Element(
         "ssd:SystemStructureDescription",
         {
-            **{f"xmlns:{prefix}": uri for prefix, uri in _NAMESPACES.items()},
+            **{f"xmlns:{prefix}": uri for prefix, uri in NAMESPACES.items()},
             "name": identifier(scenario.name),
             "version": f"{version}.0",
             "generationTool": PACKAGE,
@@ -250,7 +242,7 @@ def _parameter_set(part: Part, version: Version) -> ET.Element:
     root = ET.Element(
         "ssv:ParameterSet",
         {
-            **{f"xmlns:{prefix}": _NAMESPACES[prefix] for prefix in ("ssv", "ssc")},
+            **{f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in ("ssv", "ssc")},
             "version": f"{version}.0",
             "name": PARAMETER_SET,
         },

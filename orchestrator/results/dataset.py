@@ -152,7 +152,9 @@ def _unit(declared: Variable) -> str | None:
 
 
 def _judged(tracks: Mapping[str, pd.DataFrame], epochs: Array) -> Parts:
-    """The estimates and their errors, at the epochs of all receivers."""
+    """The estimates and their errors, at the epochs of all receivers; nothing without receivers."""
+    if not tracks:
+        return
     at = {
         name: track.drop_duplicates("epoch_s", keep="last").set_index("epoch_s").reindex(epochs)
         for name, track in tracks.items()

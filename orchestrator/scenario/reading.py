@@ -44,8 +44,10 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
         return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
+        hint = "; 'sblcosim run' and 'plan' take packages" if path.suffix == ".ssp" else ""
         raise ConfigurationError(
             f"{where}: must be a text file in UTF-8, got the byte 0x{byte:02x} at {error.start}"
+            f"{hint}"
         ) from None
     except FileNotFoundError:
         if path.suffix == ".toml" or len(path.parts) > 1:

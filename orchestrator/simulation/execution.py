@@ -101,7 +101,7 @@ def _all(
 
 def _sources(plan: Plan) -> set[str]:
     """Outputs that are connected."""
-    return {c.source for own in plan.components for w in own.writes for c in w.connections}
+    return {c.name for own in plan.components for w in own.writes for c in w.columns}
 
 
 def without_sinks(plan: Plan) -> Plan:

@@ -24,7 +24,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
 
 from ..layout import table
-from .system import Connection, PythonComponent
+from .system import Connection, Conversion, PythonComponent
 from .user_code import PythonSource
 
 TICK_PARAMETERS = frozenset(c.interval for c in COMPONENTS.values() if c.interval is not None)
@@ -56,12 +56,22 @@ class Read:
 
 @dataclass(frozen=True)
 class Write:
-    """All connected inputs of one type of a component, taken from ``vector[sources]``."""
+    """All connected inputs of one type of a component, taken from ``vector[sources]``.
+
+    Attributes
+    ----------
+    columns
+        In which each connection begins.
+    conversions
+        Of some of the values: their places in the write, and their conversions.
+    """
 
     type: str
     ports: tuple[Port, ...]
     connections: tuple[Connection, ...]
+    columns: tuple[Column, ...]
     sources: tuple[int, ...]
+    conversions: tuple[tuple[int, Conversion], ...] = ()
 
     @property
     def references(self) -> tuple[int, ...]:

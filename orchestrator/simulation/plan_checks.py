@@ -84,8 +84,8 @@ def _connected(plan: Plan) -> Iterator[tuple[PlannedComponent, PlannedComponent,
     by_name = {c.name: c for c in plan.components}
     for target in plan.components:
         for write in target.writes:
-            for connection in write.connections:
-                component, _, variable = connection.source.partition(".")
+            for column in write.columns:
+                component, _, variable = column.name.partition(".")
                 source = by_name[component]
                 yield source, target, source.ports[variable]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,14 @@ import numpy as np
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, SECOND, nanoseconds, text_of
 from sblcosim.fmus.read import ports as fmi
+from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models.declaration import Number, Variable
 
 from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
-from .system import ComponentSpec, Connection, PythonComponent, System
+from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
 from .user_code import PythonSource, raised
 
 
@@ -108,18 +110,63 @@ def _inputs(
     columns: Mapping[str, Column],
 ) -> tuple[Write, ...]:
     """Writes to a component, with the elements they come from."""
-    feeds = {
-        connection.target.split(".", 1)[1]: connection
-        for key, connection in connections.items()
-        if key[0] == component
-    }
+    feeds = {name: c for (owner, name), c in connections.items() if owner == component}
     writes = []
-    for kind, group in _by_type(p for p in ports.values() if p.name in feeds):
+    for kind, group in _by_type(_fed(ports, feeds)):
         feeding = tuple(feeds[port.name] for port in group)
-        sources = [columns[connection.source] for connection in feeding]
-        index = tuple(i for column in sources for i in range(column.start, column.stop))
-        writes.append(Write(kind, group, feeding, index))
+        sources = [_place(connection.source, columns) for connection in feeding]
+        index = tuple(i for _, own in sources for i in own)
+        through = [c.conversion for c, (_, own) in zip(feeding, sources, strict=True) for _ in own]
+        converted = tuple(
+            (i, conversion)
+            for i, conversion in enumerate(through)
+            if conversion not in (None, Conversion())
+        )
+        writes.append(
+            Write(kind, group, feeding, tuple(column for column, _ in sources), index, converted)
+        )
     return tuple(writes)
+
+
+def _fed(ports: Mapping[str, Port], feeds: Collection[str]) -> Iterator[Port]:
+    """The connected ports, in their order; of an array perhaps some elements only."""
+    for port in ports.values():
+        if port.name in feeds:
+            yield port
+    for name in feeds:
+        if name not in ports:
+            element = _element_of(name, ports)
+            assert element is not None
+            yield element[0]
+
+
+def _element_of(name: str, ports: Mapping[str, Port]) -> tuple[Port, int] | None:
+    """An element of an array that an FMU has as scalars, and its number there."""
+    base, indices = split(name)
+    port = ports.get(base)
+    if port is None or len(port.variables) != port.size or len(indices) != len(port.shape):
+        return None
+    if not all(1 <= i <= n for i, n in zip(indices, port.shape, strict=True)):
+        return None
+    number = int(np.ravel_multi_index([i - 1 for i in indices], port.shape))
+    own = slice(number, number + 1)
+    element = replace(
+        port, name=name, shape=(), start=None if port.start is None else port.start[own],
+        min=port.min[own], max=port.max[own], references=port.references[own],
+        variables=port.variables[own],
+    )  # fmt: skip
+    return element, number
+
+
+def _place(source: str, columns: Mapping[str, Column]) -> tuple[Column, range]:
+    """The column in which a source is, and its elements."""
+    if source in columns:
+        column = columns[source]
+        return column, range(column.start, column.stop)
+    base, indices = split(source)
+    column = columns[base]
+    first = column.start + int(np.ravel_multi_index([i - 1 for i in indices], column.shape))
+    return column, range(first, first + 1)
 
 
 def _source(
@@ -216,6 +263,15 @@ def _settings(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tupl
         if port.type not in DTYPES:
             raise ConfigurationError(f"{where}: must be a number or a switch, got {_a(port.type)}")
         settings.append(Setting(port, _values(where, port, value)))
+    for key, value in spec.inputs.items():
+        port = ports.get(key)
+        if port is None or port.causality != "input" or port.type not in DTYPES:
+            known = [p.name for p in ports.values() if p.causality == "input"]
+            raise ConfigurationError(
+                f"{name}.{key}: must be an input of {name} that is a number or a switch, got "
+                f"{_a(port.causality) if port else 'an unknown name'}{nearest(key, known)}"
+            )
+        settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     return tuple(settings)
 
 
@@ -278,6 +334,7 @@ def _connections(
 ) -> dict[tuple[str, str], Connection]:
     """Connections by target component and variable."""
     connections: dict[tuple[str, str], Connection] = {}
+    taken: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
         where = f"connection {connection.source} -> {connection.target}"
         _, _, source = _end(where, connection.source, "output", ports)
@@ -292,7 +349,11 @@ def _connections(
                 )
         if source.type not in DTYPES:
             raise ConfigurationError(f"{where}: {source.type} variables cannot be connected")
-        if source.unit != target.unit:
+        if connection.conversion not in (None, Conversion()) and source.type != "Float64":
+            raise ConfigurationError(
+                f"{where}: must be Float64 to be converted, got {source.type}"
+            )
+        if source.unit != target.unit and connection.conversion is None:
             message = (
                 f"{where}: both ends must have the same unit, got {source.unit or 'none'} and "
                 f"{target.unit or 'none'}"
@@ -301,11 +362,12 @@ def _connections(
                 raise ConfigurationError(message)
             if warn:
                 warnings.warn(message, ConfigurationWarning, stacklevel=3)
-        earlier = connections.get((component, variable))
-        if earlier is not None:
-            raise ConfigurationError(
-                f"{where}: an input must have one source, got {earlier.source} as well"
-            )
+        for name in target.variables or (variable,):
+            earlier = taken.setdefault((component, name), connection)
+            if earlier is not connection:
+                raise ConfigurationError(
+                    f"{where}: an input must have one source, got {earlier.source} as well"
+                )
         connections[component, variable] = connection
     return connections
 
@@ -319,6 +381,8 @@ def _end(
             f"{where}: {component!r} must be a component of the system{nearest(component, ports)}"
         )
     port = ports[component].get(variable)
+    if port is None and (element := _element_of(variable, ports[component])) is not None:
+        port = element[0]
     if port is None:
         known = [p.name for p in ports[component].values() if p.causality == causality]
         raise ConfigurationError(

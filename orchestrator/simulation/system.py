@@ -85,25 +85,46 @@ class ComponentSpec:
     parameters
         Values by variable name, in SI units; arrays row by row. Other parameters keep their start
         values.
+    inputs
+        Values at the start, in the same way; inputs without a connection keep them.
     """
 
     fmu: Path | Callable[[], PythonComponent]
     interval_ns: int
     parameters: Mapping[str, Value] = field(default_factory=dict)
+    inputs: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What becomes of a value on its way: ``factor * value + offset``.
+
+    Attributes
+    ----------
+    factor, offset
+        In units of the target per unit of the source, and in units of the target.
+    """
+
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection from an output to an input; an array is connected as a whole.
+    """A connection from an output to an input.
 
     Attributes
     ----------
     source, target
-        ``"component.variable"``.
+        ``"component.variable"``; an array is connected as a whole, or, if the FMU has it as
+        scalars, by element, ``"component.variable[1,2]"``.
+    conversion
+        Of the values; with one, the units of the two ends are not compared.
     """
 
     source: str
     target: str
+    conversion: Conversion | None = None
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,10 @@ def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> Non
     check(load(name, SHORT | MORE.get(name, {})))
 
 
-@pytest.mark.parametrize("receiver", RECEIVERS)
+@pytest.mark.parametrize("receiver", [
+    pytest.param(name, marks=[] if name in ("ekf", "coupled") else pytest.mark.slow)
+    for name in RECEIVERS
+])
 def test_the_same_holds_for_every_receiver(receiver: str) -> None:
     more = {"sequential": {"gate": 0.5}, "fixed_lag": {"lag_s": 1.0}}.get(receiver, {})
     tables = load("paper-scenario-1", SHORT).given()

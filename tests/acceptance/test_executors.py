@@ -48,7 +48,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield made
 
 
-@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_threads_and_processes_give_the_same_table(
     tmp_path: Path, reference: bytes, executor: str, workers: int
@@ -72,7 +72,7 @@ def test_any_executor_of_the_standard_library_will_do(tmp_path: Path, reference:
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
 
 
-@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow), 4])
 def test_a_dask_cluster_gives_the_same_table(
     tmp_path: Path, reference: bytes, workers: int
 ) -> None:

@@ -311,6 +311,7 @@ def test_the_report_says_how_to_reproduce_it(tree: Any) -> None:
         assert package in again
 
 
+@pytest.mark.slow
 def test_quick_is_the_same_with_few_replicates(
     finished: tuple[Path, str], tmp_path: Path
 ) -> None:

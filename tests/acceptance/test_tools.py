@@ -124,7 +124,9 @@ def skip_without(complaint: str) -> None:
         pytest.skip(complaint.strip())
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("scenario", [
+    pytest.param(name, marks=pytest.mark.slow if name == "another" else []) for name in SCENARIOS
+])
 @pytest.mark.parametrize("tool", TOOLS)
 def test_every_tool_gives_our_estimates(
     tool: str, scenario: str, packages: Callable[[str], Path]

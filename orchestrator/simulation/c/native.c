@@ -69,6 +69,12 @@ struct copy {
     size_t size, row_size;
 };
 
+/* Of an input that is gathered: factor * value + offset. */
+struct conversion {
+    double *value;
+    double factor, offset;
+};
+
 /* Its calls are contiguous: gets, sets, one step. So are its copies, which gather inputs. */
 struct component {
     int64_t due; /* next communication instant [ns] */
@@ -76,6 +82,7 @@ struct component {
     double step; /* [s] */
     size_t first_get, first_set, do_step;
     size_t first_copy, end_copy;
+    size_t first_conversion, end_conversion;
     int64_t watched;   /* whether to check the process state after its calls */
     int64_t habits;    /* changes seen so far */
     int64_t habits_at; /* the first call with a change */
@@ -93,6 +100,7 @@ struct run {
     size_t n_components;
     const struct call *calls;
     const struct copy *copies;
+    const struct conversion *conversions;
     const struct copy *records;
     size_t n_records;
     const int64_t *instants;
@@ -202,6 +210,12 @@ static void copy(const struct copy *c, const struct copy *end, int64_t row)
         memcpy(c->to + (size_t)row * c->row_size, c->from, c->size);
 }
 
+static void convert(const struct conversion *c, const struct conversion *end)
+{
+    for (; c < end; c++)
+        *c->value = *c->value * c->factor + c->offset;
+}
+
 static int access(const struct call *c)
 {
     bool *values = c->values;
@@ -266,6 +280,7 @@ static int at_instant(struct run *run, int64_t row, bool last)
         if (c->due != now)
             continue;
         copy(run->copies + c->first_copy, run->copies + c->end_copy, 0);
+        convert(run->conversions + c->first_conversion, run->conversions + c->end_conversion);
         if ((status = access_all(run, c, c->first_set, c->do_step)) > WARNING)
             return status;
     }

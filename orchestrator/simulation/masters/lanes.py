@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigurationError, FmuError, nearest
-from ..plan import Plan
+from ..plan import Plan, PlannedComponent
 from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
@@ -154,6 +154,12 @@ class _Batch:
                 f"{stranger}: must be a component of ours to run in lanes, got "
                 f"{next(c.origin for c in plan.components if c.name == stranger)}; "
                 "use the native or the python master"
+            )
+        odd = next((c.name for c in plan.components if _special(c)), None)
+        if odd is not None:
+            raise ConfigurationError(
+                f"{odd}: must have inputs that are whole outputs to run in lanes, got parts, "
+                "conversions or values at the start; use the native or the python master"
             )
         if len(plan.components) > MAX_COMPONENTS:
             raise ConfigurationError(f"system: must have at most {MAX_COMPONENTS} components")
@@ -423,3 +429,12 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
 
 
 __all__ = ["Outcome", "execute", "unsupported"]
+
+
+def _special(component: PlannedComponent) -> bool:
+    """Whether inputs are converted, parts of arrays, or set at the start."""
+    return any(s.port.causality == "input" for s in component.settings) or any(
+        w.conversions or port.name not in component.ports or port.shape != column.shape
+        for w in component.writes
+        for port, column in zip(w.ports, w.columns, strict=True)
+    )

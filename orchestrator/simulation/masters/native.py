@@ -24,7 +24,7 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError
 from .. import c_libraries
-from ..plan import Column, Plan, PlannedComponent
+from ..plan import Column, Plan, PlannedComponent, Write
 from ..record import Record
 from .python import PROGRESS_INTERVAL, chosen, initialised
 
@@ -45,19 +45,24 @@ class _Copy(ctypes.Structure):
     _fields_ = (("source", _P), ("target", _P), ("size", _N), ("row_size", _N))
 
 
+class _Conversion(ctypes.Structure):
+    _fields_ = (("value", _P), ("factor", ctypes.c_double), ("offset", ctypes.c_double))
+
+
 class _Component(ctypes.Structure):
     _fields_ = (
         ("due", _I), ("interval", _I), ("step", ctypes.c_double), ("first_get", _N),
         ("first_set", _N), ("do_step", _N), ("first_copy", _N), ("end_copy", _N),
+        ("first_conversion", _N), ("end_conversion", _N),
         ("watched", _I), ("habits", _I), ("habits_at", _I),
     )  # fmt: skip
 
 
 class _Run(ctypes.Structure):
     _fields_ = (
-        ("components", _P), ("n_components", _N), ("calls", _P), ("copies", _P), ("records", _P),
-        ("n_records", _N), ("instants", _P), ("n_instants", _I), ("progress", _P),
-        ("outcome", _I), ("status", _I), ("ended_early", _I),
+        ("components", _P), ("n_components", _N), ("calls", _P), ("copies", _P),
+        ("conversions", _P), ("records", _P), ("n_records", _N), ("instants", _P),
+        ("n_instants", _I), ("progress", _P), ("outcome", _I), ("status", _I), ("ended_early", _I),
     )  # fmt: skip
 
 
@@ -164,12 +169,13 @@ class _Program:
         self.labels: list[_Label] = []
         self._calls: list[_Call] = []
         self._copies: list[_Copy] = []
+        self._conversions: list[_Conversion] = []
         self._keep: list[Any] = [instances]
         used = {c.name for c in columns} | {
-            connection.source
+            column.name
             for component in plan.components
             for write in component.writes
-            for connection in write.connections
+            for column in write.columns
         }
         self._newest = {
             name: rows[0]
@@ -193,6 +199,7 @@ class _Program:
             n_components=len(components),
             calls=self._array(_Call, self._calls),
             copies=self._array(_Copy, self._copies),
+            conversions=self._array(_Conversion, self._conversions),
             records=self._array(_Copy, records),
             n_records=len(records),
             instants=_address(self.instants),
@@ -217,8 +224,9 @@ class _Program:
                 references = [r for p in ports for r in p.references]
                 self._access(instance, "Get", read.type, references, _address(first), size)
         first_set, first_copy = len(self._calls), len(self._copies)
+        first_conversion = len(self._conversions)
         for write in component.writes:
-            values = self._gathered([self._newest[c.source] for c in write.connections])
+            values = self._gathered(write)
             size = len(write.sources)
             self._access(instance, "Set", write.type, write.references, values, size)
         do_step = len(self._calls)
@@ -233,11 +241,18 @@ class _Program:
             do_step=do_step,
             first_copy=first_copy,
             end_copy=len(self._copies),
+            first_conversion=first_conversion,
+            end_conversion=len(self._conversions),
             watched=watch().watches(component.name),
         )
 
-    def _gathered(self, sources: Sequence[Vector]) -> int:
-        """Address at which the values of all sources are gathered, one after another."""
+    def _gathered(self, write: Write) -> int:
+        """Address at which the inputs are gathered, one after another, and converted."""
+        sources, place = [], 0
+        for port, column in zip(write.ports, write.columns, strict=True):
+            first = write.sources[place] - column.start if port.size else 0
+            sources.append(self._newest[column.name][first : first + port.size])
+            place += port.size
         inputs = np.zeros(sum(s.size for s in sources), sources[0].dtype)
         start = self._kept(inputs)
         ends = np.cumsum([s.nbytes for s in sources]).tolist()
@@ -245,8 +260,12 @@ class _Program:
             _Copy(_address(source), start + end - source.nbytes, source.nbytes, 0)
             for source, end in zip(sources, ends, strict=True)
         )
-        if len(copies) == 1:  # contiguous already: no copy needed
+        if len(copies) == 1 and not write.conversions:  # contiguous already: no copy needed
             return int(copies[0].source)
+        self._conversions += [
+            _Conversion(start + place * inputs.itemsize, conversion.factor, conversion.offset)
+            for place, conversion in write.conversions
+        ]
         self._copies += copies
         return start
 

@@ -22,7 +22,7 @@ from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
-from ..plan import Column, Plan, PlannedComponent, Read
+from ..plan import Column, Plan, PlannedComponent, Read, Write
 from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
@@ -285,7 +285,8 @@ class _FmuRunner:
             inputs = np.zeros(len(w.sources), DTYPES[w.type])
             index = np.array(w.sources, np.intp)
             set_ = named("Set", w.type, instance.setter(w.type, w.references, inputs))
-            self._sets.append((vectors[w.type].take, index, inputs, set_, w.type))
+            convert = _converter(w, inputs)
+            self._sets.append((vectors[w.type].take, index, inputs, convert, set_, w.type))
         do_step = f"fmi{instance.fmu.fmi}DoStep"
         self._step = bound(component.name, do_step, instance.stepper(component.interval_ns))
 
@@ -296,8 +297,10 @@ class _FmuRunner:
                 raise self._instance.failure(self._instance.function("Get", kind), status, now)
 
     def write(self, now: int) -> None:
-        for take, index, inputs, set_, kind in self._sets:
+        for take, index, inputs, convert, set_, kind in self._sets:
             take(index, None, inputs, "clip")  # "clip" writes into inputs without a copy
+            if convert is not None:
+                convert()
             status = set_()
             if status > WARNING:
                 raise self._instance.failure(self._instance.function("Set", kind), status, now)
@@ -342,10 +345,14 @@ class _PythonRunner:
                 self._inputs[port.name] = view
         self._sources = []
         for write in component.writes:
+            inputs = np.zeros(len(write.sources), DTYPES[write.type])
             index = np.array(write.sources, np.intp)
+            targets, first = [], 0
             for port in write.ports:
-                here, index = index[: port.size], index[port.size :]
-                self._sources.append((vectors[write.type], here, values[port.name]))
+                targets.append((values[port.name], inputs[first : first + port.size]))
+                first += port.size
+            convert = _converter(write, inputs)
+            self._sources.append((vectors[write.type], index, inputs, convert, targets))
         with self._named("before the start"), watch().calling(self._name, "initialise"):
             self._component = component.source()
             outputs = self._component.initialise(start_ns, parameters)
@@ -402,8 +409,12 @@ class _PythonRunner:
             target[...] = self._outputs[name]
 
     def write(self, now: int) -> None:
-        for vector, index, values in self._sources:
-            values[:] = vector[index]
+        for vector, index, inputs, convert, targets in self._sources:
+            inputs[:] = vector[index]
+            if convert is not None:
+                convert()
+            for values, given in targets:
+                values[:] = given
 
     def step(self, now: int) -> None:
         try:
@@ -415,6 +426,19 @@ class _PythonRunner:
 
     def finish(self) -> None:
         pass
+
+
+def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
+    """A function that converts those inputs of a write that are to be; None if there are none."""
+    if not write.conversions:
+        return None
+    places = [place for place, _ in write.conversions]
+    factors, offsets = np.array([(c.factor, c.offset) for _, c in write.conversions]).T
+
+    def convert() -> None:
+        inputs[places] = inputs[places] * factors + offsets
+
+    return convert
 
 
 def _views(read: Read, vector: Vector) -> dict[str, Vector]:
