@@ -121,6 +121,8 @@ ELSEWHERE = {
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
     "results.catalogue.drawing theme": "results.catalogue.Job.axes",
+    "packages.recording.Recording.save theme": "results.result.Result.save",
+    "packages.recording.Recording.save other": "results.result.Result.save",
 }
 """Those that hand the argument on before they do anything with it, and to what."""
 
