@@ -244,7 +244,7 @@ def test_what_a_guard_would_have_skipped_is_finite_too(name: str, heard: bool) -
     if heard and name != "acoustics":
         hear(box, HERE, 0.1)
     functions = box.functions
-    noise = np.full(sum(draw.size for draw in box.model.draws), 0.5)
+    noise = np.full(functions.tick.size1_in(3), 0.5)
     results = [functions.tick(box.x, box._u, box._p, noise, 0.1, 1)]
     results += [body(box.x, box._u, box._p, [], 0.1) for body in functions.bodies.values()]
     for result in results:
