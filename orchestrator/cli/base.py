@@ -67,21 +67,15 @@ app = typer.Typer(
     help="Co-simulation of a short-baseline acoustic positioning system for divers.",
 )
 
-ScenarioArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="TOML file, or a name from 'sblcosim scenarios'.",
-        autocompletion=completion.scenarios,
-    ),
-]
+
+def _scenario(what: str) -> Any:
+    return typer.Argument(metavar="SCENARIO", help=what, autocompletion=completion.scenarios)
+
+
+ScenarioArgument = Annotated[str, _scenario("TOML file, or a name from 'sblcosim scenarios'.")]
 RunnableArgument = Annotated[
     str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="TOML file, a name from 'sblcosim scenarios', or an SSP package, FILE.ssp.",
-        autocompletion=completion.scenarios,
-    ),
+    _scenario("TOML file, a name from 'sblcosim scenarios', or an SSP package, FILE.ssp."),
 ]
 ReceiverOption = Annotated[
     list[str] | None,
