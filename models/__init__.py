@@ -50,9 +50,29 @@ def check_unique(components: Mapping[str, Component]) -> None:
 check_unique(COMPONENTS)
 
 
+def declared(name: str, **constants: int) -> Component:
+    """The declaration of a component by the name of its FMU, for some constants of the build.
+
+    Raises
+    ------
+    KeyError
+        There is no such component.
+    ValueError
+        No component can be made for such a value.
+    """
+    return COMPONENTS[name].sized(**constants)
+
+
+def file_name(name: str, **constants: int) -> str:
+    """Name of a component's file, without a suffix: of other constants than usual, they are in it.
+    """
+    usual, sized = COMPONENTS[name].name, declared(name, **constants).name
+    return name + sized.removeprefix(usual)
+
+
 def module_of(name: str) -> tuple[str, str]:
     """Folder and module with the equations of a component."""
     return ("receiver", name) if name in RECEIVERS else (name, "equations")
 
 
-__all__ = ["COMPONENTS", "RECEIVERS", "module_of"]
+__all__ = ["COMPONENTS", "RECEIVERS", "declared", "file_name", "module_of"]

@@ -8,17 +8,59 @@ needs neither CasADi nor NumPy.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 Causality = Literal["parameter", "input", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
 Variability = Literal["fixed", "continuous", "discrete"]
 Number = float | int | bool
+Starts = Callable[[tuple[int, ...]], tuple[Number, ...]]
+"""Makes the start values of an array, row by row, of its shape."""
 TerminalKind = Literal["reception", "pose", "depth", "estimate", "system"]
 
 INT32_MAX = 2**31 - 1
+
+
+class Dimension(int):
+    """A size that is a constant of the build: components are made for one value of it.
+
+    It is an `int`, the value for which it was made; ``Component.sized`` puts another in its place.
+
+    Attributes
+    ----------
+    name
+        Name of the constant, e.g. ``"beacons"``.
+    least, most
+        Values for which components can be made.
+    """
+
+    name: str
+    least: int
+    most: int
+
+    def __new__(cls, value: int, name: str, least: int = 1, most: int = INT32_MAX) -> Dimension:
+        self = super().__new__(cls, value)
+        self.name, self.least, self.most = name, least, most
+        return self
+
+    def __reduce__(self) -> tuple[type[Dimension], tuple[int, str, int, int]]:
+        return Dimension, (int(self), self.name, self.least, self.most)
+
+    def of(self, value: int) -> Dimension:
+        """The same constant with another value.
+
+        Raises
+        ------
+        ValueError
+            No component can be made for it.
+        """
+        if not self.least <= value <= self.most:
+            raise ValueError(
+                f"{self.name}: must be from {self.least} to {self.most}, got {value}"
+            )
+        return Dimension(value, self.name, self.least, self.most)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +143,16 @@ class Variable:
     shape
         ``()`` for a scalar, else one or two dimensions.
     start
-        Start value of a parameter or an input: one number for all elements, or one per element.
+        Start value of a parameter or an input: one number for all elements, one per element, or,
+        where a size is a constant of the build, a function that makes them of the shape.
     min, max
         Bounds of every element, both included.
     choices
         For an Int32 that selects an alternative: its values and their names.
     needs
         Requirements for the parameter to have an effect.
+    starting
+        The function that made ``start``, if one did.
     """
 
     name: str
@@ -115,13 +160,14 @@ class Variable:
     causality: Causality
     unit: str | None = None
     shape: tuple[int, ...] = ()
-    start: Number | tuple[Number, ...] = 0.0
+    start: Number | tuple[Number, ...] | Starts = 0.0
     min: float | None = None
     max: float | None = None
     type: Type = "Float64"
     variability: Variability | None = None
     choices: Mapping[int, str] | None = None
     needs: Needs = ()
+    starting: Starts | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for word, value, known in (
@@ -133,9 +179,12 @@ class Variable:
                 raise ValueError(f"{self.name}: {word} {value!r} is not one of {list(known)}")
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"{self.name}: unit {self.unit!r} is not one of {sorted(UNITS)}")
-        if isinstance(self.start, tuple) and len(self.start) != self.size:
+        if callable(self.start):
+            object.__setattr__(self, "starting", self.start)
+            object.__setattr__(self, "start", self.start(self.shape))
+        if len(self.starts) != self.size:
             raise ValueError(
-                f"{self.name}: {len(self.start)} start values for {self.size} elements"
+                f"{self.name}: {len(self.starts)} start values for {self.size} elements"
             )
         if self.variability is None:
             default: Variability = "continuous" if self.type == "Float64" else "discrete"
@@ -159,7 +208,11 @@ class Variable:
     @property
     def starts(self) -> tuple[Number, ...]:
         """Start value of each element, row by row."""
-        return self.start if isinstance(self.start, tuple) else (self.start,) * self.size
+        start = self.start
+        if isinstance(start, tuple):
+            return start
+        assert not callable(start)  # it was called when the variable was made
+        return (start,) * self.size
 
     @property
     def elements(self) -> tuple[str, ...]:
@@ -256,6 +309,41 @@ class Component:
     def of(self, causality: Causality) -> tuple[Variable, ...]:
         """The variables with this causality, in order."""
         return tuple(v for v in self.variables if v.causality == causality)
+
+    @property
+    def constants(self) -> Mapping[str, Dimension]:
+        """The constants of the build, by name."""
+        return {n.name: n for v in self.variables for n in v.shape if isinstance(n, Dimension)}
+
+    def sized(self, **constants: int) -> Component:
+        """The component for other constants of the build; those that it does not have are ignored.
+
+        They are part of its name and of its description.
+
+        Raises
+        ------
+        ValueError
+            No component can be made for such a value.
+        """
+        own = self.constants
+        new = {n: own[n].of(value) for n, value in constants.items() if n in own}
+        changed = {n: value for n, value in new.items() if value != own[n]}
+        if not changed:
+            return self
+
+        def resized(shape: tuple[int, ...]) -> tuple[int, ...]:
+            return tuple(changed.get(n.name, n) if isinstance(n, Dimension) else n for n in shape)
+
+        return replace(
+            self,
+            name=self.name + "".join(map(str, changed.values())),
+            description=f"{self.description}; made for "
+            + ", ".join(f"{value} {n}" for n, value in changed.items()),
+            variables=tuple(
+                replace(v, shape=resized(v.shape), start=v.starting or v.start)
+                for v in self.variables
+            ),
+        )
 
 
 def parameter(name: str, description: str, unit: str | None = None, **rest: object) -> Variable:

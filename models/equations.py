@@ -4,7 +4,8 @@ Equations are plain functions of symbols, free of branches (``if_else``), so tha
 runs one simulation or several side by side. Their arguments:
 
 ========  =====================================================================================
-``p``     parameters, one attribute per declared variable, in its shape (arrays as matrices)
+``p``     parameters, one attribute per declared variable, in its shape (arrays as matrices), and
+          the constants of the build, as numbers
 ``x``     state, one attribute per key of what ``initial`` returns
 ``u``     inputs, like ``p``
 ``w``     noise for this occasion, one attribute per `Draw`
@@ -18,13 +19,13 @@ Each returns a dict; ``tick`` and loop bodies return only the states that they c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
 import casadi as ca
 
-from .declaration import Component
+from .declaration import Component, Dimension
 
 Symbols = Any
 """A namespace of CasADi symbols."""
@@ -40,6 +41,8 @@ class Draw:
     ----------
     name, size
         Attribute of ``w``, and its number of elements (a column).
+    each
+        A constant of the build: so many times ``size`` numbers, and their scales; None: once.
     kind
         ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float; compare it
         with ``probability * 2**53`` or scale it by ``2**-53``.
@@ -55,10 +58,18 @@ class Draw:
     occasion: str
     size: int = 1
     scale: tuple[str, ...] = ()
+    each: Dimension | None = None
 
     def __post_init__(self) -> None:
         if self.scale and len(self.scale) != self.size:
             raise ValueError(f"{self.name}: must have {self.size} scales, got {len(self.scale)}")
+
+    def of(self, component: Component) -> Draw:
+        """The draw with all its numbers, as many as the component's constants ask for."""
+        if self.each is None:
+            return self
+        times = component.constants[self.each.name]
+        return replace(self, size=times * self.size, scale=times * self.scale, each=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +190,7 @@ def build(component: Component, equations: Equations | Mapping[int, Equations]) 
         component=component,
         variants=functions,
         states=states,
-        draws=tuple(first.draws),
+        draws=tuple(draw.of(component) for draw in first.draws),
         advance=tuple(loop.name for loop in _all(first.advance)),
         iterate=tuple(loop.name for loop in _all(first.iterate)),
         inner={
@@ -198,11 +209,14 @@ def _functions(
     component: Component, equations: Equations
 ) -> tuple[Functions, Mapping[str, tuple[int, int]], set[tuple[str, str]]]:
     p, p_vector = _symbols({v.name: _matrix_shape(v.shape) for v in component.of("parameter")})
+    p.__dict__.update({name: int(value) for name, value in component.constants.items()})
     u, u_vector = _symbols({v.name: _matrix_shape(v.shape) for v in component.of("input")})
     t, k = ca.SX.sym("t"), ca.SX.sym("k")
 
+    draws = [draw.of(component) for draw in equations.draws]
+
     def noise(occasion: str) -> tuple[Symbols, Any]:
-        return _symbols({d.name: (d.size, 1) for d in equations.draws if d.occasion == occasion})
+        return _symbols({d.name: (d.size, 1) for d in draws if d.occasion == occasion})
 
     w, w_vector = noise("initial")
     start = {name: ca.densify(ca.SX(value)) for name, value in equations.initial(p, w, t).items()}

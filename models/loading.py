@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from . import COMPONENTS, module_of
+from . import declared, module_of
 from .equations import Model, build
 
 
-def load(name: str) -> Model:
-    """Build the model of a component by the name of its FMU.
+def load(name: str, **constants: int) -> Model:
+    """Build the model of a component by the name of its FMU, for some constants of the build.
 
     Raises
     ------
     KeyError
         There is no such component.
+    ValueError
+        It cannot be made for such a value.
     """
-    component = COMPONENTS[name]
+    component = declared(name, **constants)
     equations = import_module(".".join(("", *module_of(name))), __package__).EQUATIONS
     return build(component, equations)

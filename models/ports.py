@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from .declaration import Causality, Terminal, TerminalKind, Variable, output
+from .declaration import Causality, Dimension, Terminal, TerminalKind, Variable, output
 
-BEACONS = 4
+BEACONS = Dimension(4, "beacons", 3, 8)
+"""Number of beacons of a system: a constant of the build."""
 
 MOTION = (
     output("position", "True position of the receiver, NED", "m", shape=(3,)),

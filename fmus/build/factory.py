@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import tempfile
 import uuid
 import warnings
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from platformdirs import user_cache_path
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, file_name
 from sblcosim.models.declaration import Component
 
 from ..errors import BuildError, DamageWarning, nearest
@@ -40,7 +41,11 @@ READY = Path(__file__).parents[1] / "ready"
 
 
 def build(
-    name: str, fmi: Fmi = 2, all_platforms: bool = False, baked: Component | None = None
+    name: str,
+    fmi: Fmi = 2,
+    all_platforms: bool = False,
+    baked: Component | None = None,
+    **constants: int,
 ) -> Path:
     """Return the FMU of a component; it is built if it has changed.
 
@@ -55,17 +60,21 @@ def build(
     baked
         The component's declaration with start values and a default experiment of one's own. Such
         an FMU is for other tools: it has no engine for many simulations.
+    constants
+        Constants of the build, where they are not as usual: ``beacons=6``.
 
     Returns
     -------
     Path
-        ``NAME.fmu``: the one that came along with the package, or one in the user's cache, in a
-        folder named after all its sources and tools.
+        ``NAME.fmu``, or ``NAME6.fmu`` where a constant of the build is not as usual: the one that
+        came along with the package, or one in the user's cache, in a folder named after all its
+        sources and tools.
 
     Raises
     ------
     BuildError
-        There is no such component, CasADi or a compiler is missing, or the compiler fails.
+        There is no such component, it cannot be made for such constants, CasADi or a compiler is
+        missing, or the compiler fails.
     """
     if name not in COMPONENTS:
         raise BuildError(
@@ -74,16 +83,20 @@ def build(
         )
     if fmi not in SHELLS:
         raise BuildError(f"the FMI version must be 2 or 3, got {fmi!r}")
-    of = key(name, fmi)
-    ready = _ready(of, f"{name}.fmu") if baked is None else None
+    try:
+        file = f"{file_name(name, **constants)}.fmu"
+    except ValueError as error:
+        raise BuildError(str(error)) from None
+    of = key(name, fmi, **constants)
+    ready = _ready(of, file) if baked is None else None
     if ready is not None:
         return ready
     _versions()  # without CasADi no compiler helps
     ccs = compilers.for_every_platform() if all_platforms else (compilers.find(),)
-    path = cache() / _fingerprint(of, ccs, baked) / f"{name}.fmu"
+    path = cache() / _fingerprint(of, ccs, baked) / file
     if not _usable(path):
         _make_folder(path)
-        write(path, name, fmi, ccs, baked)
+        write(path, name, fmi, ccs, baked, **constants)
     return path
 
 
@@ -93,6 +106,7 @@ def write(
     fmi: Fmi,
     ccs: Sequence[compilers.Compiler],
     baked: Component | None = None,
+    **constants: int,
 ) -> None:
     """Build the FMU of a component, with its SHA-256 in a file beside it.
 
@@ -108,7 +122,7 @@ def write(
 
     from .archive import contents, pack
 
-    model = load(name)
+    model = load(name, **constants)
     if baked is not None:
         model = replace(model, component=baked)
     sources = _sources(model, fmi)
@@ -117,7 +131,7 @@ def write(
     shell = [Unit(SHELLS[fmi])]
     binaries = {}
     for cc in ccs:
-        lanes = _lane_objects(name, cc) if baked is None else ()
+        lanes = _lane_objects(name, cc, **constants) if baked is None else ()
         binaries[cc.platform] = compile_shared(sources, shell, cc, lanes)
     with _caching():
         write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
@@ -162,9 +176,9 @@ def is_build(identifier: str, sha256: str) -> bool:
     return any(
         intact(path) and sha256_of(path) == sha256
         for name, component in COMPONENTS.items()
-        if component.name == identifier
+        if re.fullmatch(rf"{component.name}\d*", identifier)
         for folder in (READY, cache())
-        for path in folder.glob(f"*/{name}.fmu")
+        for path in folder.glob(f"*/{name}{identifier.removeprefix(component.name)}.fmu")
     )
 
 
@@ -308,14 +322,14 @@ def compile_objects(
 
 
 @remember
-def _lane_objects(name: str, compiler: compilers.Compiler) -> list[bytes]:
+def _lane_objects(name: str, compiler: compilers.Compiler, **constants: int) -> list[bytes]:
     """The engines for many simulations; kept, as they are the most of a build.
 
     They are the same for both versions of FMI, and whatever is said about the variables.
     """
     from sblcosim.models.loading import load
 
-    sources = {**engine_sources(load(name)), **c_files(LANES)}
+    sources = {**engine_sources(load(name, **constants)), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
     facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
     folder = cache() / _of_sources(facts, units, sources)
@@ -357,9 +371,9 @@ def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
     )
 
 
-def key(name: str, fmi: Fmi) -> str:
+def key(name: str, fmi: Fmi, **constants: int) -> str:
     """A name for the sources of an FMU and the flags; reading them needs no CasADi."""
-    return _digest([name, fmi, ingredients(name, fmi)]).hexdigest()[:32]
+    return _digest([name, fmi, ingredients(name, fmi, **constants)]).hexdigest()[:32]
 
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:

@@ -15,7 +15,7 @@ from functools import cache
 from importlib import import_module, resources
 from importlib.resources.abc import Traversable
 
-from sblcosim.models import COMPONENTS, module_of
+from sblcosim.models import declared, module_of
 
 from ..standard import Fmi
 from .c_files import LANES, SHELLS, c_files, engine_headers
@@ -36,7 +36,7 @@ class Import:
     name: str = ""
 
 
-def ingredients(name: str, fmi: Fmi) -> str:
+def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
     """Hash of everything that the FMU of a component is made from, but the tools.
 
     Parameters
@@ -45,7 +45,7 @@ def ingredients(name: str, fmi: Fmi) -> str:
         A key of `sblcosim.models.COMPONENTS`.
     """
     folder, module = module_of(name)
-    digest = hashlib.sha256(repr(COMPONENTS[name]).encode())
+    digest = hashlib.sha256(repr(declared(name, **constants)).encode())
     for part in _closure((*_build_modules(), f"{_MODELS}.{folder}.{module}")):
         digest.update(part.encode() + b"\0")
     files = c_files([SHELLS[fmi], *LANES]) | engine_headers()

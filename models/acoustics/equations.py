@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import pi, sqrt
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
-from ..equations import Draw, Equations, Symbols, Values
-from ..ports import BEACONS
-from .variables import COMPONENT, OUTLIERS
+from ..equations import Draw, Equations, Loop, Symbols, Values
+from .variables import COMPONENT, OUTLIERS, SCHEDULE
 
 _UNIFORMS = 2.0**53
 """Number of values of a uniform draw."""
@@ -19,25 +19,31 @@ _UNIFORMS = 2.0**53
 RangeError = Callable[[Symbols, Symbols], Any]
 """``error(p, w)``: an error of a range [m], from the parameters and the draws."""
 _EXPONENTIAL = number_of(OUTLIERS, "exponential")
+_SIMULTANEOUS = number_of(SCHEDULE, "simultaneous")
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
     drift = p.clock_drift + p.clock_drift_std * w.clock_drift
+    n = p.beacons
+    slots = [sum((p.slot_order[j] == i + 1) * (j + 1) for j in range(n)) - 1 for i in range(n)]
     return {
         "start": t,
         "clock_offset": (
             p.clock_offset + p.clock_offset_std * w.clock_offset + drift * p.clock_sync_age
         ),
         "clock_drift": drift,
-        "range": ca.SX.zeros(BEACONS),
-        "true_range": ca.SX.zeros(BEACONS),
-        "range_epoch": ca.repmat(t, BEACONS, 1),
-        "reception_count": ca.SX.zeros(BEACONS),
-        "ping_beacon_position": ca.SX.zeros(BEACONS, 3),
-        "packet_beacon_position": ca.SX.zeros(BEACONS, 3),
-        "ping_platform_position": ca.SX.zeros(BEACONS, 3),
-        "ping_platform_attitude": ca.SX.zeros(BEACONS, 3),
-        "arrival_epoch": ca.repmat(t, BEACONS, 1),
+        "range": ca.SX.zeros(n),
+        "true_range": ca.SX.zeros(n),
+        "range_epoch": ca.repmat(t, n, 1),
+        "reception_count": ca.SX.zeros(n),
+        "ping_beacon_position": ca.SX.zeros(n, 3),
+        "packet_beacon_position": ca.SX.zeros(n, 3),
+        "ping_platform_position": ca.SX.zeros(n, 3),
+        "ping_platform_attitude": ca.SX.zeros(n, 3),
+        "arrival_epoch": ca.repmat(t, n, 1),
+        "slot": ca.vertcat(*slots),
+        "turn": -1,
+        "waiting": 0,
     }
 
 
@@ -90,13 +96,30 @@ _DRAWS = (
 )
 """Draws of the clock, the loss and the errors. Append new ones, so that the others keep their
 numbers."""
+_OTHERS = "others"
+"""The loop over the beacons that ping at once with the first one."""
+_DRAWS_OF_OTHERS = tuple(
+    replace(draw, occasion=_OTHERS) for draw in _DRAWS if draw.occasion == "tick"
+)
 
 
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
-    turn = (k - 1) - BEACONS * ca.floor((k - 1) / BEACONS)
-    is_turn = [turn == i for i in range(BEACONS)]
+    turn = (k - 1) - p.beacons * ca.floor((k - 1) / p.beacons)
+    others = (p.schedule == _SIMULTANEOUS) * (p.beacons - 1)
+    return {**_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others}
+
+
+def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The next beacon pings at the same time."""
+    turn = ca.if_else(x.turn + 1 < p.beacons, x.turn + 1, 0)
+    return {**_ping(p, x, u, w, t, turn), "turn": turn, "waiting": x.waiting - 1}
+
+
+def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> Values:
+    """The packet of the beacon whose turn it is."""
+    is_turn = [turn == x.slot[i] for i in range(p.beacons)]
     beacon = sum(
-        ca.if_else(is_turn[i], u.beacon_position[i, :].T, 0) for i in range(BEACONS)
+        ca.if_else(is_turn[i], u.beacon_position[i, :].T, 0) for i in range(p.beacons)
     )
     true_range = _path_length(p, u, beacon)
     delay = (
@@ -114,7 +137,7 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         return ca.vertcat(*(
             ca.if_else(received * is_turn[i], new[i, :] if new.shape == old.shape else new,
                        old[i, :])
-            for i in range(BEACONS)
+            for i in range(p.beacons)
         ))
 
     return {
@@ -136,4 +159,10 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     return {v.name: getattr(x, v.name) for v in COMPONENT.of("output")}
 
 
-EQUATIONS = Equations(initial=_initial, tick=_tick, output=_output, draws=_DRAWS)
+EQUATIONS = Equations(
+    initial=_initial,
+    tick=_tick,
+    output=_output,
+    iterate=(Loop(_OTHERS, lambda p, x, u, t: x.waiting, _other),),
+    draws=(*_DRAWS, *_DRAWS_OF_OTHERS),
+)

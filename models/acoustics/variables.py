@@ -1,10 +1,11 @@
-"""Declaration of the Acoustics: a round-robin one-way channel from four beacons to the diver."""
+"""Declaration of the Acoustics: a one-way channel from the beacons to the diver."""
 
 from __future__ import annotations
 
 from ..declaration import (
     Component,
     choice,
+    is_one_of,
     noise_keys,
     not_zero,
     output,
@@ -23,6 +24,7 @@ from ..ports import (
     terminal,
 )
 
+SCHEDULE = {1: "round_robin", 2: "simultaneous"}
 OUTLIERS = {1: "exponential", 2: "half_normal"}
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
@@ -31,14 +33,24 @@ _RANDOM = tuple(
     for outlier in ("outlier_probability", "outlier_mean")
 )
 
+
+def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(range(1, shape[0] + 1))
+
+
 COMPONENT = Component(
     name="Acoustics",
     number=3,
-    description="One-way ranging, one beacon per slot, with noise, loss, outliers and clock errors",
+    description="One-way ranging, one beacon per slot or all at once, with noise, loss, outliers "
+    "and clock errors",
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
         *noise_keys(*_RANDOM),
+        choice("schedule", "Whether one beacon pings in each slot, or all", SCHEDULE, 1),
+        parameter("slot_order", "Beacon that pings in each slot of a round", shape=(BEACONS,),
+                  type="Int32", start=_in_turn, min=1, max=BEACONS.most,
+                  needs=((is_one_of("schedule", SCHEDULE, "round_robin"),),)),
         parameter("sound_speed", "True speed of sound", "m/s", start=1500.0, min=1.0, max=10000.0),
         parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),

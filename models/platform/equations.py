@@ -11,13 +11,15 @@ from typing import Any
 
 import casadi as ca
 
+from ..arrangement import cross
+from ..declaration import number_of
 from ..equations import Draw, Equations, Symbols, Values
 from ..geometry import rotation
 from ..ports import BEACONS
-from .variables import ANGLES, DISPLACEMENTS
+from .variables import ANGLES, ARRANGEMENT, DISPLACEMENTS
 
 AXES = (*ANGLES, *DISPLACEMENTS)
-
+_CROSS = number_of(ARRANGEMENT, "cross")
 
 
 def _scales(sensor: str, axes: tuple[str, str, str], *parts: str) -> tuple[str, ...]:
@@ -33,7 +35,7 @@ DRAWS = (
     Draw("first_imu", "normal", "initial", 9),
     Draw("gps", "normal", "tick", 6, _scales(*_GPS, "std", "markov_std")),
     Draw("imu", "normal", "tick", 6, _scales(*_IMU, "std", "markov_std")),
-    Draw("mounting", "normal", "initial", 3 * BEACONS, ("mounting_std",) * (3 * BEACONS)),
+    Draw("mounting", "normal", "initial", 3, ("mounting_std",) * 3, each=BEACONS),
 )
 
 
@@ -50,7 +52,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "imu_turn_on": _imu(p, "turn_on_std") * w.first_imu[3:6],
         "imu_markov": _imu(p, "markov_std") * w.first_imu[6:],
         "imu_decay": ca.exp(-p.sampling_time / p.imu_correlation_time),
-        "mounting": p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, BEACONS).T,
+        "mounting": p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, p.beacons).T,
     }
 
 
@@ -93,12 +95,12 @@ def _wave(p: Symbols, axis: str, t: Any, phase: Any) -> Any:
 
 
 def _beacons(p: Symbols) -> Any:
-    """Nominal beacon positions in the body frame, one per row: arms +x, +y, -x, -y."""
-    arms = ((1, 0), (0, 1), (-1, 0), (0, -1))
-    assert len(arms) == BEACONS
-    return ca.vertcat(
-        *(ca.horzcat(p.arm_length * x, p.arm_length * y, p.beacon_depth) for x, y in arms)
+    """Nominal beacon positions in the body frame, one per row."""
+    arms = ca.vertcat(
+        *(ca.horzcat(*b) for b in cross(p.beacons, p.arm_length, p.beacon_depth))
     )
+    given = ca.if_else(p.arrangement == _CROSS, arms, p.beacon)
+    return ca.horzcat(p.beacon_scale * given[:, :2], given[:, 2])
 
 
 def _placed(position: Any, R: Any, points: Any) -> Any:

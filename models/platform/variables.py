@@ -1,4 +1,4 @@
-"""Declaration of the Platform: four beacons on a floating cross, with GPS and IMU."""
+"""Declaration of the Platform: beacons on a floating cross or as given, with GPS and IMU."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from ..declaration import (
     Component,
     Condition,
     Variable,
+    choice,
+    is_one_of,
     noise_keys,
     not_zero,
     output,
@@ -21,7 +23,8 @@ from ..ports import BEACON_POSITIONS, BEACONS, REPORTED_POSE, ports
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
 DISPLACEMENTS = tuple(DIRECTIONS)
-
+ARRANGEMENT = {1: "cross", 2: "given"}
+_CROSS, _GIVEN = ((is_one_of("arrangement", ARRANGEMENT, name),) for name in ARRANGEMENT.values())
 
 _GPS_AXES = ("horizontal", "vertical")
 _IMU_AXES = ("tilt", "heading")
@@ -95,10 +98,16 @@ COMPONENT = Component(
         *noise_keys((*_DRAWN, Condition("random_phases", (1,))), (*_DRAWN, *_WAVES)),
         parameter("mean_position", "Mean position of the reference point, NED", "m", shape=(3,)),
         parameter("mean_heading", "Mean yaw", "rad", min=-2 * pi, max=2 * pi),
+        choice("arrangement", "Where the beacons are: at the ends of a cross of equal arms, the "
+               "first one forward, or as given", ARRANGEMENT, 1),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",
-                  start=3.0, min=0.001, max=1000.0),
+                  start=3.0, min=0.001, max=1000.0, needs=(_CROSS,)),
         parameter("beacon_depth", "Depth of the beacons below the reference point, body frame",
-                  "m", start=0.5, min=-100.0, max=100.0),
+                  "m", start=0.5, min=-100.0, max=100.0, needs=(_CROSS,)),
+        parameter("beacon", "Nominal position of each beacon, body frame: forward, right, down",
+                  "m", shape=(BEACONS, 3), min=-1e4, max=1e4, needs=(_GIVEN,)),
+        parameter("beacon_scale", "Factor of all horizontal offsets of the beacons", start=1.0,
+                  min=0.001, max=1000.0),
         switch("random_phases", "Whether the phases of all waves are drawn from the seed", True,
                needs=(_WAVES,)),
         *_waves(),

@@ -7,11 +7,10 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Symbols, Values
-from ..ports import BEACONS
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
-    offsets = [u.position - u.beacon_position[i, :].T for i in range(BEACONS)]
+    offsets = [u.position - u.beacon_position[i, :].T for i in range(p.beacons)]
     return {"range": ca.vertcat(*(ca.sqrt(ca.sumsqr(d)) for d in offsets))}
 
 

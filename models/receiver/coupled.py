@@ -14,11 +14,10 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from ..ports import BEACONS
 from . import arc, estimate, least_squares, measurements, pose, start, surroundings
 from .estimate import pack, unpack
 from .least_squares import symmetric
-from .measurements import DEPTH, MEASUREMENTS, Samples, with_beacons
+from .measurements import DEPTH, Samples, with_beacons
 from .steps import Correction, Map, Step
 from .surroundings import (
     CLOCK,
@@ -65,14 +64,14 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
     mean[list(POSITION)] = p.prior_position
     mean[list(VELOCITY)] = p.prior_velocity
     return {
-        **measurements.initial(t),
+        **measurements.initial(p, t),
         **estimate.initial(t),
         "ready": p.initialisation == _PRIOR,
         "located": 0,
         "mean": mean,
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
-        "arm": ca.SX.zeros(BEACONS, 3),
+        "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
         "score": 0,
         "restarts": 0,
@@ -113,7 +112,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     """
     s = with_beacons(x, u, u.ping_beacon_position)
     oldest, depth, packet, chosen, z = _oldest(s)
-    newest = oldest >= ca.mmax(s.epoch[:BEACONS])
+    newest = oldest >= ca.mmax(s.epoch[:DEPTH])
     epoch = ca.fmax(oldest, x.epoch)
     using = x.ready * (x.passes == 0)
 
@@ -150,7 +149,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "covariance": pack(P),
         "located": located,
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
-        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, BEACONS, 1), x.arm),
+        "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
         **said.own.states,
         "score": ca.if_else(wrong, 0, score),
         "restarts": x.restarts + wrong,
@@ -164,10 +163,10 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
 
 def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
     """The oldest epoch, whether it has a depth and a packet, of which beacon, and its range."""
-    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
+    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(s.count + 1)]
     oldest = ca.mmin(ca.vertcat(*pending))
     which, packet, z = [], ca.SX(0), ca.SX(0)
-    for i in range(BEACONS):  # of equal epochs the first one
+    for i in range(s.count):  # of equal epochs the first one
         this = (pending[i] <= oldest) * (packet == 0)
         which.append(this)
         packet += this

@@ -21,7 +21,7 @@ _WHITE = number_of(PROCESS_NOISE, "white_noise_acceleration")
 def initial(p: Symbols, t: Any) -> Values:
     """States of a filter at the start: the prior, used only if it is asked for."""
     return {
-        **measurements.initial(t),
+        **measurements.initial(p, t),
         **estimate.initial(t),
         "ready": p.initialisation == _PRIOR,
         "mean": expand(p.prior_position, p.prior_velocity),

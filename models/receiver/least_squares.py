@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 
-from ..ports import BEACONS
 from .measurements import DEPTH, Samples, predicted
 
 PASSES = 20
@@ -82,11 +81,11 @@ def closed_form(s: Samples) -> Any:
     |x|^2 - 2 q_i x + |q_i|^2``; summed over i with the weights q_i the unknown ``|x|^2`` drops
     out, which leaves two linear equations in north and east.
     """
-    heard = s.heard[:BEACONS]
+    heard = s.heard[:DEPTH]
     mean = (heard.T @ s.beacons).T / ca.fmax(ca.sum1(heard), 1)
     z = s.z[DEPTH] - mean[2]
     a, b = ca.SX.zeros(2, 2), ca.SX.zeros(2)
-    for i in range(BEACONS):
+    for i in range(s.count):
         q = s.beacons[i, :].T - mean
         horizontal = heard[i] * q[:2]
         a += horizontal @ q[:2].T
@@ -103,7 +102,7 @@ def closed_form(s: Samples) -> Any:
 
 
 def weights(s: Samples, variances: Any) -> Any:
-    """Weight of each measurement in 1/m^2, 0 for one that is not there, (5, 1)."""
+    """Weight of each measurement in 1/m^2, 0 for one that is not there, (N + 1, 1)."""
     return s.heard * reciprocal(variances)
 
 

@@ -1,7 +1,7 @@
 """What a receiver finds on its inputs, and the measurement equations (the paper's z and H).
 
-The five measurements are always in the order of the paper's z: the ranges to the four beacons,
-then the depth.
+The measurements are always in the order of the paper's z: the ranges to the N beacons, then the
+depth.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Symbols, Values
-from ..ports import BEACONS
 from .variables import BEACON_POSITION_SOURCE, MEASUREMENT_NOISE
 
-DEPTH = BEACONS
-"""Index of the depth in z."""
-MEASUREMENTS = BEACONS + 1
+DEPTH = -1
+"""Index of the depth in z: the last one."""
 _OWN_PACKET = number_of(BEACON_POSITION_SOURCE, "own_packet")
 _VARIANCE = number_of(MEASUREMENT_NOISE, "variance")
 
@@ -30,15 +28,15 @@ class Samples:
     Attributes
     ----------
     z
-        Ranges and depth in m, (5, 1).
+        Ranges and depth in m, (N + 1, 1).
     epoch
-        Their epochs in s, (5, 1).
+        Their epochs in s, (N + 1, 1).
     beacons
-        The position that goes with each range in m, NED, (4, 3).
+        The position that goes with each range in m, NED, (N, 3).
     mark
-        What changes with each new sample, (5, 1).
+        What changes with each new sample, (N + 1, 1).
     heard, new
-        Whether there has been one at all; whether it came after the one last seen, (5, 1).
+        Whether there has been one at all; whether it came after the one last seen, (N + 1, 1).
     any_new
         Whether one of them is new.
     newest
@@ -57,10 +55,15 @@ class Samples:
     newest: Any
     enough: Any
 
+    @property
+    def count(self) -> int:
+        """N, the number of beacons."""
+        return int(self.beacons.shape[0])
 
-def initial(t: Any) -> Values:
+
+def initial(p: Symbols, t: Any) -> Values:
     """The states that `samples` needs, at the start."""
-    return {"start": t, "seen": ca.vertcat(ca.SX.zeros(BEACONS), t)}
+    return {"start": t, "seen": ca.vertcat(ca.SX.zeros(p.beacons), t)}
 
 
 def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
@@ -71,7 +74,7 @@ def samples(p: Symbols, x: Symbols, u: Symbols) -> Samples:
 
 
 def with_beacons(x: Symbols, u: Symbols, beacons: Any) -> Samples:
-    """The same with given positions of the beacons, (4, 3)."""
+    """The same with given positions of the beacons, (N, 3)."""
     epoch = ca.vertcat(u.range_epoch, u.depth_epoch)
     mark = ca.vertcat(u.reception_count, u.depth_epoch)
     heard = ca.vertcat(u.reception_count > 0, u.depth_epoch > x.start)
@@ -85,14 +88,14 @@ def with_beacons(x: Symbols, u: Symbols, beacons: Any) -> Samples:
         new=new,
         any_new=ca.sum1(new) > 0,
         newest=ca.mmax(epoch),
-        enough=(ca.sum1(heard[:BEACONS]) >= 3) * heard[DEPTH],
+        enough=(ca.sum1(heard[:DEPTH]) >= 3) * heard[DEPTH],
     )
 
 
 def noise(p: Symbols) -> Any:
-    """Diagonal of R, (5, 1): variances, or literally the standard deviations, taken as m^2."""
-    variances = ca.vertcat(ca.repmat(p.range_std**2, BEACONS, 1), p.depth_std**2)
-    literal = ca.vertcat(ca.repmat(p.range_std, BEACONS, 1), p.depth_std)
+    """Diagonal of R, (N + 1, 1): variances, or literally the standard deviations, taken as m^2."""
+    variances = ca.vertcat(ca.repmat(p.range_std**2, p.beacons, 1), p.depth_std**2)
+    literal = ca.vertcat(ca.repmat(p.range_std, p.beacons, 1), p.depth_std)
     return ca.if_else(p.measurement_noise == _VARIANCE, variances, literal)
 
 
@@ -108,5 +111,5 @@ def distance(position: Any, beacon: Any) -> tuple[Any, Any]:
 
 def predicted(position: Any, s: Samples) -> list[tuple[Any, Any]]:
     """Each measurement at a position, and its gradient, (3, 1)."""
-    ranges = [distance(position, s.beacons[i, :]) for i in range(BEACONS)]
+    ranges = [distance(position, s.beacons[i, :]) for i in range(s.count)]
     return [*ranges, (position[2], ca.SX([0, 0, 1]))]

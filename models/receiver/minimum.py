@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 
-from ..ports import BEACONS
 from .least_squares import adjugate, reciprocal, symmetric
 from .measurements import DEPTH, Samples, distance
 
@@ -32,7 +31,7 @@ class Point:
     position
         In m, NED, (3, 1).
     lengths
-        Distances to the beacons in m, (4, 1).
+        Distances to the beacons in m, (N, 1).
     cost
         Weighted sum of squared residuals.
     """
@@ -49,7 +48,7 @@ class Tangent:
     Attributes
     ----------
     gradients, bends
-        Of the ranges: the gradient g of each, (4, 3), and w / h, (4, 1). The second derivative of
+        Of the ranges: the gradient g of each, (N, 3), and w / h, (N, 1). The second derivative of
         a range h is ``(I - g g') / h``.
     information, slope
         ``H' W H``, (3, 3), and ``H' W (z - h)``, (3, 1).
@@ -82,7 +81,7 @@ class Step:
 
 def point(position: Any, s: Samples, weight: Any) -> Point:
     """Cost of a position."""
-    lengths = ca.vertcat(*(distance(position, s.beacons[i, :])[0] for i in range(BEACONS)))
+    lengths = ca.vertcat(*(distance(position, s.beacons[i, :])[0] for i in range(s.count)))
     residuals = s.z - ca.vertcat(lengths, position[2])
     return Point(position, lengths, ca.dot(weight, residuals**2))
 
@@ -100,7 +99,7 @@ def tangent(at: Point, s: Samples, weight: Any) -> Tangent:
     """Linearise at a point, with the second derivatives beside."""
     information, curvature, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3), ca.SX.zeros(3)
     rows, bends, diagonal = [], [], ca.SX(0)
-    for i in range(BEACONS):
+    for i in range(s.count):
         per_metre = reciprocal(at.lengths[i])
         gradient = (at.position - s.beacons[i, :].T) * per_metre
         weighted = weight[i] * gradient

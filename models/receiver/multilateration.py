@@ -18,7 +18,7 @@ from .measurements import noise, samples
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
     return {
-        **measurements.initial(t),
+        **measurements.initial(p, t),
         **estimate.initial(t),
         "position": ca.SX.zeros(3),
         "information": ca.SX.zeros(6),

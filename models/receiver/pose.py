@@ -210,7 +210,7 @@ def read(
     Parameters
     ----------
     which
-        Whether it is the packet of each beacon: 0 or 1, (4, 1).
+        Whether it is the packet of each beacon: 0 or 1, (N, 1).
     newest
         Whether it is the newest packet: the positions of all beacons are of that one only.
     before

@@ -7,10 +7,9 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
-from ..ports import BEACONS
 from . import kalman, least_squares
 from .estimate import POSITION, STATES, pack, unpack
-from .measurements import DEPTH, MEASUREMENTS, distance, noise, samples
+from .measurements import DEPTH, distance, noise, samples
 
 _FORGIVEN = 0.5
 """What a range inside the gate takes back from the score of rejections. Below 1, because a filter
@@ -40,16 +39,16 @@ def _unprocessed(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
 def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = samples(p, x, u)
     # The oldest one; of equal epochs the depth, so that ranges are linearised at a better state.
-    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(MEASUREMENTS)]
-    which, epoch = ca.SX(DEPTH), pending[DEPTH]
+    pending = [ca.if_else(s.new[i], s.epoch[i], s.newest + 1) for i in range(s.count + 1)]
+    which, epoch = ca.SX(s.count), pending[DEPTH]
     z, beacon = s.z[DEPTH], ca.SX.zeros(1, 3)
-    for i in range(BEACONS):
+    for i in range(s.count):
         older = pending[i] < epoch
         which = ca.if_else(older, i, which)
         epoch = ca.fmin(pending[i], epoch)
         z = ca.if_else(older, s.z[i], z)
         beacon = ca.if_else(older, s.beacons[i, :], beacon)
-    is_depth = which == DEPTH
+    is_depth = which == s.count
     epoch = ca.fmax(epoch, x.epoch)
 
     mean, P = kalman.predict(p, x.mean, unpack(x.covariance, STATES), epoch - x.epoch)
@@ -69,7 +68,7 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     return {
         "seen": ca.vertcat(*(
             ca.if_else(ca.fmax(restart, which == i), s.mark[i], x.seen[i])
-            for i in range(MEASUREMENTS)
+            for i in range(s.count + 1)
         )),
         "epoch": ca.if_else(restart, s.newest, epoch),
         "mean": mean + K * innovation,

@@ -14,7 +14,6 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Loop, Symbols, Values
-from ..ports import BEACONS
 from . import least_squares
 from .estimate import pack, unpack
 from .least_squares import adjugate, reciprocal, symmetric
@@ -48,7 +47,7 @@ def _placed(p: Symbols, x: Symbols, u: Symbols) -> Samples:
     s = with_beacons(x, u, u.ping_beacon_position)
     c, sn = ca.cos(x.mean[HEADING]), ca.sin(x.mean[HEADING])
     rows = []
-    for i in range(BEACONS):
+    for i in range(s.count):
         age = s.newest - s.epoch[i]
         arm = x.arm[i, :]
         rows.append(ca.horzcat(
@@ -121,10 +120,10 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
     prior
         Information on the common offset [1/m²].
     """
-    alone = reciprocal(ca.sum1(weight[:BEACONS]) + prior)
+    alone = reciprocal(ca.sum1(weight[:DEPTH]) + prior)
     information, slope = ca.SX.zeros(3, 3), ca.SX.zeros(3)
     cost, first, lean = ca.SX(0), ca.SX(0), ca.SX.zeros(3)
-    for i in range(BEACONS):
+    for i in range(s.count):
         length, gradient = distance(position, s.beacons[i, :])
         residual = s.z[i] - length
         information += weight[i] * gradient @ gradient.T
@@ -156,7 +155,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
     variances = ca.vertcat(
-        ca.repmat(sounding_variance(p.range_std), BEACONS, 1),
+        ca.repmat(sounding_variance(p.range_std), s.count, 1),
         sounding_variance(p.depth_std) + p.depth_bias_std**2,
     )
     weight = least_squares.weights(s, variances + motion**2)
@@ -191,7 +190,7 @@ def _joined(
     The diver goes where the platform goes and turns with its heading, beside the fix's own error.
     """
     y = fix.position[:2] - x.mean[list(PLATFORM)]
-    degrees = ca.fmax(ca.sum1(s.heard[:BEACONS]) - 2, 1)
+    degrees = ca.fmax(ca.sum1(s.heard[:DEPTH]) - 2, 1)
     # Samples that disagree count less; that the diver is near does not.
     near = ca.diag(ca.SX([1, 1, 0])) / _FAR_STD**2
     doubt = reciprocal(ca.fmax(fix.cost / degrees, 1))

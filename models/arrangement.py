@@ -1,0 +1,35 @@
+"""Where the beacons of a platform are: the paper's cross, for any number of beacons."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import Any
+
+_QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+
+
+def arms(count: int) -> tuple[tuple[float, float], ...]:
+    """Directions of the arms in the body frame, forward and starboard: the first one forward.
+
+    They divide the circle equally; those at a quarter of it have exact zeros and ones.
+    """
+    return tuple(_direction(i, count) for i in range(count))
+
+
+def _direction(i: int, count: int) -> tuple[float, float]:
+    if 4 * i % count == 0:
+        return _QUARTERS[4 * i // count]
+    angle = 2 * pi * i / count
+    return cos(angle), sin(angle)
+
+
+def cross(count: int, arm: Any, depth: Any) -> tuple[tuple[Any, Any, Any], ...]:
+    """Nominal position of each beacon at the end of its arm, body frame.
+
+    Parameters
+    ----------
+    arm, depth
+        Length of the arms, and how deep the beacons are below the reference point [m]; numbers or
+        CasADi expressions.
+    """
+    return tuple((arm * x, arm * y, depth) for x, y in arms(count))
