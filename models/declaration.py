@@ -206,6 +206,12 @@ class Variable:
         return math.prod(self.shape)
 
     @property
+    def rows(self) -> Dimension | None:
+        """The constant of the build that says how many rows an array has, if one does."""
+        first = self.shape[0] if self.shape else None
+        return first if isinstance(first, Dimension) else None
+
+    @property
     def starts(self) -> tuple[Number, ...]:
         """Start value of each element, row by row."""
         start = self.start

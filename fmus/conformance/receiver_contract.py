@@ -2,10 +2,11 @@
 
 The contract: the outputs `REQUIRED_ESTIMATE` are there; of the other ports (`RECEPTION`,
 `PING_POSE` and `DEPTH` as inputs, `ESTIMATE` and `SYSTEM` as outputs) each one that the FMU
-declares has the port's name, causality, type, shape and unit. Further outputs and ports left out
-are fine. An array is an FMI 3 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where
-the FMU has terminals of our kinds, these say which variable is which port; elsewhere the names do.
-CasADi is not loaded, and the FMU's binary only on demand.
+declares has the port's name, causality, type, shape and unit; the number of beacons may be any for
+which components are made, the same everywhere. Further outputs and ports left out are fine. An
+array is an FMI 3 array, or scalars ``name[i]``, ``name[i,j]`` counted from 1. Where the FMU has
+terminals of our kinds, these say which variable is which port; elsewhere the names do. CasADi is
+not loaded, and the FMU's binary only on demand.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from typing import Literal
 from xml.etree import ElementTree as ET
 
 from fmpy.model_description import ModelDescription, ModelVariable
-from sblcosim.models.declaration import UNITS, Variable
-from sblcosim.models.ports import REQUIRED_ESTIMATE
+from sblcosim.models.declaration import UNITS, Dimension, Variable
+from sblcosim.models.ports import BEACONS, REQUIRED_ESTIMATE
 
 from ..build.description import base_unit
 from ..errors import FmuError, nearest
@@ -174,7 +175,9 @@ def _check_ports(
     declared: Mapping[str, _Declared], description: ModelDescription
 ) -> Iterator[Finding]:
     """Compare all ports with the variables that have their names."""
-    for name, port in _PORTS.items():
+    beacons = _beacons_of(declared)
+    for name, usual in _PORTS.items():
+        port = replace(usual, shape=_with_beacons(usual.shape, beacons))
         if name in declared:
             yield from _check_port(port, declared[name], description)
         elif name in REQUIRED_ESTIMATE:
@@ -186,6 +189,20 @@ def _check_ports(
         if declared[name].values("causality") == {"input"}:
             hint = nearest(name, _PORTS.keys() - declared.keys())
             yield Finding(name, "warning", f"is not a port: will keep its start value{hint}")
+
+
+def _beacons_of(declared: Mapping[str, _Declared]) -> Dimension:
+    """For how many beacons a receiver is made, by the first port that says so."""
+    for name, port in _PORTS.items():
+        shape = declared[name].shape if name in declared else None
+        rows = port.rows
+        if rows and shape and len(shape) == len(port.shape) and rows.least <= shape[0] <= rows.most:
+            return rows.of(shape[0])
+    return BEACONS
+
+
+def _with_beacons(shape: tuple[int, ...], beacons: Dimension) -> tuple[int, ...]:
+    return tuple(beacons if isinstance(n, Dimension) else n for n in shape)
 
 
 def check_kind(archive: Archive, description: ModelDescription) -> Finding:

@@ -71,6 +71,7 @@ def initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "mean": mean,
         "covariance": pack(ca.diag(stds**2)),
         "platform_down": 0,
+        "pose_epoch": t,
         "arm": ca.SX.zeros(p.beacons, 3),
         **pose.NOTHING.states,
         "score": 0,
@@ -129,7 +130,9 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     )
     mean = mean + d
 
-    mean, P, posed = _platform_updated(p, mean, P, said, packet * located)
+    # What several packets of one epoch say of the platform is the same, errors included.
+    again = oldest == x.pose_epoch
+    mean, P, posed = _platform_updated(p, mean, P, said, packet * located * (again == 0))
     ranged = packet * located * using
     mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
 
@@ -148,6 +151,7 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "mean": mean,
         "covariance": pack(P),
         "located": located,
+        "pose_epoch": ca.if_else(packet, oldest, x.pose_epoch),
         "platform_down": ca.if_else(packet, said.pose.down, x.platform_down),
         "arm": ca.if_else(ca.repmat(chosen, 1, 3), ca.repmat(arm.T, s.count, 1), x.arm),
         **said.own.states,

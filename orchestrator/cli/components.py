@@ -30,6 +30,10 @@ def build(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the FMUs.")] = (
         Path("fmus")
     ),
+    beacons: Annotated[
+        int | None,
+        numeric("--beacons", int, "N", "Number of beacons, 3 to 8; none: 4."),
+    ] = None,
     all_platforms: Annotated[
         bool,
         typer.Option(
@@ -41,17 +45,20 @@ def build(
 ) -> None:
     """Build our components as FMUs.
 
-    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu.
+    They become DIR/fmi2/NAME.fmu and DIR/fmi3/NAME.fmu; for six beacons NAME6.fmu, if beacons
+    matter to them.
     """
     from sblcosim.fmus.build.factory import build as build_fmu
     from sblcosim.fmus.files import write_file
     from sblcosim.models import COMPONENTS
 
+    constants = {} if beacons is None else {"beacons": beacons}
     with waiting("building"):
         built = [
-            (build_fmu(name, version, all_platforms), out / f"fmi{version}" / f"{name}.fmu")
+            (path, out / f"fmi{version}" / path.name)
             for version in ((2, 3) if fmi is None else (fmi,))
             for name in (names or COMPONENTS)
+            for path in [build_fmu(name, version, all_platforms, **constants)]
         ]
         for cached, path in built:
             try:

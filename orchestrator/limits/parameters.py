@@ -88,4 +88,5 @@ def conditions(scenario: Scenario, acceleration_psd: float | None = None) -> Con
         common_std=float(np.hypot(p.gps_markov_std, p.gps_bias_std)),
         heading_std=p.imu_heading_error_std,
         heading_noise_std=p.imu_heading_std,
+        at_once=scenario.acoustics.schedule == "simultaneous",
     )

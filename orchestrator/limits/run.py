@@ -12,7 +12,7 @@ from ..results.definitions import held_at, recorded, state_at
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record, epochs_ns
-from .parameters import STOCHASTIC, beacons_of, parameters, spread_of
+from .parameters import STOCHASTIC, beacons_of, conditions, parameters
 from .path import path_psd
 from .recursion import Truth, covariances, marginals, prior, rows_of
 from .verdict import Limits, limits_of
@@ -105,18 +105,14 @@ def of_run(
 
 def psd_of(record: Record, scenario: Scenario) -> float:
     """q of the path of a run [m²/s³]; see `path_psd`."""
-    p, own = parameters(scenario), record.own("target")
+    c, own = conditions(scenario, 0.0), record.own("target")
     o = recorded(record, "target.position") - recorded(record, "platform.position")
-    beacons = beacons_of(p)
     distance_square = float((o**2).sum(1).mean())
-    a = scenario.acoustics
-    kept = 1 - a.loss_probability
-    if kept <= 0:
+    if not np.isfinite(c.round):
         return 0.0
-    round_s = len(beacons) * a.sampling_time_s / kept
-    R = p.range_std**2 * distance_square / max(spread_of(beacons), 1e-12)
+    R = c.range_std**2 * distance_square / max(c.spread, 1e-12)
     return path_psd(
-        record.time_ns[own] / 1e9, recorded(record, "target.velocity")[own], R * round_s
+        record.time_ns[own] / 1e9, recorded(record, "target.velocity")[own], R * c.round
     )
 
 

@@ -33,6 +33,8 @@ class Conditions:
         ½ Σ|b − b̄|² of the horizontal arms [m²]; 2 b² for a cross with arms of length b.
     beacons
         Their number N.
+    at_once
+        Whether all ping in the same slot.
     slot
         T, time between packets and between depth readings [s].
     loss
@@ -55,11 +57,17 @@ class Conditions:
     common_std: float = 0.0
     heading_std: float = 0.0
     heading_noise_std: float = 0.0
+    at_once: bool = False
+
+    @property
+    def slots(self) -> int:
+        """In a round."""
+        return 1 if self.at_once else self.beacons
 
     @property
     def round(self) -> float:
         """T_eff [s]: the mean time from one packet of a beacon to its next."""
-        return self.beacons * self.slot / (1 - self.loss) if self.loss < 1 else np.inf
+        return self.slots * self.slot / (1 - self.loss) if self.loss < 1 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +111,7 @@ def closed_form(offset: ArrayLike, conditions: Conditions) -> ClosedForm:
         fix_radial = c.range_std * distance / (np.sqrt(c.beacons) * reach)
     fix_cross, fix_radial = (np.nan_to_num(f, nan=0.0, posinf=np.inf)
                              for f in (fix_cross, fix_radial))
-    heading = (reach * c.heading_noise_std) ** 2 / c.beacons
+    heading = (reach * c.heading_noise_std) ** 2 / c.slots
     q = c.acceleration_psd
     across = steady_variance(q, _density(fix_cross**2 + heading, c.round))
     along = steady_variance(q, _density(fix_radial**2, c.round))

@@ -8,7 +8,7 @@ What is in it, by dimension:
 - ``epoch``: the times to which estimates belong, of all receivers together. ``estimate``, ``error``
   and so on are those of `sblcosim.results.metrics.track`; ``frame`` is what an error is relative
   to. Of several estimates of a receiver for one epoch, the last is here.
-- ``axis`` (x, y, z: north, east, down), ``angle`` (roll, pitch, yaw), ``beacon`` (1 to 4), and
+- ``axis`` (x, y, z: north, east, down), ``angle`` (roll, pitch, yaw), ``beacon`` (1 to N), and
   ``state``, the order of covariances.
 
 Missing is NaN: where a receiver has no such output, or no estimate for an epoch. Whole numbers and
@@ -28,7 +28,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
-from sblcosim.models.declaration import Variable
+from sblcosim.models.declaration import Dimension, Variable
 from sblcosim.models.ports import BEACONS, ESTIMATE, SYSTEM
 
 from ..errors import ConfigurationError
@@ -49,12 +49,12 @@ _COORDINATES: Mapping[str, tuple[list[Any], str]] = {
     "axis": ([*AXES], "North, east, down"),
     "axis_2": ([*AXES], "North, east, down: columns of covariances"),
     "angle": (["roll", "pitch", "yaw"], "Roll, pitch, yaw"),
-    "beacon": ([*range(1, BEACONS + 1)], "Number of the beacon"),
+    "beacon": ([*range(1, BEACONS.most + 1)], "Number of the beacon"),
     "frame": ([*FRAMES], "What errors are relative to"),
     "state": (_STATES, "Positions and velocities, in the order of the paper's state"),
     "state_2": (_STATES, "Positions and velocities: columns of covariances"),
 }
-_SIZES = {len(AXES): "axis", BEACONS: "beacon", len(_STATES): "state"}
+_SIZES = {len(AXES): "axis", len(_STATES): "state"}
 _PORTS = {v.name: v for v in (*ESTIMATE, *SYSTEM)}
 """Outputs that are stacked along ``receiver``."""
 
@@ -92,10 +92,14 @@ def dataset(
             while name in variables:  # a label may end as a name of ours begins
                 name += "_"
             variables[name] = part
-    used = {dim for dims, _, _ in variables.values() for dim in dims}
-    for dim in used & _COORDINATES.keys():
+    sizes = {
+        dim: n
+        for dims, values, _ in variables.values()
+        for dim, n in zip(dims, np.shape(values), strict=True)
+    }
+    for dim in sizes.keys() & _COORDINATES.keys():
         values, words = _COORDINATES[dim]
-        coordinates[dim] = (dim, values, _about(words))
+        coordinates[dim] = (dim, values[: sizes[dim]], _about(words))
     about = {
         "title": getattr(description.scenario, "title", "") or description.scenario_name,
         "scenario": description.scenario_name,
@@ -136,13 +140,24 @@ def _part(
 ) -> tuple[tuple[str, ...], Array, dict[str, str]]:
     """A variable: known dimensions where it is declared, else dimensions of its own."""
     shape = values.shape[len(before) :]
-    if declared is None or declared.shape != shape or not {*shape} <= _SIZES.keys():
+    if declared is None or not _fits(declared.shape, shape):
         return (*before, *(f"{name}_{i + 1}" for i in range(len(shape)))), values, {}
     dims: list[str] = []
-    for size in shape:
-        dim = "angle" if size == len(AXES) and declared.unit == "rad" else _SIZES[size]
+    for size in declared.shape:
+        if isinstance(size, Dimension):
+            dim = "beacon"
+        else:
+            dim = "angle" if size == len(AXES) and declared.unit == "rad" else _SIZES[size]
         dims.append(f"{dim}_2" if dim in dims else dim)
     return (*before, *dims), values, _about(declared.legend, _unit(declared))
+
+
+def _fits(declared: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether an array is as declared, but for the number of beacons, and of known dimensions."""
+    return len(declared) == len(shape) and all(
+        isinstance(n, Dimension) or (n == size and n in _SIZES)
+        for n, size in zip(declared, shape, strict=True)
+    )
 
 
 def _unit(declared: Variable) -> str | None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from math import hypot, pi, sqrt
 from typing import Any
 
-from sblcosim.models.ports import BEACONS
+from sblcosim.models.arrangement import cross
 
 _DRIFT_MEMORY = 100.0
 """A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
@@ -17,7 +17,10 @@ does."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
 
 SOURCES: Mapping[str, Sequence[str]] = {
-    "beacon_offset_m": ("platform.arm_length_m", "platform.beacon_depth_m"),
+    "beacon_offset_m": (
+        "platform.beacon_m", "platform.arm_length_m", "platform.beacon_depth_m",
+        "platform.beacon_scale",
+    ),
     "gps_std_m": ("platform.gps_horizontal_std_m",),
     "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
     "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
@@ -89,7 +92,7 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
     n, e, d = platform.gps_antenna_offset_m
     values = {
-        "beacon_offset_m": _cross(platform.arm_length_m, platform.beacon_depth_m),
+        "beacon_offset_m": beacons_of(platform),
         "gps_std_m": platform.gps_horizontal_std_m,
         "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
         "gps_correlation_time_s": platform.gps_correlation_time_s,
@@ -135,10 +138,14 @@ def _known(tables: Mapping[str, Any], sources: Sequence[str]) -> bool:
     )
 
 
-def _cross(arm: float, depth: float) -> tuple[float, ...]:
-    arms = ((1, 0), (0, 1), (-1, 0), (0, -1))
-    assert len(arms) == BEACONS
-    return tuple(v for x, y in arms for v in (arm * x, arm * y, depth))
+def beacons_of(platform: Any) -> tuple[float, ...]:
+    """Nominal positions of the beacons, body frame, row by row [m]."""
+    rows = cross(platform.beacons, platform.arm_length_m, platform.beacon_depth_m)
+    if platform.arrangement == "given":
+        flat = platform.beacon_m
+        rows = tuple((flat[i], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3))
+    scale = platform.beacon_scale
+    return tuple(v for x, y, z in rows for v in (scale * x, scale * y, z))
 
 
 def _clock(acoustics: Any) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -98,7 +99,8 @@ def _element(fields: Fields, location: Sequence[str | int]) -> str:
     variable = getattr(table, "variables", {}).get(location[1])
     if variable is None:
         return ""
-    return str(variable.elements[location[2]].removeprefix(variable.name))
+    row, column = divmod(location[2], math.prod(variable.shape[1:]))
+    return f"[{row + 1},{column + 1}]" if variable.shape[1:] else f"[{row + 1}]"
 
 
 def _unknown(fields: Fields, location: Sequence[str | int]) -> str:

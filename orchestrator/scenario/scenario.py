@@ -16,11 +16,12 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
-from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models import RECEIVERS, declared
+from sblcosim.models.ports import BEACONS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
-from . import effects, library
+from . import arrangement, effects, library
 from .assumptions import assumed
 from .messages import is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
@@ -96,14 +97,22 @@ class Scenario(Table):
                 presets[where] |= preset(name, value)
         if self.target.waypoint_m:
             presets["target"]["waypoint_count"] = len(self.target.waypoint_m) // 3
+        presets["platform"] |= self._arrangement()
+        self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
         for name, table in self._tables(*presets):
-            table.fill({**_starts(name)} | presets[name] | common)
+            table.fill({**_starts(name, self.beacons)} | presets[name] | common)
             table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
         self._complete_receiver()
         problems = [*self._problems()]
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    def _arrangement(self) -> dict[str, Any]:
+        given = self.platform.beacon_m
+        if given is None:
+            return {"beacons": int(BEACONS)}
+        return {"beacons": len(given) // 3, "arrangement": "given"}
 
     def _complete_receiver(self) -> None:
         receiver = self.receiver
@@ -120,7 +129,7 @@ class Scenario(Table):
         if receiver.prior == TRUE:
             derived["initialisation"] = "prior"
         if receiver.type in RECEIVERS:
-            known = _starts(receiver.type)
+            known = _starts(receiver.type, self.beacons)
             derived = {**known} | {k: v for k, v in derived.items() if k in known}
         receiver.fill(derived)
         receiver.fill({"interval_s": receiver.update_interval_s})
@@ -163,6 +172,7 @@ class Scenario(Table):
                     "[receiver] initialisation: must be 'prior' or be left out when prior is "
                     f"'true', got {receiver.initialisation!r}"
                 )
+        yield from arrangement.problems(self.platform, self.acoustics, receiver, self.beacons)
         target = self.target
         count = len(target.waypoint_m) // 3
         if target.trajectory == "waypoints" and not 2 <= target.waypoint_count <= count:
@@ -245,16 +255,21 @@ class Scenario(Table):
         return effects.idle(self, effects.components_of(self), keys)
 
     @property
+    def beacons(self) -> int:
+        """Number of beacons, for which components are made."""
+        return int(self.platform.beacons)
+
+    @property
     def true_prior(self) -> bool:
         """Whether the receivers' prior is the true start."""
         return bool(self.receiver.prior == TRUE)
 
 
 @cache
-def _starts(component: str) -> Mapping[str, Any]:
-    """Default values of a component's parameters."""
-    declared = COMPONENTS[component]
-    return MappingProxyType({v.key: default(declared, v) for v in declared.of("parameter")})
+def _starts(component: str, beacons: int) -> Mapping[str, Any]:
+    """Default values of a component's parameters, made for so many beacons."""
+    of = declared(component, beacons=beacons)
+    return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
 
 
 def _relative(file: Path, folder: Path) -> str:

@@ -29,6 +29,7 @@ from sblcosim.models.acoustics import clock
 from sblcosim.models.declaration import Component, Variable, number_of
 from sblcosim.models.platform import gps, imu
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
+from sblcosim.models.ports import BEACONS
 
 from ..shown import public
 
@@ -133,7 +134,8 @@ def in_si(variable: Variable, value: Any) -> Any:
     """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
     if variable.shape:
         elements = tuple(_scalar_in_si(variable, v) for v in value)
-        return elements + variable.starts[len(elements) :]
+        # As many as there are beacons, which the declaration at hand may not know.
+        return elements if variable.rows else elements + variable.starts[len(elements) :]
     return _scalar_in_si(variable, value)
 
 
@@ -162,19 +164,27 @@ def _is_list(variables: Iterable[Variable], variable: Variable) -> bool:
     return any(v.name == f"{variable.name}_count" for v in variables)
 
 
-def _flat(shape: tuple[int, ...], partial_rows: bool, value: Any) -> Any:
+def _counts(variable: Variable, partial_rows: bool) -> tuple[int, int]:
+    """Least and largest number of rows of an array."""
+    if variable.rows is not None:
+        return variable.rows.least, variable.rows.most
+    return 0 if partial_rows else variable.shape[0], variable.shape[0]
+
+
+def _flat(shape: tuple[int, ...], counts: tuple[int, int], value: Any) -> Any:
     """Flatten rows and check the number of elements."""
     if not isinstance(value, list | tuple):
         return value  # not an array: pydantic refuses it later
     parts = [row if isinstance(row, list | tuple) else [row] for row in value]
     flat = tuple(x for row in parts for x in row)
     width = math.prod(shape[1:])
-    if partial_rows:
-        fits = len(flat) % width == 0 and len(flat) <= math.prod(shape)
-        wanted = f"at most {shape[0]} rows of {width} numbers"
-    else:
-        fits = len(flat) == math.prod(shape)
+    low, high = counts
+    fits = len(flat) % width == 0 and low * width <= len(flat) <= high * width
+    if low == high:
         wanted = " x ".join(map(str, shape)) + " numbers"
+    else:
+        most = f"{low} to {high}" if low else f"at most {high}"
+        wanted = f"{most} rows of {width} numbers" if len(shape) > 1 else f"{most} numbers"
     nested = {len(row) for row in parts}
     if not fits or (nested and nested != {1} and nested != {width}):
         raise PydanticCustomError("shape", "must be an array of {wanted}", {"wanted": wanted})
@@ -199,32 +209,34 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
         if variable.name in _TICKS:
             annotation = Annotated[annotation, AfterValidator(settled)]
     if variable.shape:
-        partial_rows = _is_list(variables, variable)
-        check = partial(_flat, variable.shape, partial_rows)
+        counts = _counts(variable, _is_list(variables, variable))
+        check = partial(_flat, variable.shape, counts)
         annotation = Annotated[
             tuple[annotation, ...],
             BeforeValidator(check),
-            WithJsonSchema(_arrays(variable.shape, partial_rows, low, high)),
+            WithJsonSchema(_arrays(variable, counts, low, high)),
         ]
     return annotation
 
 
 def _arrays(
-    shape: tuple[int, ...], partial_rows: bool, low: float | None, high: float | None
+    variable: Variable, counts: tuple[int, int], low: float | None, high: float | None
 ) -> dict[str, Any]:
     """JSON schema of what `_flat` takes: elements one after another, or by rows."""
     bounds = {"minimum": low, "maximum": high}
-    element = {"type": "number"} | {k: v for k, v in bounds.items() if v is not None}
+    kind = "integer" if variable.type == "Int32" else "number"
+    element = {"type": kind} | {k: v for k, v in bounds.items() if v is not None}
+    width = math.prod(variable.shape[1:])
 
-    def array(items: dict[str, Any], count: int) -> dict[str, Any]:
-        least = 0 if partial_rows else count
-        return {"type": "array", "items": items, "minItems": least, "maxItems": count}
+    def array(items: dict[str, Any], of: int) -> dict[str, Any]:
+        least, most = (of * n for n in counts)
+        return {"type": "array", "items": items, "minItems": least, "maxItems": most}
 
-    flat = array(element, math.prod(shape))
-    if len(shape) == 1:
+    flat = array(element, width)
+    if len(variable.shape) == 1:
         return flat
-    row = {"type": "array", "items": element, "minItems": shape[1], "maxItems": shape[1]}
-    return {"anyOf": [array(row, shape[0]), flat]}
+    row = {"type": "array", "items": element, "minItems": width, "maxItems": width}
+    return {"anyOf": [array(row, 1), flat]}
 
 
 def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
@@ -291,6 +303,10 @@ else:
             ),
             "imu_grade": _grade("the IMU", imu.GRADES),
             "gps_grade": _grade("the GPS", gps.GRADES),
+            "beacons": (
+                Annotated[int, Field(ge=BEACONS.least, le=BEACONS.most)] | None,
+                Field(None, description="Number of beacons; that of beacon_m if given"),
+            ),
         },
     )
     Acoustics = _table(

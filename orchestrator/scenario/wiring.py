@@ -13,7 +13,7 @@ from typing import Any, Literal, cast
 
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
-from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models import RECEIVERS, declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import (
     BEACON_POSITIONS,
@@ -37,7 +37,8 @@ from ..errors import (
 from ..simulation.execution import initial_outputs
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from . import effects
+from . import arrangement, effects
+from .assumptions import beacons_of
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 from .sources import choose, file_of, known_source, named
@@ -91,7 +92,7 @@ def connect(
         table = getattr(scenario, name)
         source = replaced.get(name, table.fmu)
         if source is None:
-            parts[name] = _ours(name, table, fmi or table.fmi or scenario.fmi)
+            parts[name] = _ours(name, scenario, table, fmi or table.fmi or scenario.fmi)
         else:
             parts[name] = _foreign(name, scenario, source, name not in replaced)
     table = scenario.receiver
@@ -106,6 +107,7 @@ def connect(
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
         warnings.warn(line, NoEffectWarning, stacklevel=2)
+    _warn_of_arrangement(scenario)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -176,13 +178,15 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
 
 
 def _ours(
-    name: str, table: Any, fmi: int, assumptions: Mapping[str, Any] = MappingProxyType({})
+    name: str, scenario: Scenario, table: Any, fmi: int,
+    assumptions: Mapping[str, Any] = MappingProxyType({}),
 ) -> _Part:
     from sblcosim.fmus.build.factory import build
 
-    component = COMPONENTS[name]
+    component = declared(name, beacons=scenario.beacons)
     spec = ComponentSpec(
-        build(name, cast(Literal[2, 3], fmi)),  # `build` refuses anything else
+        # `build` refuses any other version.
+        build(name, cast(Literal[2, 3], fmi), beacons=scenario.beacons),
         nanoseconds(table.interval_s),
         _values(component.of("parameter"), table, assumptions),
     )
@@ -193,7 +197,7 @@ def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part
     table = scenario.receiver
     if isinstance(source, str):
         known = [v.name for v in RECEIVERS[source]]
-        return _ours(source, table, fmi, scenario.assumptions(known))
+        return _ours(source, scenario, table, fmi, scenario.assumptions(known))
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return _foreign("receiver", scenario, source, own)
@@ -229,9 +233,21 @@ def _foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> 
         parameters |= {k: _flat(v) for k, v in further.items() if k in has}
     elif own:
         parameters |= {k: _flat(v) for k, v in further.items()}
+    _check_beacons(scenario, fmu, ports)
     inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
     spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
     return _Part(spec, frozenset(ports), inputs)
+
+
+def _check_beacons(scenario: Scenario, source: Source, ports: Mapping[str, Port]) -> None:
+    """Refuse a component that was made for another number of beacons."""
+    for variable in (*BEACON_POSITIONS, *RECEPTION, *PING_POSE):
+        port = ports.get(variable.name)
+        if variable.rows and port and port.shape and port.shape[0] != scenario.beacons:
+            raise ConfigurationError(
+                f"{named(source)}: must be made for the {scenario.beacons} beacons of the "
+                f"scenario, got {port.name} of {port.shape[0]}; platform.beacons says how many"
+            )
 
 
 def _ports(where: str, source: Source) -> Mapping[str, Port]:
@@ -255,6 +271,17 @@ def _check_contract(label: str, source: Source) -> None:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise ConfigurationError(
             f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
+        )
+
+
+def _warn_of_arrangement(scenario: Scenario) -> None:
+    """Say what the beacons cannot tell."""
+    platform = scenario.platform
+    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
+    if problem is not None:
+        key = "beacon_m" if platform.beacon_m else "arm_length_m"
+        warnings.warn(
+            f"{scenario.where('platform', key)}: {problem}", ConfigurationWarning, stacklevel=3
         )
 
 

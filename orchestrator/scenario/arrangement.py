@@ -1,0 +1,90 @@
+"""What must hold of the beacons: as many everywhere, no two at one point, and not in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import atan2, degrees, hypot, sqrt
+from typing import Any
+
+_FLAT = 0.05
+"""Smaller spread of the beacons, as a part of the larger, that is taken for none."""
+_SAME = 1e-6
+"""Beacons nearer to each other than this [m] are at one point."""
+_ARRAYS = (("platform", "mounting_error_m"), ("acoustics", "slot_order"),
+           ("receiver", "beacon_offset_m"))
+
+
+def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
+    """What contradicts itself in the tables of a scenario; one line each."""
+    given = platform.beacon_m if "beacon_m" in platform.model_fields_set else None
+    if given is not None and len(given) != 3 * beacons:
+        yield (
+            f"[platform] beacons: must be the number of rows of beacon_m ({len(given) // 3}), "
+            f"got {beacons}"
+        )
+    if platform.arrangement == "given":
+        if given is None:
+            yield (
+                "[platform] beacon_m: must be given where arrangement is 'given', got none"
+            )
+        else:
+            yield from _same_points(given)
+    tables = {"platform": platform, "acoustics": acoustics, "receiver": receiver}
+    for name, key in _ARRAYS:
+        table = tables[name]
+        value = getattr(table, key)
+        width = 1 if key == "slot_order" else 3
+        if value is not None and len(value) != width * beacons and key in table.model_fields_set:
+            what = "numbers" if width == 1 else "rows of 3 numbers"
+            yield (
+                f"[{name}] {key}: must have {beacons} {what}, one per beacon, got "
+                f"{len(value) // width}"
+            )
+        elif key == "slot_order" and sorted(value) != [*range(1, beacons + 1)]:
+            yield (
+                f"[{name}] {key}: must have each number from 1 to {beacons} once, got "
+                f"{list(value)}"
+            )
+
+
+def _same_points(flat: tuple[float, ...]) -> Iterator[str]:
+    rows = [flat[i : i + 3] for i in range(0, len(flat), 3)]
+    for j, there in enumerate(rows):
+        for i, here in enumerate(rows[:j]):
+            if sqrt(sum((a - b) ** 2 for a, b in zip(here, there, strict=True))) < _SAME:
+                yield (
+                    f"[platform] beacon_m: must have each beacon at a point of its own, got "
+                    f"beacons {i + 1} and {j + 1} at {list(here)}"
+                )
+
+
+def degenerate(offsets: tuple[float, ...]) -> str | None:
+    """What beacons cannot tell, in words, if seen from above they are nearly on a line.
+
+    Parameters
+    ----------
+    offsets
+        Body frame, row by row [m].
+    """
+    x, y = offsets[0::3], offsets[1::3]
+    n = len(x)
+    cx, cy = sum(x) / n, sum(y) / n
+    xx = sum((a - cx) ** 2 for a in x)
+    yy = sum((b - cy) ** 2 for b in y)
+    xy = sum((a - cx) * (b - cy) for a, b in zip(x, y, strict=True))
+    mean, half = (xx + yy) / 2, hypot((xx - yy) / 2, xy)
+    longer, shorter = sqrt(mean + half), sqrt(max(mean - half, 0.0))
+    if longer < _SAME:
+        return (
+            "all beacons are on one vertical line: ranges tell how far the diver is and how deep, "
+            "but not in which direction"
+        )
+    if shorter > _FLAT * longer:
+        return None
+    angle = degrees(atan2(2 * xy, xx - yy) / 2)
+    where = "" if shorter <= _SAME else "nearly "
+    return (
+        f"seen from above the beacons are {where}on one line, {angle:.0f}° from forward: a "
+        "position and its mirror image across that line have the same ranges, so a receiver may "
+        "find either, and across the line it is known badly where the diver is near it"
+    )
