@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import cos, pi, sin
 from typing import Any
 
+ARM, DEPTH = 3.0, 0.5
+"""Length of the arms, and how deep the beacons are, where nothing is said of them [m]."""
 _QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
@@ -21,6 +23,11 @@ def _direction(i: int, count: int) -> tuple[float, float]:
         return _QUARTERS[4 * i // count]
     angle = 2 * pi * i / count
     return cos(angle), sin(angle)
+
+
+def usual(shape: tuple[int, ...]) -> tuple[float, ...]:
+    """The elements of an array of beacons that nothing is said of, row by row [m]."""
+    return tuple(v for beacon in cross(shape[0], ARM, DEPTH) for v in beacon)
 
 
 def cross(count: int, arm: Any, depth: Any) -> tuple[tuple[Any, Any, Any], ...]:

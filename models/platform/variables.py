@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import pi
 
+from ..arrangement import ARM, DEPTH, usual
 from ..declaration import (
     Component,
     Condition,
@@ -101,11 +102,11 @@ COMPONENT = Component(
         choice("arrangement", "Where the beacons are: at the ends of a cross of equal arms, the "
                "first one forward, or as given", ARRANGEMENT, 1),
         parameter("arm_length", "Length of each arm of the cross: the paper's baseline", "m",
-                  start=3.0, min=0.001, max=1000.0, needs=(_CROSS,)),
+                  start=ARM, min=0.001, max=1000.0, needs=(_CROSS,)),
         parameter("beacon_depth", "Depth of the beacons below the reference point, body frame",
-                  "m", start=0.5, min=-100.0, max=100.0, needs=(_CROSS,)),
+                  "m", start=DEPTH, min=-100.0, max=100.0, needs=(_CROSS,)),
         parameter("beacon", "Nominal position of each beacon, body frame: forward, right, down",
-                  "m", shape=(BEACONS, 3), min=-1e4, max=1e4, needs=(_GIVEN,)),
+                  "m", shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4, needs=(_GIVEN,)),
         parameter("beacon_scale", "Factor of all horizontal offsets of the beacons", start=1.0,
                   min=0.001, max=1000.0),
         switch("random_phases", "Whether the phases of all waves are drawn from the seed", True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi, radians
 
-from ..arrangement import cross
+from ..arrangement import usual
 from ..declaration import (
     Component,
     Terminal,
@@ -109,17 +109,11 @@ MULTILATERATION = _receiver(
     (_BEACONS, _NOISE),
 )
 
-
-def _cross(shape: tuple[int, ...]) -> tuple[float, ...]:
-    """The platform's beacons as they are by default, row by row."""
-    return tuple(v for beacon in cross(shape[0], 3.0, 0.5) for v in beacon)
-
-
 _ARRANGEMENT = (
     choice("pose_source", "What is used of the best pose that a packet has: its own words, the "
            "positions of all beacons, or that of its own beacon only", POSE_SOURCE, 1),
     parameter("beacon_offset", "Nominal position of each beacon, body frame", "m",
-              shape=(BEACONS, 3), start=_cross, min=-1e4, max=1e4),
+              shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4),
 )
 _CHANNEL = (
     parameter("outlier_probability", "Assumed probability that a range is too long", start=0.01,

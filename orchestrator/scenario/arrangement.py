@@ -23,12 +23,7 @@ def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iter
             f"got {beacons}"
         )
     if platform.arrangement == "given":
-        if given is None:
-            yield (
-                "[platform] beacon_m: must be given where arrangement is 'given', got none"
-            )
-        else:
-            yield from _same_points(given)
+        yield from _same_points(platform.beacon_m)
     tables = {"platform": platform, "acoustics": acoustics, "receiver": receiver}
     for name, key in _ARRAYS:
         table = tables[name]
