@@ -69,6 +69,19 @@ SOURCES: Mapping[str, Sequence[str]] = {
     ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
+    "beacon_error_std_m": (
+        "platform.gps_horizontal_bias_std_m", "platform.gps_horizontal_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_vertical_error_std_m": (
+        "platform.gps_vertical_bias_std_m", "platform.gps_vertical_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_error_time_s": (
+        "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
+    ),
+    "beacon_noise_std_m": ("platform.gps_horizontal_std_m",),
+    "beacon_vertical_noise_std_m": ("platform.gps_vertical_std_m",),
 }
 """Keys of ``[receiver]``, and the keys that each follows from."""
 
@@ -122,6 +135,7 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         **_clock(acoustics),
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
+        **_of_each_beacon(platform),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {
@@ -146,6 +160,26 @@ def beacons_of(platform: Any) -> tuple[float, ...]:
         rows = tuple((flat[i], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3))
     scale = platform.beacon_scale
     return tuple(v for x, y, z in rows for v in (scale * x, scale * y, z))
+
+
+def _of_each_beacon(platform: Any) -> dict[str, float | None]:
+    """What is wrong with where each beacon is said to be, if all have errors of their own."""
+    survey = platform.mounting_std_m if platform.gps_shared else 0.0
+    horizontal, vertical = (
+        hypot(
+            getattr(platform, f"gps_{axis}_bias_std_m"),
+            getattr(platform, f"gps_{axis}_markov_std_m"), survey,
+        )
+        for axis in ("horizontal", "vertical")
+    )
+    wanders = platform.gps_horizontal_markov_std_m > 0
+    return {
+        "beacon_error_std_m": horizontal,
+        "beacon_vertical_error_std_m": vertical,
+        "beacon_error_time_s": platform.gps_correlation_time_s if wanders else None,
+        "beacon_noise_std_m": platform.gps_horizontal_std_m,
+        "beacon_vertical_noise_std_m": platform.gps_vertical_std_m,
+    }
 
 
 def _clock(acoustics: Any) -> dict[str, float]:
