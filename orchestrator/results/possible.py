@@ -6,14 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from ..limits.run import of_run
 from ..limits.verdict import Limits, Possible
-from ..style import Theme
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ..simulation.record import Record
+    from ..style import Theme
     from .description import RunDescription
 
 _NOTES = {
