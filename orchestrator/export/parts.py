@@ -20,7 +20,7 @@ from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError
 from ..scenario.scenario import Receivers, Scenario, Source
-from ..scenario.sources import RAW
+from ..scenario.labels import RAW
 from ..scenario.wiring import connect
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.resolve import resolve

@@ -11,7 +11,7 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..lazy import Module
-from ..scenario.sources import RAW
+from ..scenario.labels import RAW
 from ..shown import Picture, Shown
 from . import metrics, notebook, possible, text
 from .artist import drawing
