@@ -17,13 +17,10 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from .errors import check_choice
-from .lazy import Module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-mpl: Any = Module("matplotlib")
 
 ThemeName = Literal["light", "dark"]
 
@@ -100,6 +97,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
     ConfigurationError
         There is no such theme.
     """
+    from matplotlib import rc_context
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.text import Text
@@ -129,7 +127,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         "font.size": SIZE,
         "lines.linewidth": 1.4,
     }
-    with mpl.rc_context(settings):
+    with rc_context(settings):
         for ax in (axes,) if isinstance(axes, Axes) else () if axes is None else axes:
             inside = ax.get_children()
             titles = [c for c in inside if isinstance(c, Text) and c not in ax.texts]
@@ -176,12 +174,13 @@ def save(axes: Axes, folder: Path, name: str) -> None:
 
 def svg(axes: Axes, name: str) -> str:
     """The figure of these axes as the text of an SVG file."""
+    from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     figure = _figure_of(axes)
     figure.dpi = 150  # resolution of rasterised point clouds
     stream = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": name}):
+    with rc_context({"svg.hashsalt": name}):
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(stream, metadata={"Date": None})
     return _with_own_ids(stream.getvalue(), name)

@@ -1,7 +1,8 @@
 """Figures drawn by other processes, while this one simulates and writes tables.
 
-To import Matplotlib takes as long as half of all else, so the process that draws is forked at the
-very start, before anything is imported, and has no thread and no data: it gets them by a pipe.
+Matplotlib takes long to import, so the process that draws is forked first of all: it imports what
+figures need while its parent imports and does the rest, and gets the data by a socket. At that time
+there are no threads yet, with which a fork would not be safe.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import socket
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
@@ -24,14 +26,14 @@ if TYPE_CHECKING:
 class Artist:
     """A process that draws when it is told what, once; its parent's side."""
 
-    def __init__(self, process: int, orders: int) -> None:
+    def __init__(self, process: int, line: socket.socket) -> None:
         self._process = process
-        self._orders = os.fdopen(orders, "wb")
+        self._line = line
 
     def begin(self, jobs: Sequence[Job], folder: Path, theme: ThemeName) -> None:
         """Let it draw these figures."""
-        with suppress(BrokenPipeError), self._orders:  # `has_drawn` tells if it is dead
-            pickle.dump((jobs, folder, theme), self._orders, pickle.HIGHEST_PROTOCOL)
+        with suppress(OSError), self._line.makefile("wb") as orders:  # it may be dead
+            pickle.dump((jobs, folder, theme), orders, pickle.HIGHEST_PROTOCOL)
 
     def has_drawn(self) -> bool:
         """Wait for its end; whether all figures are there, and without a warning."""
@@ -41,15 +43,16 @@ class Artist:
         return status == 0
 
     def end(self) -> None:
-        """End it, whatever it is doing."""
+        """End it and its fork, whatever they are doing."""
         if self._process:
-            with suppress(OSError):  # the group of a process that lives no more
+            with suppress(OSError):  # none of them lives
                 os.killpg(self._process, signal.SIGKILL)
+            with suppress(OSError):
+                self._line.recv(1)  # nothing but the end, when both have ended
             with suppress(ChildProcessError):
                 os.waitpid(self._process, 0)
             self._process = 0
-        with suppress(OSError):
-            self._orders.close()
+        self._line.close()
 
 
 @contextmanager
@@ -63,35 +66,36 @@ def forked_artist(wanted: bool = True) -> Iterator[Artist | None]:
     if not (wanted and alone and hasattr(os, "fork")):
         yield None
         return
-    orders, end = os.pipe()
+    here, there = socket.socketpair()
     process = os.fork()
     if process == 0:
         code = 1
         try:
-            os.close(end)
-            _draw(orders)
+            here.close()
+            _draw(there)
             code = 0
         finally:
             os._exit(code)
     # A group of its own: Ctrl-C is for this process, which then ends all of the group.
     os.setpgid(process, process)
-    os.close(orders)
-    artist = Artist(process, end)
+    there.close()
+    artist = Artist(process, here)
     try:
         yield artist
     finally:
         artist.end()
 
 
-def _draw(orders: int) -> None:
+def _draw(line: socket.socket) -> None:
     """Draw what is ordered, with a fork once all is imported."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_DFL)
-    from . import figures  # noqa: F401
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, signal.SIG_DFL)
     from matplotlib.backends import backend_agg, backend_svg  # noqa: F401
 
-    with os.fdopen(orders, "rb") as file:
-        jobs, folder, theme = pickle.load(file)  # EOFError: nothing to draw
+    from . import figures  # noqa: F401
+
+    with line.makefile("rb") as orders:
+        jobs, folder, theme = pickle.load(orders)  # EOFError: nothing to draw
     numbers, end = os.pipe()
     os.write(end, bytes(range(len(jobs))))
     os.close(end)
