@@ -82,8 +82,14 @@ def run(
     Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
     the folder has the record and the manifest.
     """
+    from ..results.artist import forked_artist
+
     # What a user's code prints is no part of the result.
-    with waiting() as progress, redirect_stdout(sys.stderr):
+    with (
+        forked_artist(not no_figures) as artist,
+        waiting() as progress,
+        redirect_stdout(sys.stderr),
+    ):
         from .. import api, artifacts
 
         settled, name = _settled(scenario, receiver, set_, fmi, seed)
@@ -98,7 +104,7 @@ def run(
             progress=progress,
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
+        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(result, folder, wanted, "run", as_json, verbose)
     refuse_silence(result)
 
@@ -158,14 +164,16 @@ def smooth(
     The most probable track, forwards and backwards in time, with the model of the receiver
     'coupled'; tables and figures have it beside the receivers of the run.
     """
-    with waiting("smoothing"):
+    from ..results.artist import forked_artist
+
+    with forked_artist(not no_figures) as artist, waiting("smoothing"):
         from .. import artifacts
         from ..estimation.after import smooth as smooth_run
 
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
-        written = smoothed.save(wanted, figures=not no_figures, other=other, processes=2)
+        written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(smoothed, written, wanted, "smooth", as_json, verbose)
 
 
