@@ -66,7 +66,8 @@ def depth(p: Any, x: Sequence[Any]) -> Measurement:
 
 
 def range_(
-    m: Any, p: Any, x: Sequence[Any], known: Sequence[Any], which: Sequence[Any]
+    m: Any, p: Any, x: Sequence[Any], known: Sequence[Any], which: Sequence[Any],
+    about: Sequence[Any] | None = None,
 ) -> Measurement:
     """A range to one of the beacons.
 
@@ -76,6 +77,8 @@ def range_(
         ŝ_i, NED [m].
     which
         Whether it is each beacon: 0 or 1.
+    about
+        Where the beacon is for the derivatives, NED [m]; None: where it is estimated.
     """
     off = [
         sum(which[i] * x[error(i)[n]] for i in range(p.beacons)) for n in range(3)
@@ -83,9 +86,12 @@ def range_(
     o = [x[POSITION[n]] - known[n] - off[n] for n in range(3)]
     distance = m.sqrt(m.fmax(o[0] * o[0] + o[1] * o[1] + o[2] * o[2], 1e-12))
     stretch = 1 + x[SPEED]
-    u = [stretch / distance * a for a in o]
+    if about is not None:
+        o = [x[POSITION[n]] - about[n] for n in range(3)]
+    length = m.sqrt(m.fmax(o[0] * o[0] + o[1] * o[1] + o[2] * o[2], 1e-12))
+    u = [stretch / length * a for a in o]
     row = {POSITION[n]: u[n] for n in range(3)}
-    row |= {CLOCK: 1, SPEED: distance}
+    row |= {CLOCK: 1, SPEED: length}
     row |= {error(i)[n]: -which[i] * u[n] for i in range(p.beacons) for n in range(3)}
     white = (u[0] * u[0] + u[1] * u[1]) * p.beacon_noise_std**2
     return Measurement(

@@ -21,6 +21,8 @@ from .surroundings import Measurement, sounding_variance
 from .variables import INITIALISATION
 
 _PRIOR = number_of(INITIALISATION, "prior")
+_MOVED = 0.1
+"""A beacon that has moved by more than this part of its distance is somewhere else."""
 
 
 def _unknown(p: Symbols) -> Any:
@@ -45,6 +47,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "ready": p.initialisation == _PRIOR,
         "mean": mean,
         "covariance": pack(ca.diag(variances)),
+        "anchor": ca.SX.zeros(p.beacons, 3),
         "score": 0,
         "restarts": 0,
         "passes": 0,
@@ -95,8 +98,10 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     phi, noise = field.transition(ca, p, epoch - x.epoch)
     mean, P = _predicted(x, phi, noise, field.states(n))
     elements = [mean[i] for i in range(field.states(n))]
-    row = _either(is_depth, field.depth(p, elements),
-                  field.range_(ca, p, elements, [known[i] for i in range(3)], which))
+    about = _anchored(x, which, known, mean)
+    row = _either(is_depth, field.depth(p, elements), field.range_(
+        ca, p, elements, [known[i] for i in range(3)], which, [about[i] for i in range(3)]
+    ))
     H = ca.SX(field.states(n), 1)
     for i, value in row.row.items():
         H[i] = value
@@ -116,6 +121,9 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "epoch": ca.if_else(anew, s.newest, epoch),
         "mean": mean + share * innovation * K,
         "covariance": pack(symmetric(P + (widened - share * S) * (K @ K.T))),
+        "anchor": ca.vertcat(*(
+            ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
+        )),
         "score": ca.if_else(anew, 0, score),
         "restarts": x.restarts + anew,
         "nis": x.nis + share * innovation**2 / S,
@@ -123,6 +131,19 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
+
+
+def _anchored(x: Symbols, which: Any, known: Any, mean: Any) -> Any:
+    """Where a beacon was said to be at first, or now if it has moved: derivatives are about that.
+
+    About an estimate that changes they would make the filter believe that it sees diver and
+    beacons turn and stretch together, which no range tells (first-estimates Jacobian: G. P. Huang, A. I.
+    Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
+    """
+    first = sum(this * x.anchor[i, :] for i, this in enumerate(which))
+    distance = ca.sumsqr(mean[list(POSITION)].T - known)
+    moved = ca.sumsqr(known - first) > _MOVED**2 * distance
+    return ca.if_else(ca.fmax(ca.sumsqr(first) == 0, moved), known, first)
 
 
 def _predicted(x: Symbols, phi: Any, noise: Any, n: int) -> tuple[Any, Any]:
