@@ -137,8 +137,8 @@ def _anchored(x: Symbols, which: Any, known: Any, mean: Any) -> Any:
     """Where a beacon was said to be at first, or now if it has moved: derivatives are about that.
 
     About an estimate that changes they would make the filter believe that it sees diver and
-    beacons turn and stretch together, which no range tells (first-estimates Jacobian: G. P. Huang, A. I.
-    Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
+    beacons turn and stretch together, which no range tells (first-estimates Jacobian: G. P. Huang,
+    A. I. Mourikis, S. I. Roumeliotis, Int. J. Robot. Res. 29, 2010, 502-528).
     """
     first = sum(this * x.anchor[i, :] for i, this in enumerate(which))
     distance = ca.sumsqr(mean[list(POSITION)].T - known)
