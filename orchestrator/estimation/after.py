@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -11,9 +12,10 @@ import numpy as np
 from sblcosim.models import RECEIVERS
 
 from ..artifacts import Other, plain
-from ..errors import ConfigurationError, instance, nearest, shortened
+from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, shortened
 from ..layout import fitted
 from ..results.result import Result
+from ..scenario.arrangement import has_own_errors
 from ..scenario.overrides import Changes, pairs
 from ..scenario.scenario import Scenario, load
 from ..scenario.wiring import applied
@@ -167,6 +169,11 @@ def prepared(
             f"run: must be the result of a run, or its folder, got {shortened(instance(run))}"
         )
     scenario = assumed(run.scenario, overrides)
+    if has_own_errors(scenario.platform):
+        warnings.warn(
+            f"{scenario.name}: the model is that of {COUPLED!r}, whose beacons share their errors; "
+            "here each has its own", ConfigurationWarning, stacklevel=3
+        )
     record = run.record
     p = model.parameters(scenario, np.asarray(record.values["target.position"][0], float))
     return run, p, samples.of_record(record, p.beacon_offset, int(p.pose_source)), scenario

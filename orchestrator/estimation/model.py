@@ -49,7 +49,8 @@ def parameters(scenario: Scenario, start: Floats) -> Any:
     values: dict[str, Any] = {}
     for v in COUPLED.of("parameter"):
         value = np.asarray(in_si(v, getattr(scenario.receiver, v.key)), dtype=float)
-        values[v.name] = value.reshape(v.shape) if v.shape else value.item()
+        shape = (-1, *v.shape[1:])  # as many rows as there are beacons
+        values[v.name] = value.reshape(shape) if v.shape else value.item()
     if scenario.true_prior:
         values |= {"prior_position": np.asarray(start, float), "prior_velocity": np.zeros(3)}
     return SimpleNamespace(**values)
@@ -126,10 +127,13 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
 
     node = np.searchsorted(epochs, samples.range_ns)
     x, arm = [*trajectory[node].T], [*p.beacon_offset[samples.beacon].T]
-    body = [np.where(samples.has_pose, 0.0, arm[i]) for i in (0, 1)]
-    for i, row in enumerate(surroundings.places(np, p, x, body)):
-        yield part(1 + i, node, row, samples.position[:, i])
-    said = samples.has_pose
+    fresh = samples.has_own_pose
+    place, body = [v[fresh] for v in x], [
+        np.where(samples.has_pose, 0.0, arm[i])[fresh] for i in (0, 1)
+    ]
+    for i, row in enumerate(surroundings.places(np, p, place, body)):
+        yield part(1 + i, node[fresh], row, samples.position[fresh, i])
+    said = samples.has_pose & fresh
     if said.any():
         row = surroundings.heading(np, p, [v[said] for v in x])
         yield part(3, node[said], row, samples.attitude[said, 2], wrapped=True)

@@ -163,7 +163,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     poses = _poses(p, samples)
     cloud = begun(p, particles)
     then, located, down = samples.start_ns, p.initialisation == model.PRIOR, 0.0
-    first = outcome.first_ns(p, samples)
+    first, fresh = outcome.first_ns(p, samples), samples.has_own_pose
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
         cloud = predicted(p, cloud, (epoch - then) / 1e9)
@@ -171,7 +171,9 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
             cloud = sounded(p, cloud, depths[epoch])
         for i in np.flatnonzero(samples.range_ns == epoch):
             body, down = [*p.beacon_offset[samples.beacon[i]]], float(poses[i].down)
-            if samples.has_pose[i]:
+            if not fresh[i]:
+                pass  # the pose of this epoch has been used
+            elif samples.has_pose[i]:
                 cloud = headed(p, cloud, samples.attitude[i, 2])
                 cloud = placed(p, cloud, samples.position[i], [0.0, 0.0])
             else:

@@ -61,6 +61,13 @@ class Samples:
         """All epochs, each once [ns]; shape (n,)."""
         return np.unique(np.concatenate([self.depth_ns, self.range_ns]))
 
+    @property
+    def has_own_pose(self) -> Flags:
+        """Whether a packet says what no other of its epoch has said before, errors included; (m,).
+        """
+        again = np.diff(self.range_ns, prepend=self.range_ns[:1] - 1) == 0
+        return ~(self.has_pose & again)
+
     def enough_ns(self) -> int | None:
         """Epoch from which three beacons and a depth have been heard [ns]; None if there is none.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,10 @@ class _Replay:
 
     def __init__(self, record: Record, names: Mapping[str, str]) -> None:
         values = {v.name: v for v in (*RECEPTION, *PING_POSE, *DEPTH)}
-        self.variables = tuple(values[name] for name in names)
+        self.variables = tuple(  # as many rows as the record has beacons
+            replace(values[name], shape=record.values[column].shape[1:])
+            for name, column in names.items()
+        )
         self._time_ns = record.time_ns
         self._columns = {name: record.values[column] for name, column in names.items()}
 
@@ -79,7 +83,7 @@ def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
         {
             "record": ComponentSpec(lambda: _Replay(record, columns), interval_ns),
             "coupled": ComponentSpec(
-                build("coupled", scenario.fmi),
+                build("coupled", scenario.fmi, beacons=scenario.beacons),
                 interval_ns,
                 {
                     name: tuple(value.flat) if isinstance(value, np.ndarray)

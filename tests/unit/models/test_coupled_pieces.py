@@ -11,7 +11,7 @@ import pytest
 from coupled_reference import gradient, retracted, rotation
 from harness import Array
 from sblcosim.models import RECEIVERS
-from sblcosim.models.receiver import arc, coupled, pose, surroundings
+from sblcosim.models.receiver import arc, lateness, pose, surroundings
 from sblcosim.models.receiver.surroundings import STATES
 from scipy.linalg import expm
 from scipy.stats import exponnorm, norm
@@ -204,7 +204,7 @@ def test_the_probability_of_a_punctual_range(chance: float, mean: float, S: floa
         late = exponnorm.pdf(nu, mean / root, scale=root)
     assert np.isfinite(late).all()
     expected = inside / (inside + chance * late + 1e-4 / 50)
-    got = [number(coupled._punctual(p, ca.SX(v), ca.SX(S)))[0] for v in nu]
+    got = [number(lateness.punctual(p, ca.SX(v), ca.SX(S)))[0] for v in nu]
     np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-9)
 
 

@@ -11,7 +11,7 @@ import pytest
 from model_dive import dive, parameters, without
 from sblcosim.estimation import late, linear, model, smoother
 from sblcosim.estimation.samples import Samples, pose_of
-from sblcosim.models.receiver import coupled
+from sblcosim.models.receiver import lateness
 from sblcosim.models.receiver.surroundings import STATES
 from scipy.spatial.transform import Rotation
 from scipy.stats import exponnorm, norm
@@ -98,7 +98,7 @@ def test_the_density_of_late_ranges_is_that_of_coupled(chance: float) -> None:
     residual = np.concatenate([np.linspace(-8, 40, 97), [-0.3, 0.0, 0.25]])
     for S in (1e-4, 0.01, 0.3, 9.0):
         ours = late.share(p, residual, S)
-        theirs = [float(ca.evalf(coupled._punctual(p, ca.SX(v), ca.SX(S)))) for v in residual]
+        theirs = [float(ca.evalf(lateness.punctual(p, ca.SX(v), ca.SX(S)))) for v in residual]
         np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9)
 
 
