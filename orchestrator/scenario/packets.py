@@ -1,4 +1,4 @@
-"""What must hold of packets: that they have the bits for what they say, and what is used of them."""
+"""What must hold of packets: bits for what they say, and receivers that use what they have."""
 
 from __future__ import annotations
 
