@@ -8,7 +8,14 @@ from .acoustics.variables import COMPONENT as _ACOUSTICS
 from .declaration import Component
 from .platform.variables import COMPONENT as _PLATFORM
 from .range_model.variables import COMPONENT as _RANGE_MODEL
-from .receiver.variables import COUPLED, EKF, FIXED_LAG, MULTILATERATION, SEQUENTIAL
+from .receiver.variables import (
+    COUPLED,
+    EKF,
+    FIXED_LAG,
+    LONG_BASELINE,
+    MULTILATERATION,
+    SEQUENTIAL,
+)
 from .target.variables import COMPONENT as _TARGET
 
 RECEIVERS: Mapping[str, Component] = {
@@ -16,6 +23,7 @@ RECEIVERS: Mapping[str, Component] = {
     "sequential": SEQUENTIAL,
     "coupled": COUPLED,
     "fixed_lag": FIXED_LAG,
+    "long_baseline": LONG_BASELINE,
     "multilateration": MULTILATERATION,
 }
 COMPONENTS: Mapping[str, Component] = {

@@ -19,10 +19,11 @@ from .results import metrics
 from .results.definitions import TRUTH
 from .results.description import RunDescription
 from .results.result import Result
+from .scenario.labels import RAW
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
 from .scenario.schema import CORE_COMPONENTS
-from .scenario.sources import RAW, choose
+from .scenario.sources import choose
 from .scenario.wiring import applied, connect
 from .simulation.execution import execute, needs_python, survive
 from .simulation.plan import Plan

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -36,3 +37,16 @@ class Module:
 
     def __getattr__(self, attribute: str) -> Any:
         return getattr(import_module(self._name), attribute)
+
+    def later(self, function: str) -> Callable[..., Any]:
+        """A function of the module, which calling it imports; it can be pickled before that."""
+        return _Function(self._name, function)
+
+
+@dataclass(frozen=True)
+class _Function:
+    module: str
+    name: str
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(self.module), self.name)(*arguments, **options)

@@ -1,4 +1,7 @@
-"""Style of the figures: colours that colour-blind readers can tell apart, light or dark."""
+"""Style of the figures: colours that colour-blind readers can tell apart, light or dark.
+
+Matplotlib is imported when something is drawn: a run may leave that to another process.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from .errors import check_choice
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 ThemeName = Literal["light", "dark"]
 
@@ -97,6 +97,11 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
     ConfigurationError
         There is no such theme.
     """
+    from matplotlib import rc_context
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.text import Text
+
     look = named(theme)
     settings: Any = {
         "figure.facecolor": look.paper,
@@ -122,7 +127,7 @@ def use(theme: ThemeName, axes: Axes | Sequence[Axes] | None = None) -> Iterator
         "font.size": SIZE,
         "lines.linewidth": 1.4,
     }
-    with mpl.rc_context(settings):
+    with rc_context(settings):
         for ax in (axes,) if isinstance(axes, Axes) else () if axes is None else axes:
             inside = ax.get_children()
             titles = [c for c in inside if isinstance(c, Text) and c not in ax.texts]
@@ -137,16 +142,24 @@ def new_figure(width: float, height: float, *, laid_out: bool = False) -> Figure
     Within `use`, Matplotlib makes room for what is outside of the axes, unless the caller has
     `laid_out` everything.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     layout: Any = "none" if laid_out else None
     figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
+def _figure_of(axes: Axes) -> Figure:
+    return cast("Figure", axes.figure)  # no subfigure: ours have none
+
+
 def save(axes: Axes, folder: Path, name: str) -> None:
     """Write the figure of these axes as SVG and PNG; equal figures give equal bytes."""
-    figure = axes.figure
-    assert isinstance(figure, Figure)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = _figure_of(axes)
     figure.dpi = 150
     width, height = np.round(150 * figure.get_size_inches()) / 150  # whole pixels
     figure.set_size_inches(width, height)
@@ -161,11 +174,13 @@ def save(axes: Axes, folder: Path, name: str) -> None:
 
 def svg(axes: Axes, name: str) -> str:
     """The figure of these axes as the text of an SVG file."""
-    figure = axes.figure
-    assert isinstance(figure, Figure)
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    figure = _figure_of(axes)
     figure.dpi = 150  # resolution of rasterised point clouds
     stream = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": name}):
+    with rc_context({"svg.hashsalt": name}):
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(stream, metadata={"Date": None})
     return _with_own_ids(stream.getvalue(), name)

@@ -13,7 +13,7 @@ import casadi as ca
 
 from ..arrangement import cross
 from ..declaration import number_of
-from ..equations import Draw, Equations, Symbols, Values
+from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
 from ..ports import BEACONS
 from .variables import ANGLES, ARRANGEMENT, DISPLACEMENTS
@@ -36,6 +36,8 @@ DRAWS = (
     Draw("gps", "normal", "tick", 6, _scales(*_GPS, "std", "markov_std")),
     Draw("imu", "normal", "tick", 6, _scales(*_IMU, "std", "markov_std")),
     Draw("mounting", "normal", "initial", 3, ("mounting_std",) * 3, each=BEACONS),
+    Draw("first_own_gps", "normal", "initial", 9, each=BEACONS),
+    Draw("own_gps", "normal", "buoys", 6, _scales(*_GPS, "std", "markov_std"), each=BEACONS),
 )
 
 
@@ -52,7 +54,13 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "imu_turn_on": _imu(p, "turn_on_std") * w.first_imu[3:6],
         "imu_markov": _imu(p, "markov_std") * w.first_imu[6:],
         "imu_decay": ca.exp(-p.sampling_time / p.imu_correlation_time),
-        "mounting": p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, p.beacons).T,
+        "own_white": _own(p, "std") * _each(p, w.first_own_gps, 0, 3),
+        "own_bias": _own(p, "bias_std") * _each(p, w.first_own_gps, 1, 3),
+        "own_markov": _own(p, "markov_std") * _each(p, w.first_own_gps, 2, 3),
+        "waiting": 0,
+        "mounting": p.gps_shared * (
+            p.mounting_error + p.mounting_std * ca.reshape(w.mounting, 3, p.beacons).T
+        ),
     }
 
 
@@ -62,6 +70,18 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
         "gps_markov": _markov(x.gps_markov, x.gps_decay, _gps(p, "markov_std"), w.gps[3:]),
         "imu_white": _imu(p, "std") * w.imu[:3],
         "imu_markov": _markov(x.imu_markov, x.imu_decay, _imu(p, "markov_std"), w.imu[3:]),
+        "waiting": p.gps_shared == 0,
+    }
+
+
+def _buoys(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The errors of the buoys' own GPS."""
+    return {
+        "own_white": _own(p, "std") * _each(p, w.own_gps, 0, 2),
+        "own_markov": _markov(
+            x.own_markov, x.gps_decay, _own(p, "markov_std"), _each(p, w.own_gps, 1, 2)
+        ),
+        "waiting": 0,
     }
 
 
@@ -77,13 +97,17 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     gps_error = x.gps_white + x.gps_bias + x.gps_markov
     reported_position = position + R @ p.gps_antenna_offset + gps_error
     b = _beacons(p)
+    true = _placed(position, R, b + x.mounting)
     return {
         "position": position,
         "attitude": attitude,
-        "beacon_position": _placed(position, R, b + x.mounting),
-        "reported_beacon_position": _placed(reported_position, rotation(reported_attitude), b),
-        "reported_position": reported_position,
-        "reported_attitude": reported_attitude,
+        "beacon_position": true,
+        "reported_beacon_position": ca.if_else(
+            p.gps_shared, _placed(reported_position, rotation(reported_attitude), b),
+            true + x.own_white + x.own_bias + x.own_markov,
+        ),
+        "reported_position": ca.if_else(p.gps_shared, reported_position, 0),
+        "reported_attitude": ca.if_else(p.gps_shared, reported_attitude, 0),
     }
 
 
@@ -141,9 +165,26 @@ def _gps(p: Symbols, part: str) -> Any:
     return ca.vertcat(horizontal, horizontal, getattr(p, f"gps_vertical_{part}"))
 
 
+def _own(p: Symbols, part: str) -> Any:
+    """A part of the GPS error of each buoy, one per row."""
+    return ca.repmat(_gps(p, part).T, p.beacons, 1)
+
+
+def _each(p: Symbols, numbers: Any, part: int, parts: int) -> Any:
+    """Three of the numbers that were drawn for each beacon, one beacon per row."""
+    rows = ca.reshape(numbers, 3 * parts, p.beacons).T
+    return rows[:, 3 * part : 3 * part + 3]
+
+
 def _imu(p: Symbols, part: str) -> Any:
     tilt = getattr(p, f"imu_tilt_{part}")
     return ca.vertcat(tilt, tilt, getattr(p, f"imu_heading_{part}"))
 
 
-EQUATIONS = Equations(_output, _initial, _tick, draws=DRAWS)
+EQUATIONS = Equations(
+    _output,
+    _initial,
+    _tick,
+    iterate=(Loop("buoys", lambda p, x, u, t: x.waiting, _buoys),),
+    draws=DRAWS,
+)

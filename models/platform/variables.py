@@ -41,6 +41,7 @@ _REDRAWN = (*_any("gps", _GPS_AXES, "std", "markov_std"),
 _DRAWN = (*_REDRAWN, *_any("gps", _GPS_AXES, "bias_std"), *_any("imu", _IMU_AXES, "turn_on_std"),
           *not_zero("mounting_std"))
 _WAVES = not_zero(*(f"{axis}_amplitude" for axis in (*ANGLES, *DISPLACEMENTS)))
+_SHARED = (Condition("gps_shared", (1,)),)
 _WARM = not_zero("imu_temperature_offset", "imu_temperature_rate")
 _INCLINED = {"tilt": not_zero("roll_amplitude", "pitch_amplitude"),
              "heading": not_zero("yaw_amplitude")}
@@ -75,7 +76,8 @@ def _imu(
     """One part of the IMU error, for tilt (roll and pitch alike) and for heading."""
     return tuple(
         parameter(f"imu_{angle}_{part}", f"{description}, {what}", unit,
-                  min=None if signed else 0.0, needs=(needs[angle],) if needs else ())
+                  min=None if signed else 0.0,
+                  needs=(_SHARED, *((needs[angle],) if needs else ())))
         for angle, what in (("tilt", "of roll and of pitch"), ("heading", "of yaw"))
     )
 
@@ -113,11 +115,15 @@ COMPONENT = Component(
                needs=(_WAVES,)),
         *_waves(),
         parameter("mounting_error", "Installation error of each beacon, body frame; the platform "
-                  "does not know it", "m", shape=(BEACONS, 3)),
+                  "does not know it", "m", shape=(BEACONS, 3), needs=(_SHARED,)),
         parameter("mounting_std", "Standard deviation of what a run adds to that error, per beacon "
-                  "and axis", "m", min=0.0),
+                  "and axis: of mounting, or of the survey of beacons on the bottom", "m", min=0.0,
+                  needs=(_SHARED,)),
+        switch("gps_shared", "Whether one GPS and one IMU place all beacons; else each beacon is a "
+               "buoy whose own GPS, with errors of its own, is right above it", True),
         parameter("gps_antenna_offset", "Position of the GPS antenna relative to the reference "
-                  "point, body frame; the platform does not know it", "m", shape=(3,)),
+                  "point, body frame; the platform does not know it", "m", shape=(3,),
+                  needs=(_SHARED,)),
         *_gps("std", "GPS: standard deviation of white noise per sample"),
         *_gps("bias_std", "GPS: standard deviation of the constant error of a run"),
         *_gps("markov_std", "GPS: standard deviation of the Gauss-Markov error"),
@@ -129,21 +135,21 @@ COMPONENT = Component(
         *_imu("markov_std", "rad", "IMU: standard deviation of the in-run Gauss-Markov error",
               False),
         parameter("imu_correlation_time", "IMU: correlation time of the Gauss-Markov error", "s",
-                  start=100.0, min=0.001, needs=(_any("imu", _IMU_AXES, "markov_std"),)),
+                  start=100.0, min=0.001, needs=(_SHARED, _any("imu", _IMU_AXES, "markov_std"))),
         *_imu("drift", "rad/s", "IMU: in-run linear drift", True),
         *_imu("temperature_coefficient", "rad/K", "IMU: error per kelvin", True,
               dict.fromkeys(_IMU_AXES, _WARM)),
         parameter("imu_temperature_offset", "Temperature at the start minus that of calibration",
-                  "K", needs=(_any("imu", _IMU_AXES, "temperature_coefficient"),)),
+                  "K", needs=(_SHARED, _any("imu", _IMU_AXES, "temperature_coefficient"))),
         parameter("imu_temperature_rate", "Rate of change of the temperature", "K/s",
-                  needs=(_any("imu", _IMU_AXES, "temperature_coefficient"),)),
+                  needs=(_SHARED, _any("imu", _IMU_AXES, "temperature_coefficient"))),
         *_imu("step", "rad", "IMU: sudden error after a shock", True),
         parameter("imu_step_time", "IMU: time of the shock after the start", "s", min=0.0,
-                  needs=(_any("imu", _IMU_AXES, "step"),)),
+                  needs=(_SHARED, _any("imu", _IMU_AXES, "step"))),
         *_imu("scale_factor_error", None, "IMU: scale factor error", True, _INCLINED),
         parameter("imu_misalignment", "IMU: rotation of the sensor axes about the body axes; "
                   "couples roll, pitch and yaw", "rad", shape=(3,), min=-pi / 4, max=pi / 4,
-                  needs=(not_zero(*(f"{axis}_amplitude" for axis in ANGLES)),)),
+                  needs=(_SHARED, not_zero(*(f"{axis}_amplitude" for axis in ANGLES)))),
         output("position", "True position of the reference point, NED", "m", shape=(3,)),
         output("attitude", "True roll, pitch, yaw", "rad", shape=(3,)),
         *ports(BEACON_POSITIONS, "output"),

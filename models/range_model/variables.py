@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..arrangement import usual
 from ..declaration import Component, input_, output
 from ..ports import BEACONS
 
@@ -14,7 +15,7 @@ COMPONENT = Component(
         input_("position", "Position of the receiver, NED", "m", shape=(3,),
                start=(10.0, 0.0, 5.0)),
         input_("beacon_position", "Positions of the beacons, NED", "m", shape=(BEACONS, 3),
-               start=(3.0, 0.0, 0.5, 0.0, 3.0, 0.5, -3.0, 0.0, 0.5, 0.0, -3.0, 0.5)),
+               start=usual),
         output("range", "Distance from each beacon to the receiver", "m", shape=(BEACONS,)),
     ),
     step_size=0.1,

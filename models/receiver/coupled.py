@@ -7,14 +7,14 @@ the platform; a filter that is wrong starts anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import log, pi, sqrt
+from math import pi
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import arc, estimate, least_squares, measurements, pose, start, surroundings
+from . import arc, estimate, lateness, least_squares, measurements, pose, start, surroundings
 from .estimate import pack, unpack
 from .least_squares import symmetric
 from .measurements import DEPTH, Samples, with_beacons
@@ -37,18 +37,6 @@ _FAR_STD = 30.0
 """Of the platform about its first packet [m]; more makes no difference."""
 _ANYWHERE = 10.0
 """Of a heading before the first packet [rad]."""
-_WRONG, _REACH = 1e-4, 50.0
-"""Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
-_LIMIT = 12.0
-"""Score at which the filter starts anew."""
-_ACCEPTED = 1.1
-"""What a range that fits takes back from the score."""
-_ERFC = (
-    -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
-    1.48851587, -0.82215223, 0.17087277,
-)
-"""erfc(a) = t exp(-a² + poly(t)), t = 1/(1 + a/2), to 1.2e-7 of itself (W. H. Press et al.,
-Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
 
 
 def initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -136,10 +124,10 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     ranged = packet * located * using
     mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
 
-    score = _score(p, x.score, share, ranged)
+    score = lateness.score(p, x.score, share, ranged)
     too_fast = ca.sumsqr(mean[list(VELOCITY)]) > p.speed_limit**2
     known = s.enough * located
-    wrong = ca.fmax(score > _LIMIT, too_fast) * using * known
+    wrong = ca.fmax(score > lateness.LIMIT, too_fast) * using * known
     first = (x.ready == 0) * known * (ca.sum1(s.new) <= packet + depth)
     anew = ca.fmax(first, wrong)
     arm = _turned_arm(said)
@@ -176,13 +164,6 @@ def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:
         packet += this
         z = ca.if_else(this, s.z[i], z)
     return oldest, pending[DEPTH] <= oldest, packet, ca.vertcat(*which), z
-
-
-def _score(p: Symbols, score: Any, share: Any, ranged: Any) -> Any:
-    """The score of ranges that do not fit (CUSUM), after one that is not late by `share`."""
-    evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
-    more = (1 - share) * evidence - _ACCEPTED * share
-    return ca.if_else(ranged, ca.fmax(score + more, 0), score)
 
 
 def _elements(mean: Any) -> list[Any]:
@@ -296,7 +277,7 @@ def _range_updated(
     bent = arc.bent(arc.about(mean, P), row)
     c, S = _gain(P, bent)
     innovation = z - bent.value
-    share = _punctual(p, innovation, S)
+    share = lateness.punctual(p, innovation, S)
     kept = weight * share
     K = c / S
     d = kept * innovation * K
@@ -305,28 +286,6 @@ def _range_updated(
     step = Correction(bent.row, c, kept * innovation / S, (widened - kept * S) / S**2)
     mean, P, turn = arc.retract(mean, P, d)
     return mean, P, share, kept * innovation**2 / S, [step, turn]
-
-
-def _punctual(p: Symbols, innovation: Any, S: Any) -> Any:
-    """Probability that a range is not late, from its innovation of variance S.
-
-    A late one has an excess of exponential distribution with the mean m; all three densities have
-    the factor exp(-ν²/2S) where that is not the small one.
-    """
-    chance, m = p.outlier_probability, p.outlier_mean
-    root = ca.sqrt(S)
-    a = (root / m - innovation / root) / sqrt(2)
-    t = 1 / (1 + 0.5 * ca.fabs(a))
-    poly = ca.SX(_ERFC[-1])
-    for coefficient in reversed(_ERFC[:-1]):
-        poly = poly * t + coefficient
-    normal = -0.5 * innovation**2 / S
-    exponential = ca.fmin(0.5 * S / m**2 - innovation / m, 0)
-    early = t * ca.exp(poly + normal)  # a >= 0: a² cancels
-    late = ca.exp(exponential) * 2 - t * ca.exp(poly + normal)
-    density = chance / (2 * m) * ca.if_else(a >= 0, early, late) + _WRONG / _REACH
-    punctual = (1 - chance) / (sqrt(2 * pi) * root) * ca.exp(normal)
-    return punctual / (punctual + density)
 
 
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:

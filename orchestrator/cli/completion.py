@@ -31,6 +31,13 @@ def studies(incomplete: str) -> Offers:
     return starting(((name, "") for name in shipped("sblcosim.study")), incomplete)
 
 
+def likes(incomplete: str) -> Offers:
+    """Offer the systems that a scenario may begin like."""
+    from ..scenario.likes import LIKES
+
+    return starting(((name, it.about) for name, it in LIKES.items()), incomplete)
+
+
 def receivers(incomplete: str) -> Offers:
     """Offer our receivers."""
     from sblcosim.models import RECEIVERS

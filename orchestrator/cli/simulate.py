@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import ConfigurationError, shortened
+from ..scenario import likes
 from . import completion
 from .base import (
     FmiOption,
@@ -82,8 +83,14 @@ def run(
     Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
     the folder has the record and the manifest.
     """
+    from ..results.artist import forked_artist
+
     # What a user's code prints is no part of the result.
-    with waiting() as progress, redirect_stdout(sys.stderr):
+    with (
+        forked_artist(not no_figures) as artist,
+        waiting() as progress,
+        redirect_stdout(sys.stderr),
+    ):
         from .. import api, artifacts
 
         settled, name = _settled(scenario, receiver, set_, fmi, seed)
@@ -98,7 +105,7 @@ def run(
             progress=progress,
             before=lambda manifest: artifacts.check(wanted, manifest, other),
         )
-        folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
+        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(result, folder, wanted, "run", as_json, verbose)
     refuse_silence(result)
 
@@ -158,14 +165,16 @@ def smooth(
     The most probable track, forwards and backwards in time, with the model of the receiver
     'coupled'; tables and figures have it beside the receivers of the run.
     """
-    with waiting("smoothing"):
+    from ..results.artist import forked_artist
+
+    with forked_artist(not no_figures) as artist, waiting("smoothing"):
         from .. import artifacts
         from ..estimation.after import smooth as smooth_run
 
         wanted, other = destination(out, beside(folder, "smoothed"), force)
         artifacts.check(wanted, other=other)
         smoothed = smooth_run(folder, set_ or ())
-        written = smoothed.save(wanted, figures=not no_figures, other=other, processes=2)
+        written = smoothed.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(smoothed, written, wanted, "smooth", as_json, verbose)
 
 
@@ -299,6 +308,32 @@ def receivers(as_json: JsonOption = False) -> None:
     say("or FILE.py:CLASS, a class made from sblcosim.Receiver")
 
 
+def _asked(system: likes.Like) -> dict[str, Any]:
+    """Answers to the questions about a system; Enter takes what stands in brackets."""
+    from ..scenario.overrides import pairs
+    from ..scenario.scenario import load
+    from ..scenario.schema import rows, toml
+
+    answers: dict[str, Any] = {}
+    for question in system.questions:
+        table, key = question.key.split(".")
+        settings = getattr(load(system.source, answers.items()), table)
+        usual = rows(settings.variables.get(key), getattr(settings, key))
+        while True:
+            said = typer.prompt(question.text, default=toml(usual), type=str)
+            if said == toml(usual):
+                break
+            try:
+                ((_, value),) = pairs([f"{question.key}={said}"])
+                load(system.source, {**answers, question.key: value}.items())
+            except ConfigurationError as error:
+                say(str(error))
+                continue
+            answers[question.key] = value
+            break
+    return answers
+
+
 _OTHER_FORMATS = {".json", ".yaml", ".yml", ".ini", ".xml", ".ssp", ".fmu"}
 """That somebody may mean; any other end is a part of the name, as in ``dive.1``."""
 
@@ -315,11 +350,22 @@ def new(
             autocompletion=completion.scenarios,
         ),
     ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="|".join(likes.LIKES),
+            help="Begin with a system of this kind; on a terminal its numbers are asked for.",
+            autocompletion=completion.likes,
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a scenario file to begin with.
 
-    Its schema, with which editors complete and explain keys, is written beside it.
+    It runs as it is. Its schema, with which editors complete and explain keys, is written beside
+    it.
     """
     from sblcosim.fmus.files import write_file
 
@@ -334,7 +380,13 @@ def new(
         raise ConfigurationError(f"{file}: must be a TOML file, got {file.suffix}")
     if file.suffix != ".toml":
         file = file.with_name(f"{file.name}.toml")
-    text = starter(file.stem, source)
+    if like is not None and source is not None:
+        raise ConfigurationError("--like: must come without --from, got both")
+    system = None if like is None else likes.like(like)
+    answers: dict[str, Any] = {}
+    if system is not None and not yes and sys.stdin.isatty():
+        answers = _asked(system)
+    text = starter(file.stem, source if system is None else system.source, answers.items())
     if not file.parent.is_dir():
         raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
     schema = file.with_name(FILE_NAME)

@@ -259,14 +259,16 @@ def replay(
     no_figures: NoFiguresOption = False,
 ) -> None:
     """Do one run of a study again, with a full record."""
-    with waiting() as progress:
+    from ..results.artist import forked_artist
+
+    with forked_artist(not no_figures) as artist, waiting() as progress:
         from .. import artifacts
         from ..study.again import replay as again
 
         wanted, other = destination(out, Path("runs", re.sub(r"\W", "_", run_id)), force)
         artifacts.check(wanted, other=other)
         result = again(results, run_id, progress=progress)
-        folder = result.save(wanted, figures=not no_figures, other=other, processes=2)
+        folder = result.save(wanted, figures=not no_figures, other=other, artist=artist)
     report(result, folder, wanted, "replay", as_json, verbose)
     refuse_silence(result)
 

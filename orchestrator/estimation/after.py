@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
+    from ..results.artist import Artist
+
 SMOOTHER = "smoother"
 """Label of the smoother in tables and figures."""
 COUPLED = "coupled"
@@ -76,10 +78,10 @@ class Smoothed(Shown):
 
     def save(
         self, directory: str | Path, *, figures: bool = True, other: Other = "refuse",
-        processes: int = 1,
+        artist: Artist | None = None,
     ) -> Path:
         """Write everything into a folder; see `Result.save`."""
-        return self.result.save(directory, figures=figures, other=other, processes=processes)
+        return self.result.save(directory, figures=figures, other=other, artist=artist)
 
     def to_json(self) -> dict[str, Any]:
         """As `Result.to_json`, with ``steps_m`` and ``converged``."""

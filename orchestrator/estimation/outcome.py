@@ -21,7 +21,7 @@ from sblcosim.models.receiver.surroundings import (
 from sblcosim.models.receiver.variables import COUPLED
 
 from ..results.result import Result
-from ..scenario.sources import RAW
+from ..scenario.labels import RAW
 from ..shown import Shown
 from ..simulation.record import Integers, Record
 from . import model

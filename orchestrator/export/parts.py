@@ -19,8 +19,8 @@ from sblcosim.models import COMPONENTS, declared, file_name
 from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError
+from ..scenario.labels import RAW
 from ..scenario.scenario import Receivers, Scenario, Source
-from ..scenario.sources import RAW
 from ..scenario.wiring import connect
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.resolve import resolve

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.variables import COUPLED
 
 from ..scenario.scenario import Scenario
@@ -21,13 +22,15 @@ STOCHASTIC = "white_noise_acceleration"
 _START = ("prior_position_std", "prior_velocity_std", "initialisation")
 
 
-def parameters(scenario: Scenario, acceleration_psd: float | None = None) -> Any:
-    """Parameters of `coupled`, by name and in SI units, as the scenario's true values say.
+def parameters(
+    scenario: Scenario, acceleration_psd: float | None = None, receiver: Component = COUPLED
+) -> Any:
+    """Parameters of a receiver, by name and in SI units, as the scenario's true values say.
 
     ``range_std`` is σ_r/√I with the factor of `fisher_factor`; ``acceleration_psd`` is that of the
     target if its motion is drawn from the model, else the one given.
     """
-    declared = {v.name: v for v in COUPLED.of("parameter")}
+    declared = {v.name: v for v in receiver.of("parameter")}
     by_key = {v.key: v for v in declared.values()}
     values: dict[str, Any] = {
         name: v.starts if v.shape else v.starts[0] for name, v in declared.items()
@@ -51,7 +54,7 @@ def parameters(scenario: Scenario, acceleration_psd: float | None = None) -> Any
         values["acceleration_psd"] = scenario.target.acceleration_psd_m2_s3
     elif acceleration_psd is not None:
         values["acceleration_psd"] = acceleration_psd
-    return SimpleNamespace(**values)
+    return SimpleNamespace(**values, beacons=scenario.beacons)
 
 
 def beacons_of(p: Any) -> Floats:

@@ -8,6 +8,7 @@ state that is known exactly has no J.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,8 @@ from sblcosim.models.receiver.surroundings import (
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+Step = Callable[[float], tuple[Floats, Floats]]
 
 FAR_STD = 30.0
 """What is known of a place before any measurement [m]; more makes no difference."""
@@ -114,7 +117,13 @@ def rows_of(
             measured += [(m, received) for m in surroundings.places(np, p, x, body)]
         measured.append((surroundings.range_(np, p, x, pose, body), received))
 
-    H = np.zeros((n, len(measured), STATES))
+    return stacked(measured, STATES)
+
+
+def stacked(measured: Sequence[tuple[Any, Floats]], states: int) -> Rows:
+    """Measurements and how much there is of each, (n,), as `Rows`."""
+    n = len(measured[0][1])
+    H = np.zeros((n, len(measured), states))
     R, there = np.empty((2, n, len(measured)))
     for k, (measurement, weight) in enumerate(measured):
         for i, value in measurement.row.items():
@@ -137,8 +146,14 @@ def prior(p: Any, known_start: bool) -> Floats:
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     """Φ and Q over dt [s]; (18, 18) each."""
-    phi, noise = surroundings.transition(np, p, dt)
-    Phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
+    return arrays_of(*surroundings.transition(np, p, dt), STATES)
+
+
+def arrays_of(
+    phi: Mapping[tuple[int, int], Any], noise: Mapping[tuple[int, int], Any], states: int
+) -> tuple[Floats, Floats]:
+    """Φ and Q of their elements, Φ without its ones and of Q the upper triangle."""
+    Phi, Q = np.eye(states), np.zeros((states, states))
     for (i, j), value in phi.items():
         Phi[i, j] = value
     for (i, j), value in noise.items():
@@ -146,24 +161,28 @@ def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     return Phi, Q
 
 
-def covariances(p: Any, start: Floats, epoch_ns: Integers, begin_ns: int, rows: Rows) -> Floats:
-    """P after the measurements of each epoch; (n, 18, 18).
+def covariances(
+    step: Step, start: Floats, epoch_ns: Integers, begin_ns: int, rows: Rows
+) -> Floats:
+    """P after the measurements of each epoch; (n, m, m) for m states.
 
     Parameters
     ----------
+    step
+        Φ and Q over a time [s].
     start
         P at ``begin_ns``.
     epoch_ns
         Increasing [ns]; (n,).
     """
     known: dict[int, tuple[Floats, Floats]] = {}
-    result = np.empty((len(epoch_ns), STATES, STATES))
+    result = np.empty((len(epoch_ns), *start.shape))
     P, before = start, begin_ns
     for k, now in enumerate(epoch_ns.tolist()):
         dt = now - before
         if dt > 0:
             if dt not in known:
-                known[dt] = transition(p, dt * 1e-9)
+                known[dt] = step(dt * 1e-9)
             Phi, Q = known[dt]
             P = Phi @ P @ Phi.T + Q
             before = now
@@ -180,7 +199,7 @@ def _updated(P: Floats, H: Floats, R: Floats) -> Floats:
     S = H @ c
     S[np.diag_indices_from(S)] += R
     K = np.linalg.solve(S, c.T).T
-    rest = np.eye(STATES) - K @ H
+    rest = np.eye(len(P)) - K @ H
     return rest @ P @ rest.T + (K * R) @ K.T
 
 

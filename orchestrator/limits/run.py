@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 
 from ..results.definitions import held_at, recorded, state_at
+from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record, epochs_ns
+from . import field
 from .parameters import STOCHASTIC, beacons_of, conditions, parameters
 from .path import path_psd
-from .recursion import Truth, covariances, marginals, prior, rows_of
+from .recursion import Truth, covariances, marginals, prior, rows_of, transition
 from .verdict import Limits, limits_of
 
 Floats = NDArray[np.float64]
@@ -38,9 +43,10 @@ def reference(
 ) -> Limits:
     """The posterior Cramér-Rao recursion along the true path of a run.
 
-    Its model is that of the receiver ``coupled`` without arcs and outliers, its priors and noises
-    are the scenario's true ones, its measurements those that were really received; outliers take
-    their share of the information (`fisher_factor`). Where the motion is drawn from the model
+    Its model is that of the receiver ``coupled`` without arcs and outliers, or that of
+    ``long_baseline`` where each beacon has an error of its own (`has_own_errors`), its priors and
+    noises are the scenario's true ones, its measurements those that were really received; outliers
+    take their share of the information (`fisher_factor`). Where the motion is drawn from the model
     (``trajectory = "white_noise_acceleration"``), no receiver can be better on the average over
     runs, with the stated priors. On any other path q is a choice: by default that of the path over
     the filter's own memory (`path_psd`).
@@ -65,17 +71,29 @@ def reference(
     is_bound = scenario.target.trajectory == STOCHASTIC and acceleration_psd is None
     if acceleration_psd is None and not is_bound:
         acceleration_psd = psd_of(record, scenario)
-    p = parameters(scenario, acceleration_psd)
+    own_errors = has_own_errors(scenario.platform)
+    p = parameters(scenario, acceleration_psd, LONG_BASELINE if own_errors else COUPLED)
     if acceleration_psd is not None:
         p.acceleration_psd = acceleration_psd
     a = scenario.acoustics
     truth = _truth(record, epoch, a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1)
-    rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
-    start = prior(p, scenario.receiver.initialisation == "prior" or scenario.true_prior)
-    P = covariances(p, start, epoch, int(record.time_ns[0]), rows)
-    absolute, relative = marginals(P, p)
+    known = scenario.receiver.initialisation == "prior" or scenario.true_prior
+    begin, q = int(record.time_ns[0]), p.acceleration_psd
     offset = truth.position - truth.platform
-    return limits_of(epoch, absolute, relative, offset, p.acceleration_psd, is_bound)
+    if own_errors:
+        places = held_at(record.time_ns, recorded(record, "platform.beacon_position"), epoch)
+        rows = field.rows_of(p, truth, heard, depth, places)
+        P = covariances(partial(field.transition, p), field.prior(p, known), epoch, begin, rows)
+        absolute = field.marginals(P)
+        # Between beacons that are far apart a place is no bearing, and no ring.
+        return replace(
+            limits_of(epoch, absolute, absolute, offset, q, is_bound),
+            ring=np.zeros(len(epoch), bool),
+        )
+    rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
+    P = covariances(partial(transition, p), prior(p, known), epoch, begin, rows)
+    absolute, relative = marginals(P, p)
+    return limits_of(epoch, absolute, relative, offset, q, is_bound)
 
 
 def of_run(

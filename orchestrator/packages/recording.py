@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -11,6 +12,9 @@ from .. import artifacts, shown, style
 from ..layout import fitted, table
 from ..results.consistency import Verdict
 from ..results.result import Result
+
+if TYPE_CHECKING:
+    from ..results.artist import Artist
 
 
 class Recording(Result):
@@ -46,7 +50,7 @@ class Recording(Result):
         figures: bool = True,
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
-        processes: int = 1,
+        artist: Artist | None = None,
     ) -> Path:
         """Write the record and the manifest into a folder; the rest as `Result.save`."""
         return super().save(directory, figures=False, theme=theme, other=other)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -172,11 +173,7 @@ def _covariances(source: _Source) -> list[Block]:
         (
             str(row["receiver"]), FRAME_WORDS[row["frame"]], number(row["points"]),
             number(row["in_band"]),
-            *(
-                f"{number(row[word])}, {span(row[f'{word}_from'], row[f'{word}_to'], number)}"
-                if row[word] else "0"
-                for word in covariance.WRONG
-            ),
+            *(_wrong(row, word) for word in covariance.WRONG),
             number(row["untold"]), number(row["runs"]), number(row["runs_needed"]),
         )
         for row in covariance.summary(source.verdicts).to_dict(orient="records")
@@ -192,11 +189,19 @@ def _covariances(source: _Source) -> list[Block]:
     return [Table("Are the covariances right?", head, rows, (1,), note)] if rows else []
 
 
+def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
+    """At how many points a covariance is wrong, and by what."""
+    if not row[word]:
+        return "0"
+    low, high = row[f"{word}_from"], row[f"{word}_to"]
+    return f"{number(row[word])}, {number(low) if low == high else span(low, high, number)}"
+
+
 def _again(study: Study, results: Path, command: str) -> Section:
     """How to reproduce."""
     about = store.described(results)
     lines = [
-        f"{len(study.points.values)} points, {study.replicates} replicates; {seeding(study)}.",
+        f"{_points(study)}, {study.replicates} replicates; {seeding(study)}.",
     ]
     source, file = study.name, ""
     if source in shipped() and _same(study, load(source)):
@@ -220,9 +225,14 @@ def _same(one: Study, other: Study) -> bool:
     )
 
 
+def _points(study: Study) -> str:
+    count = len(study.points.values)
+    return f"{count} point{'' if count == 1 else 's'}"
+
+
 def _lead(study: Study, runs: int, failed: int) -> str:
     title = f"{study.title.rstrip('.')}. " if study.title else ""
-    text = f"{title}{runs:,} runs at {len(study.points.values)} points"
+    text = f"{title}{runs:,} runs at {_points(study)}"
     return f"{text}; {failed} of them failed." if failed else f"{text}."
 
 
@@ -353,12 +363,12 @@ def _means_page(
     quantity, unit = workflow.words(column, table), unit_of(column)
     own = f" [{unit}]" if unit else ""
     rows = [
-        (study.labels.get(row["factor"], "all runs"), number(row["value"]), number(row["runs"], 6),
+        (*_level(study, row), number(row["runs"], 6),
          number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
         for _, row in means.iterrows()
     ]
-    head = ("Factor", "Level", "Runs", f"Mean{own}", f"95% interval{own}",
-            f"Standard deviation{own}")
+    head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
+            f"95% interval{own}", f"Standard deviation{own}")
     units = {study.labels[name]: u for name, u in study.units.items()}
     subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
     pictures = _means_pictures(subject, folder)
@@ -367,13 +377,22 @@ def _means_page(
         Section("Summary", "summary",
                 [Text(_means_answer(study, means, quantity, unit), "answer")]),
         *([_figures(pictures)] if pictures else []),
-        _tables(source, Section("Means at each level", "means-table", [shown])),
+        _tables(source, Section("Means at each level" if study.factors else "Mean", "means-table",
+                                [shown])),
         Section("Method", "method", _means_method(study), folded=True),
         source.again,
     ]
     runs = int(np.isfinite(table[column]).sum())
     return Page(f"What the runs say: {study.name}", _lead(study, runs, source.failed), sections,
                 f"sblcosim {artifacts.software()['sblcosim']}")
+
+
+def _level(study: Study, row: pd.Series) -> tuple[str, ...]:
+    """Factor and level of a row of the means; nothing without factors."""
+    if not study.factors:
+        return ()
+    name = row["factor"]
+    return study.labels[name], quantity_of(row["value"], study.units[name])
 
 
 def _means_pictures(means: _Means, folder: Path) -> list[Picture]:
@@ -388,9 +407,9 @@ def _means_pictures(means: _Means, folder: Path) -> list[Picture]:
 
 
 def _means_method(study: Study) -> list[Block]:
+    at = " at each level, the other factors at the scenario's own values" if study.factors else ""
     blocks: list[Block] = [
-        Text("Means over the runs at each level, the other factors at the scenario's own values; "
-             "the intervals are Student's."), Text(DEFINITIONS),
+        Text(f"Means over the runs{at}; the intervals are Student's."), Text(DEFINITIONS),
         Text(f"Settling time: {study.settling_time_s:g} s."),
     ]
     return [*blocks, factorial.factor_table(study)] if study.factors else blocks

@@ -5,19 +5,16 @@ To add a figure, write a plot function and add a row.
 
 from __future__ import annotations
 
-import os
-import signal
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
-
-from matplotlib.axes import Axes
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .. import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Subject = TypeVar("Subject")
 
@@ -46,6 +43,8 @@ class Job:
 
     def axes(self, theme: style.ThemeName = "light") -> Axes:
         """Draw the figure; return the first of its axes."""
+        from matplotlib.axes import Axes
+
         axes = self.plot(*self.arguments, theme=theme)
         return axes if isinstance(axes, Axes) else axes[0]
 
@@ -110,53 +109,3 @@ def by_name(*figures: AnyFigure) -> Mapping[str, AnyFigure]:
 def jobs(figures: Mapping[str, Figure[Subject]], subject: Subject) -> list[Job]:
     """The figures of a subject, in the order of the table."""
     return [figure.job(subject) for figure in figures.values() if figure.condition(subject)]
-
-
-@contextmanager
-def drawing(
-    jobs: Sequence[Job], folder: Path, theme: style.ThemeName = "light", processes: int = 1
-) -> Iterator[None]:
-    """Write figures into a folder, with 2 processes while the body of the statement runs.
-
-    The other process is a fork of this one, with its data and its imports; it must have no threads
-    that the figures need. What that process could not draw, or not without a warning, is drawn
-    again in this one.
-    """
-    if processes < 2 or not hasattr(os, "fork"):
-        yield
-        for job in jobs:
-            job.save(folder, theme)
-        return
-    tokens, end = os.pipe()
-    os.write(end, bytes(range(len(jobs))))
-    os.close(end)
-
-    def drawn() -> Iterator[int]:
-        while token := os.read(tokens, 1):  # a byte goes to one process
-            jobs[token[0]].save(folder, theme)
-            yield token[0]
-
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                for _ in drawn():
-                    pass
-            code = 0
-        finally:
-            os._exit(code)
-    try:
-        yield
-        own = set(drawn())
-        failed = os.waitpid(child, 0)[1] != 0
-        child = 0
-    finally:
-        os.close(tokens)
-        if child:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-    if failed:
-        for number in set(range(len(jobs))) - own:
-            jobs[number].save(folder, theme)

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
-from ..scenario.sources import RAW
+from ..scenario.labels import RAW
 from ..style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
 from .definitions import Floats
 

@@ -35,8 +35,8 @@ ENDS = ((0, "start", "o"), (-1, "end", "s"))
 """Row of the path, label and marker."""
 MOST_REPORTS = 500
 """Reports of the platform's position that a map shows."""
-ARMS = ((0, 2), (1, 3))
-"""Beacons at the ends of an arm."""
+LONGEST_ARM = 10.0
+"""Beacons farther from their middle than this [m] are not on arms of a platform."""
 MARGINS_3D = (0.45, 0.75, 0.7, 0.1)
 """Left, right, below and above the box in space [inch]."""
 TALLEST_3D = 6.0
@@ -90,9 +90,9 @@ def plot_path_3d(
         truth = recorded(record, "target.position")
         platform = _Platform(record, truth)
         limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
-        for pair in ARMS:
-            ax.plot(*platform.true[pair, :][:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5,
-                    label=platform.name if pair[0] == 0 else None)
+        for number, arm in enumerate(_arms(platform.true)):
+            ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
+                    label=platform.name if number == 0 else None)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **drawing.truth_of(look))
         curves = [truth]
         for label, table, how in drawing.lines_of(tracks, look):
@@ -126,7 +126,7 @@ def plot_path_3d(
 
 
 class _Platform:
-    """The platform on a map: mean positions of its beacons [m], true and as reported (4, 3)."""
+    """The platform on a map: mean positions of its beacons [m], true and as reported, (N, 3)."""
 
     def __init__(self, record: Record, truth: Floats) -> None:
         beacons = recorded(record, "platform.beacon_position")
@@ -140,22 +140,35 @@ class _Platform:
         self.name = "beacons (mean)" if moving else "beacons"
 
     def draw(self, ax: Axes, size: float, look: Theme) -> None:
-        """Cross of the beacons; as reported dashed, with dots at its centre at many instants."""
+        """Arms of the beacons; as reported dashed, with dots at its centre at many instants."""
         how = {"color": look.ink, "ms": size}
-        self._cross(ax, self.true, self.name, **how, marker="^", mfc=look.soft)
+        self._beacons(ax, self.true, self.name, **how, marker="^", mfc=look.soft)
         if not self.is_exact:
-            self._cross(ax, self.reported, "beacons as reported (mean)", **how,
-                        ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
+            self._beacons(ax, self.reported, "beacons as reported (mean)", **how,
+                          ls=(0, (2.5, 1.5)), marker="v", mfc=look.paper)
+        if not self.is_exact and not _are_far(self.true):
             drawing.add_line(ax, self.centres[:, 1], self.centres[:, 0], {
                 "color": look.ink, "ls": "", "marker": ".", "ms": 2.2, "alpha": 0.9, "zorder": 2.5,
                 "label": "platform as reported",
             })  # fmt: skip
 
     @staticmethod
-    def _cross(ax: Axes, beacons: Floats, name: str, **how: Any) -> None:
-        for pair in ARMS:
-            ax.plot(*beacons[pair, :][:, [1, 0]].T, lw=1, zorder=3,
-                    label=name if pair[0] == 0 else None, **how)
+    def _beacons(ax: Axes, beacons: Floats, name: str, **how: Any) -> None:
+        how |= {"ls": ""} if _are_far(beacons) else {}
+        for number, arm in enumerate(_arms(beacons)):
+            ax.plot(*arm[:, [1, 0]].T, lw=1, zorder=3, markevery=[-1],
+                    label=name if number == 0 else None, **how)
+
+
+def _arms(beacons: Floats) -> list[Floats]:
+    """From the middle of the beacons to each of them; to itself if there can be no arm."""
+    middle, far = beacons.mean(axis=0), _are_far(beacons)
+    return [beacon[None] if far else np.array([middle, beacon]) for beacon in beacons]
+
+
+def _are_far(beacons: Floats) -> bool:
+    """Whether they cannot be on arms of one platform."""
+    return bool(np.abs(beacons - beacons.mean(axis=0)).max() > LONGEST_ARM)
 
 
 def _limits(seen: Floats, tracks: Tracks, axes: Sequence[str]) -> dict[str, tuple[float, float]]:

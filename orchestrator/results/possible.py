@@ -6,14 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-
-from ..limits.run import of_run
-from ..limits.verdict import Limits, Possible
-from ..style import Theme
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
+    from ..style import Theme
     from .description import RunDescription
 
 _NOTES = {
@@ -36,6 +35,8 @@ def limits_of(
     description: RunDescription, record: Record, receivers: Sequence[str]
 ) -> Limits | None:
     """What was possible in a run; None if its surroundings are not all our own."""
+    from ..limits.run import of_run  # it takes long, and who only draws has its result
+
     epochs = [record.estimates(name).epoch_ns for name in receivers]
     at = np.concatenate([np.zeros(0, np.int64), *epochs])
     return of_run(record, description.scenario, description.fmus, at)

@@ -8,31 +8,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.axes import Axes
 
 from .. import artifacts, style
-from ..scenario.sources import RAW
+from ..lazy import Module
+from ..scenario.labels import RAW
 from ..shown import Picture, Shown
-from . import figures as plots
 from . import metrics, notebook, possible, text
-from .catalogue import Figure, by_name, drawing, jobs
+from .artist import drawing
+from .catalogue import Figure, by_name, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
 from .description import RunDescription
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     from ..limits.verdict import Limits, Possible
     from ..simulation.record import Record
+    from .artist import Artist
+
+plots = Module("sblcosim.results.figures")
 
 FIGURES: Mapping[str, Figure[Result]] = by_name(
-    Figure("path_xy", plots.plot_path, lambda run: (run.record, run.estimates)),
-    Figure("path_xyz", plots.plot_path_3d, lambda run: (run.record, run.estimates)),
-    Figure("axes", plots.plot_axes, lambda run: (run.record, run.estimates)),
-    Figure("errors", plots.plot_errors,
+    Figure("path_xy", plots.later("plot_path"), lambda run: (run.record, run.estimates)),
+    Figure("path_xyz", plots.later("plot_path_3d"), lambda run: (run.record, run.estimates)),
+    Figure("axes", plots.later("plot_axes"), lambda run: (run.record, run.estimates)),
+    Figure("errors", plots.later("plot_errors"),
            lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
-    Figure("inclination", plots.plot_inclination, lambda run: (run.record,)),
+    Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,)),
 )
 """The figures in the folder of a run."""
 
@@ -241,7 +245,7 @@ class Result(Shown):
         figures: bool = True,
         theme: style.ThemeName = "light",
         other: artifacts.Other = "refuse",
-        processes: int = 1,
+        artist: Artist | None = None,
     ) -> Path:
         """Write the record, estimates, tables, manifest and figures into a folder.
 
@@ -252,9 +256,8 @@ class Result(Shown):
         other
             What to do if the folder holds the result of another run: ``"refuse"``, ``"replace"``,
             or ``"number"``, which appends the next free number.
-        processes
-            2: figures are drawn in a forked process, too, where there is such a thing; not for
-            programs with threads.
+        artist
+            Draws the figures meanwhile; see `sblcosim.results.artist.forked_artist`.
 
         Returns
         -------
@@ -269,7 +272,7 @@ class Result(Shown):
         style.named(theme)
         with artifacts.draft(directory, self._manifest(), other) as draft:
             drawn = jobs(FIGURES, self) if figures else []
-            with drawing(drawn, draft.folder, theme, processes):
+            with drawing(drawn, draft.folder, theme, artist):
                 self._write_tables(draft.folder, directory)
         return Path(directory).with_name(draft.path.name)
 

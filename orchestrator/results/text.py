@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..layout import WIDTH, fitted, meters
-from ..scenario.sources import RAW
+from ..scenario.labels import RAW
 from . import possible
 from .consistency import COVARIANCES, Verdict
 from .definitions import AXES, FRAMES, PERCENTAGES, judge

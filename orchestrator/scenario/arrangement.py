@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from math import atan2, degrees, hypot, sqrt
 from typing import Any
@@ -83,3 +84,20 @@ def degenerate(offsets: tuple[float, ...]) -> str | None:
         "position and its mirror image across that line have the same ranges, so a receiver may "
         "find either, and across the line it is known badly where the diver is near it"
     )
+
+
+def has_own_errors(platform: Any) -> bool:
+    """Whether the beacons' errors are their own, and there is no other: buoys, or a survey.
+
+    Else they are those of a platform, which all beacons share.
+    """
+    if platform.fmu is not None:
+        return False
+    if not platform.gps_shared:
+        return True
+    others = (
+        value for key, value in platform
+        if "_amplitude" in key or re.fullmatch(r"(gps|imu)_.*_(m|deg|deg_s|deg_K)", key)
+    )
+    still = not any(any(v) if isinstance(v, tuple) else v for v in others)
+    return still and bool(platform.mounting_std_m > 0)

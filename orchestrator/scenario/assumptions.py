@@ -74,6 +74,23 @@ SOURCES: Mapping[str, Sequence[str]] = {
     ),
     "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
     "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
+    "beacon_error_std_m": (
+        "platform.gps_horizontal_bias_std_m", "platform.gps_horizontal_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_vertical_error_std_m": (
+        "platform.gps_vertical_bias_std_m", "platform.gps_vertical_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_error_time_s": (
+        "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
+    ),
+    "beacon_noise_std_m": (
+        "platform.gps_horizontal_std_m", "acoustics.packet_resolution_m",
+    ),
+    "beacon_vertical_noise_std_m": (
+        "platform.gps_vertical_std_m", "acoustics.packet_resolution_m",
+    ),
 }
 """Keys of ``[receiver]``, and the keys that each follows from.
 
@@ -133,6 +150,7 @@ def assumed(
         **_clock(acoustics),
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
+        **_of_each_beacon(platform, acoustics),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {
@@ -193,6 +211,27 @@ def _heading_error(platform: Any) -> dict[str, float | None]:
         "imu_heading_error_std_deg": hypot(slow, markov),
         # What never changes outlasts what does.
         "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
+    }
+
+
+def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, float | None]:
+    """What is wrong with where each beacon is said to be, if all have errors of their own."""
+    survey = platform.mounting_std_m if platform.gps_shared else 0.0
+    horizontal, vertical = (
+        hypot(
+            getattr(platform, f"gps_{axis}_bias_std_m"),
+            getattr(platform, f"gps_{axis}_markov_std_m"), survey,
+        )
+        for axis in ("horizontal", "vertical")
+    )
+    rounding = acoustics.packet_resolution_m / sqrt(12)
+    wanders = platform.gps_horizontal_markov_std_m > 0
+    return {
+        "beacon_error_std_m": horizontal,
+        "beacon_vertical_error_std_m": vertical,
+        "beacon_error_time_s": platform.gps_correlation_time_s if wanders else None,
+        "beacon_noise_std_m": _with(rounding, platform.gps_horizontal_std_m),
+        "beacon_vertical_noise_std_m": _with(rounding, platform.gps_vertical_std_m),
     }
 
 

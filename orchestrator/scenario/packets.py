@@ -29,13 +29,18 @@ def resolutions(acoustics: Any, beacons: int) -> dict[str, float]:
     return dict(zip(_KEYS, found, strict=True)) if found else {}
 
 
-def problems(acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
+def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
     """What contradicts itself in the tables of a scenario; one line each."""
     content = acoustics.packet_content
     if acoustics.packet_bits and acoustics.fmu is not None:
         yield "[acoustics] packet_bits: must be left out if there is another fmu"
     elif acoustics.packet_bits:
         yield from _too_long(acoustics, beacons)
+    if acoustics.fmu is None and content == "pose" and not platform.gps_shared:
+        yield (
+            "[acoustics] packet_content: must have positions of beacons, as gps_shared of "
+            "[platform] is false, got 'pose'"
+        )
     if (
         acoustics.fmu is None and content == "own_beacon"
         and "pose_source" in receiver.model_fields_set and receiver.pose_source != "own_beacon"

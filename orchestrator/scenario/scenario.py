@@ -174,7 +174,7 @@ class Scenario(Table):
                     f"'true', got {receiver.initialisation!r}"
                 )
         yield from arrangement.problems(self.platform, self.acoustics, receiver, self.beacons)
-        yield from packets.problems(self.acoustics, receiver, self.beacons)
+        yield from packets.problems(self.platform, self.acoustics, receiver, self.beacons)
         target = self.target
         count = len(target.waypoint_m) // 3
         if target.trajectory == "waypoints" and not 2 <= target.waypoint_count <= count:

@@ -11,12 +11,10 @@ from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, instance, nearest, quoted
 from ..simulation.user_code import PythonSource, component_of_file, is_python
+from .labels import RAW
 from .reading import shown
 from .scenario import Receivers, Scenario, Source
 from .schema import CORE_COMPONENTS
-
-RAW = "raw"
-"""Label of the raw fix that runs beside the receivers for comparison."""
 
 
 def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:

@@ -11,6 +11,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 
 from .file_schema import DIRECTIVE, TITLES
+from .overrides import Changes
 from .scenario import load
 from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
 
@@ -47,7 +48,9 @@ _EXAMPLES: Mapping[str, Any] = {
 """Example values for keys without a default."""
 
 
-def starter(name: str, source: str | Path | None = None) -> str:
+def starter(
+    name: str, source: str | Path | Mapping[str, Any] | None = None, changes: Changes = ()
+) -> str:
     """Text of a new scenario file: all keys with descriptions, the unused ones commented out.
 
     Parameters
@@ -56,13 +59,15 @@ def starter(name: str, source: str | Path | None = None) -> str:
         Name of the new scenario.
     source
         Scenario whose given keys are used; None: a simple one.
+    changes
+        Keys to change in it.
 
     Raises
     ------
     ConfigurationError
         `source` cannot be loaded.
     """
-    scenario = load(_IN_USE if source is None else source)
+    scenario = load(_IN_USE if source is None else source, changes)
     given = scenario.given()
     lines = [
         DIRECTIVE,

@@ -26,9 +26,10 @@ from ..errors import (
 )
 from ..results.responses import PERCENTILES, Response
 from ..scenario import effects
+from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
-from ..scenario.sources import RAW, choose
+from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
 from ..simulation.masters import lanes_driver, native

@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
-from sblcosim.models.receiver.variables import COUPLED
+from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 from sblcosim.scenario.assumptions import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import applied, connect
 
 COUPLED_KEYS = {v.key for v in COUPLED.of("parameter")}
+KEYS = COUPLED_KEYS | {v.key for v in LONG_BASELINE.of("parameter")}
 README = Path(__file__).parents[3] / "models" / "receiver" / "README.md"
 
 FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
@@ -95,6 +96,23 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"acoustics.sound_speed_m_s": 100.0}, "sound_speed_std", 0.5),
     ({"target.depth_bias_m": -0.11}, "depth_bias_std_m", 0.11),
     ({"target.depth_bias_m": -0.03, "target.depth_bias_std_m": 0.04}, "depth_bias_std_m", 0.05),
+    ({"platform.arm_length_m": 2.0, "platform.beacon_scale": 0.25}, "beacon_offset_m",
+     (0.5, 0, 0.5, 0, 0.5, 0.5, -0.5, 0, 0.5, 0, -0.5, 0.5)),
+    ({"platform.beacon_m": ((1, 2, 3), (4, 5, 6), (-1, 0, 1)), "platform.beacon_scale": 2.0},
+     "beacon_offset_m", (2, 4, 3, 8, 10, 6, -2, 0, 1)),
+    ({"platform.gps_horizontal_bias_std_m": 0.3, "platform.gps_horizontal_markov_std_m": 0.4,
+      "platform.gps_shared": False}, "beacon_error_std_m", 0.5),
+    ({"platform.mounting_std_m": 0.3}, "beacon_error_std_m", 0.3),
+    ({"platform.gps_vertical_bias_std_m": 0.6, "platform.gps_vertical_markov_std_m": 0.8,
+      "platform.gps_shared": False}, "beacon_vertical_error_std_m", 1.0),
+    ({"platform.gps_horizontal_markov_std_m": 0.4, "platform.gps_correlation_time_s": 77.0},
+     "beacon_error_time_s", 77.0),
+    ({"platform.gps_horizontal_std_m": 0.2}, "beacon_noise_std_m", 0.2),
+    ({"platform.gps_horizontal_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "beacon_noise_std_m", 0.5),
+    ({"platform.gps_vertical_std_m": 0.7}, "beacon_vertical_noise_std_m", 0.7),
+    ({"platform.gps_vertical_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "beacon_vertical_noise_std_m", 0.5),
 ]
 
 
@@ -103,7 +121,8 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
 def test_each_number_follows_from_the_scenario(
     given: dict[str, Any], key: str, expected: Any
 ) -> None:
-    scenario = load({"receiver": {"type": "coupled"}}, given)
+    type_ = "coupled" if key in COUPLED_KEYS else "long_baseline"
+    scenario = load({"receiver": {"type": type_}}, given)
     if not isinstance(expected, str):
         expected = pytest.approx(expected, rel=1e-9)
     assert getattr(scenario.receiver, key) == expected
@@ -117,7 +136,7 @@ def test_each_number_follows_from_the_scenario(
 def test_all_of_them_are_tried_and_none_else_is_assumed() -> None:
     described = {key for _, key, _ in FOLLOWS} - {"range_std_m", "depth_std_m"}
     assert described == set(SOURCES)
-    assert set(SOURCES) < COUPLED_KEYS
+    assert set(SOURCES) < KEYS
     known = {f"{name}.{v.key}" for name in ("target", "platform", "acoustics")
              for v in COMPONENTS[name].of("parameter")}
     assert {source for sources in SOURCES.values() for source in sources} <= known
@@ -211,7 +230,7 @@ def test_the_table_in_the_documents() -> None:
     text = README.read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|.*\|$", text[text.index("| parameter | from"):],
                       flags=re.MULTILINE)
-    named = {v.name: v.key for v in COUPLED.of("parameter")}
+    named = {v.name: v.key for r in (COUPLED, LONG_BASELINE) for v in r.of("parameter")}
     found = {named[name]: set(re.findall(r"`(\w+\.\w+)`", sources))
              for names, sources in rows for name in re.findall(r"`(\w+)`", names)}
     expected = {key: set(sources) for key, sources in SOURCES.items()}

@@ -1,17 +1,25 @@
-"""Figures drawn by two processes: the same bytes, warnings and errors as by one."""
+"""Figures drawn by another process: the same bytes, warnings and errors as by this one."""
 
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
+import threading
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 from matplotlib.axes import Axes
 from sblcosim import style
-from sblcosim.results.catalogue import Job, drawing
+from sblcosim.results import artist
+from sblcosim.results.artist import Artist, drawing, forked_artist
+from sblcosim.results.catalogue import Job
 
 HERE = os.getpid()
 
@@ -35,15 +43,26 @@ def warning(number: int, *, theme: style.ThemeName) -> Axes:
     return plot(number, theme=theme)
 
 
-def elsewhere(number: int, *, theme: style.ThemeName) -> Axes:
+def only_here(number: int, *, theme: style.ThemeName) -> Axes:
     """Only the process of the tests can draw it."""
     if os.getpid() != HERE:
         os._exit(3)
     return plot(number, theme=theme)
 
 
+def only_there(number: int, *, theme: style.ThemeName) -> Axes:
+    if os.getpid() == HERE:
+        raise AssertionError("drawn here")
+    return slow(number, theme=theme)
+
+
 def failing(number: int, *, theme: style.ThemeName) -> Axes:
     raise ValueError(f"no figure {number}")
+
+
+def interrupt(error: BaseException) -> None:
+    time.sleep(0.5)
+    raise error
 
 
 def jobs(*plots: Any) -> list[Job]:
@@ -54,9 +73,15 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
+@pytest.fixture(autouse=True)
+def folders(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+
+
 @pytest.fixture
 def children(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The processes that are begun."""
+    """The processes that are begun, in a program without threads and on two processors."""
     begun: list[int] = []
 
     def fork(fork: Any = os.fork) -> int:
@@ -64,67 +89,143 @@ def children(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return begun[-1]
 
     monkeypatch.setattr(os, "fork", fork)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(threading, "active_count", lambda: 1)
     return begun
 
 
+@pytest.fixture
+def helper(children: list[int]) -> Iterator[Artist]:
+    with forked_artist() as found:
+        assert found is not None
+        yield found
+    assert ended(children)
+
+
 def ended(children: list[int]) -> bool:
-    """Whether a process was begun, and nothing is left of it."""
-    return len(children) == 1 and not Path(f"/proc/{children[0]}").exists()
+    """Whether a process was begun, and nothing is left of it and of its own fork."""
+    states = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, group = stat.read_text().rpartition(")")[2].split()[:3]
+            states += [state] if int(group) == children[0] else []
+    # The fork is an orphan, and init may take its time.
+    return len(children) == 1 and {*states} <= {"Z"} and not Path(f"/proc/{children[0]}").exists()
 
 
-@pytest.fixture(autouse=True)
-def folders(tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-
-
-@pytest.mark.parametrize("plots", [(), (plot,), (slow,) * 5, (plot, elsewhere, elsewhere, plot)])
-def test_the_same_bytes(plots: Any, tmp_path: Path, children: list[int]) -> None:
-    with drawing(jobs(*plots), tmp_path / "one"):
+@pytest.mark.parametrize("theme", style.THEMES)
+@pytest.mark.parametrize("plots", [(), (plot,), (slow,) * 5, (plot, only_here, only_here, plot)])
+def test_the_same_bytes(
+    plots: Any, theme: style.ThemeName, tmp_path: Path, helper: Artist
+) -> None:
+    with drawing(jobs(*plots), tmp_path / "one", theme):
         pass
-    with drawing(jobs(*plots), tmp_path / "two", processes=2):
+    with drawing(jobs(*plots), tmp_path / "two", theme, helper):
         pass
     assert content(tmp_path / "one") == content(tmp_path / "two")
     assert len(content(tmp_path / "two")) == 2 * len(plots)
-    assert ended(children)
 
 
-def test_both_processes_draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    saved = []
-    monkeypatch.setattr(Job, "save", lambda job, folder, theme: (
-        time.sleep(0.2), saved.append(job.name), (folder / job.name).touch()
-    ))
-    with drawing(jobs(*[plot] * 6), tmp_path / "two", processes=2):
+def test_two_processes_draw_and_this_one_does_not(tmp_path: Path, helper: Artist) -> None:
+    before = time.monotonic()
+    with drawing(jobs(*[only_there] * 8), tmp_path / "two", "light", helper):
         pass
-    assert len(content(tmp_path / "two")) == 6
-    assert 0 < len(saved) < 6
+    assert len(content(tmp_path / "two")) == 16
+    assert time.monotonic() - before < 8 * 0.3
 
 
-def test_a_warning_is_given_here(tmp_path: Path) -> None:
+def test_a_warning_is_given_here(tmp_path: Path, helper: Artist) -> None:
     with (
         pytest.warns(UserWarning, match="it looks odd"),
-        drawing(jobs(slow, warning, slow, warning), tmp_path / "two", processes=2),
+        drawing(jobs(slow, warning, slow, warning), tmp_path / "two", "light", helper),
     ):
-        time.sleep(0.5)  # the other process begins
+        pass
     assert len(content(tmp_path / "two")) == 8
 
 
-def test_an_error_is_raised_here(tmp_path: Path, children: list[int]) -> None:
+def test_an_error_is_raised_here(tmp_path: Path, helper: Artist, capfd: Any) -> None:
     with (
         pytest.raises(ValueError, match="no figure 1"),
-        drawing(jobs(plot, failing), tmp_path / "two", processes=2),
+        drawing(jobs(plot, failing), tmp_path / "two", "light", helper),
     ):
-        time.sleep(0.5)
-    assert ended(children)
+        pass
+    assert capfd.readouterr() == ("", "")
 
 
-def test_an_error_before_the_figures_ends_the_other_process(
-    tmp_path: Path, children: list[int]
+def test_one_that_is_killed_is_replaced(
+    tmp_path: Path, helper: Artist, children: list[int]
+) -> None:
+    os.kill(children[0], signal.SIGKILL)
+    time.sleep(0.1)
+    with drawing(jobs(plot, plot), tmp_path / "two", "light", helper):
+        pass
+    assert len(content(tmp_path / "two")) == 4
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_error_while_it_draws_ends_it(
+    error: type[BaseException], tmp_path: Path, helper: Artist, children: list[int]
 ) -> None:
     with (
-        pytest.raises(ValueError, match="the disk"),
-        drawing(jobs(*[slow] * 50), tmp_path / "two", processes=2),
+        pytest.raises(error, match="the disk"),
+        drawing(jobs(*[slow] * 50), tmp_path / "two", "light", helper),
     ):
-        raise ValueError("the disk")
-    assert ended(children)
+        interrupt(error("the disk"))
+    assert ended(children)  # now, before the folder is removed
     assert len(content(tmp_path / "two")) < 10
+
+
+def test_an_error_before_the_figures_ends_it(children: list[int], capfd: Any) -> None:
+    with pytest.raises(ValueError, match="the scenario"), forked_artist():
+        raise ValueError("the scenario")
+    assert ended(children)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_death_of_this_process_ends_it(tmp_path: Path) -> None:
+    """Also where nothing can be done any more."""
+    code = (
+        "import os, time\n"
+        "from sblcosim.results.artist import forked_artist\n"
+        "with forked_artist() as artist:\n"
+        "    print(artist._process, flush=True)\n"
+        "    os.kill(os.getpid(), 9)\n"
+    )
+    if (os.cpu_count() or 1) < 2:
+        pytest.skip("one processor")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert int(done.stdout) > 0  # the pipes are closed, so it has ended
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("reason", ["no fork", "a thread", "one processor", "not wanted"])
+def test_without_another_process(
+    reason: str, tmp_path: Path, children: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if reason == "no fork":
+        monkeypatch.delattr(os, "fork")
+    if reason == "a thread":
+        monkeypatch.setattr(threading, "active_count", lambda: 2)
+    if reason == "one processor":
+        monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    with forked_artist(reason != "not wanted") as found:
+        assert found is None
+        with drawing(jobs(plot, only_here), tmp_path / "two", "light", found):
+            assert not content(tmp_path / "two")
+    assert len(content(tmp_path / "two")) == 4
+    assert not children
+
+
+def test_neither_process_waits_for_what_it_does_not_need() -> None:
+    """Matplotlib is for the one that draws, scenarios are for the one that simulates."""
+    for module, foreign in (("api", "matplotlib"), ("results.figures", "sblcosim.scenario.schema")):
+        code = f"import sys, sblcosim.{module}; print({foreign!r} in sys.modules)"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert done.stdout == "False\n", done.stderr
+
+
+def test_it_is_quick_to_begin() -> None:
+    """It is forked before anything is imported that takes long."""
+    code = f"import sys, {artist.__name__}; print({{'numpy', 'typer'}} & {{*sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "set()\n", done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import erfc, exp, isfinite, pi, sqrt
 from types import SimpleNamespace
 from typing import Any
@@ -157,7 +158,7 @@ def test_it_is_the_information_form() -> None:
     rows = recursion.rows_of(p, limits.run._truth(record, epoch, 0.02), heard, depth,
                              parameters.beacons_of(p))
     P = recursion.prior(p, False) + 1e-6 * np.eye(STATES)
-    ours = recursion.covariances(p, P, epoch, 0, rows)
+    ours = recursion.covariances(partial(recursion.transition, p), P, epoch, 0, rows)
     before = 0
     for k, now in enumerate(epoch):
         Phi, Q = recursion.transition(p, (now - before) / NS)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
+import warnings
+from pathlib import Path
 
 import pytest
+import sblcosim
+from sblcosim.cli import app
+from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.schema import Acoustics, Platform, Receiver, Target, Time
 from sblcosim.scenario.starter import starter
+from typer.testing import CliRunner
 
 TABLES = {
     "time": Time, "target": Target, "platform": Platform, "acoustics": Acoustics,
@@ -50,3 +57,51 @@ def test_a_starter_from_a_scenario_is_that_scenario_under_another_name(name: str
     made = load(tomllib.loads(starter("mine", name)))
     assert made.model_dump(exclude={"name"}) == load(name).model_dump(exclude={"name"})
     assert made.name == "mine"
+
+
+@pytest.mark.parametrize("name", LIKES)
+def test_each_system_to_begin_with_runs_as_it_is(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    done = CliRunner().invoke(app, ["new", str(file), "--like", name])
+    assert done.exit_code == 0, done.output
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = sblcosim.run(file, overrides={"time.duration_s": 30.0})
+    assert result.scenario.name == "mine"
+    assert len(result.record.estimates(result.scenario.receiver.type)) > 5
+
+
+def test_questions_are_asked_on_a_terminal_and_asked_again(tmp_path: Path) -> None:
+    """In a real terminal: Enter takes what stands in brackets, and what is wrong is asked again."""
+    pexpect = pytest.importorskip("pexpect")
+    child = pexpect.spawn(
+        sys.executable, ["-m", "sblcosim", "new", "mine.toml", "--like", "lbl"],
+        cwd=str(tmp_path), encoding="utf-8", timeout=60,
+    )
+    child.expect("beacons are.*:")
+    child.sendline("[[0, 0, 9], [50, 0, 9]]")
+    child.expect("must be an array of 3 to 8 rows")
+    child.sendline("[[0, 0, 9], [50, 0, 9], [0, 50, 9]]")
+    child.expect("surveyed.*:")
+    child.sendline("0.1")
+    child.expect("ping.*:")
+    child.sendline("")
+    child.expect("swims.*:")
+    child.sendline("")
+    child.expect(pexpect.EOF)
+    scenario = load(tmp_path / "mine.toml")
+    assert scenario.beacons == 3
+    assert scenario.platform.mounting_std_m == 0.1
+    assert scenario.time == load("harbour-lbl").time
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [(["--like", "bouys"], "did you mean 'buoys'?"),
+     (["--like", "lbl", "--from", "realistic-dive"], "--like: must come without --from")],
+)
+def test_what_is_no_such_system_is_said(options: list[str], words: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["new", str(tmp_path / "x.toml"), *options])
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not any(tmp_path.iterdir())

@@ -1,0 +1,52 @@
+"""Ranges that may be late: how probable it is, and a score of those that do not fit."""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt
+from typing import Any
+
+import casadi as ca
+
+from ..equations import Symbols
+
+_WRONG, _REACH = 1e-4, 50.0
+"""Share of ranges for which the filter itself is wrong, by up to this many m, to both sides."""
+LIMIT = 12.0
+"""Score at which a filter starts anew."""
+_ACCEPTED = 1.1
+"""What a range that fits takes back from the score."""
+_ERFC = (
+    -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
+    1.48851587, -0.82215223, 0.17087277,
+)
+"""erfc(a) = t exp(-a² + poly(t)), t = 1/(1 + a/2), to 1.2e-7 of itself (W. H. Press et al.,
+Numerical Recipes in C, 2nd ed., 1992, section 6.2)."""
+
+
+def score(p: Symbols, before: Any, share: Any, ranged: Any) -> Any:
+    """The score of ranges that do not fit (CUSUM), after one that is not late by `share`."""
+    evidence = log(0.9) - ca.log(ca.fmax(p.outlier_probability, 0.01))
+    more = (1 - share) * evidence - _ACCEPTED * share
+    return ca.if_else(ranged, ca.fmax(before + more, 0), before)
+
+
+def punctual(p: Symbols, innovation: Any, S: Any) -> Any:
+    """Probability that a range is not late, from its innovation of variance S.
+
+    A late one has an excess of exponential distribution with the mean m; all three densities have
+    the factor exp(-ν²/2S) where that is not the small one.
+    """
+    chance, m = p.outlier_probability, p.outlier_mean
+    root = ca.sqrt(S)
+    a = (root / m - innovation / root) / sqrt(2)
+    t = 1 / (1 + 0.5 * ca.fabs(a))
+    poly = ca.SX(_ERFC[-1])
+    for coefficient in reversed(_ERFC[:-1]):
+        poly = poly * t + coefficient
+    normal = -0.5 * innovation**2 / S
+    exponential = ca.fmin(0.5 * S / m**2 - innovation / m, 0)
+    early = t * ca.exp(poly + normal)  # a >= 0: a² cancels
+    late = ca.exp(exponential) * 2 - t * ca.exp(poly + normal)
+    density = chance / (2 * m) * ca.if_else(a >= 0, early, late) + _WRONG / _REACH
+    punctual = (1 - chance) / (sqrt(2 * pi) * root) * ca.exp(normal)
+    return punctual / (punctual + density)
