@@ -11,7 +11,8 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Draw, Equations, Loop, Symbols, Values
-from .variables import COMPONENT, OUTLIERS, SCHEDULE
+from ..geometry import rotation
+from .variables import COMPONENT, OUTLIERS, PACKET_CONTENT, SCHEDULE
 
 _UNIFORMS = 2.0**53
 """Number of values of a uniform draw."""
@@ -20,6 +21,9 @@ RangeError = Callable[[Symbols, Symbols], Any]
 """``error(p, w)``: an error of a range [m], from the parameters and the draws."""
 _EXPONENTIAL = number_of(OUTLIERS, "exponential")
 _SIMULTANEOUS = number_of(SCHEDULE, "simultaneous")
+_EVERYTHING = number_of(PACKET_CONTENT, "everything")
+_OWN_BEACON = number_of(PACKET_CONTENT, "own_beacon")
+_POSE = number_of(PACKET_CONTENT, "pose")
 
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
@@ -44,6 +48,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "slot": ca.vertcat(*slots),
         "turn": -1,
         "waiting": 0,
+        "unwritten": 0,
     }
 
 
@@ -98,6 +103,8 @@ _DRAWS = (
 numbers."""
 _OTHERS = "others"
 """The loop over the beacons that ping at once with the first one."""
+_PACKET = "packet"
+"""The loop that writes what packets say."""
 _DRAWS_OF_OTHERS = tuple(
     replace(draw, occasion=_OTHERS) for draw in _DRAWS if draw.occasion == "tick"
 )
@@ -106,7 +113,10 @@ _DRAWS_OF_OTHERS = tuple(
 def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Values:
     turn = (k - 1) - p.beacons * ca.floor((k - 1) / p.beacons)
     others = (p.schedule == _SIMULTANEOUS) * (p.beacons - 1)
-    return {**_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others}
+    return {
+        **_ping(p, x, u, w, t, turn), "turn": turn, "waiting": others,
+        "unwritten": (p.packet_content != _EVERYTHING) + _is_rounded(p) > 0,
+    }
 
 
 def _other(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
@@ -155,6 +165,61 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
     }
 
 
+def _is_rounded(p: Symbols) -> Any:
+    return (p.packet_resolution > 0) + (p.packet_angle_resolution > 0) > 0
+
+
+def _rounded(value: Any, resolution: Any) -> Any:
+    """The nearest multiple of a resolution; 0: the value as it is."""
+    step = ca.if_else(resolution > 0, resolution, 1)
+    return ca.if_else(resolution > 0, ca.floor(value * (1 / step) + 0.5) * step, value)
+
+
+def _written(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """The packets received just now say what they have bits for.
+
+    A loop of its own, so that packets that say everything exactly cost nothing.
+    """
+    new = [x.range_epoch[i] == t for i in range(p.beacons)]
+    position = _rounded(u.reported_position, p.packet_resolution)
+    attitude = _rounded(u.reported_attitude, p.packet_angle_resolution)
+    beacons = ca.if_else(
+        (p.packet_content == _POSE) * _is_rounded(p), _placed(u, position, attitude),
+        _rounded(u.reported_beacon_position, p.packet_resolution),
+    )
+    has_pose = (p.packet_content == _EVERYTHING) + (p.packet_content == _POSE) > 0
+
+    def of_new(row: Any, old: Any) -> Any:
+        return ca.vertcat(*(
+            ca.if_else(new[i], row[i, :] if row.shape == old.shape else row, old[i, :])
+            for i in range(p.beacons)
+        ))
+
+    own = of_new(beacons, x.ping_beacon_position)
+    return {
+        "unwritten": 0,
+        "ping_beacon_position": own,
+        "packet_beacon_position": ca.if_else(
+            p.packet_content == _OWN_BEACON, own,
+            ca.if_else(sum(new) > 0, beacons, x.packet_beacon_position),
+        ),
+        "ping_platform_position": of_new(
+            ca.if_else(has_pose, position, 0).T, x.ping_platform_position
+        ),
+        "ping_platform_attitude": of_new(
+            ca.if_else(has_pose, attitude, 0).T, x.ping_platform_attitude
+        ),
+    }
+
+
+def _placed(u: Symbols, position: Any, attitude: Any) -> Any:
+    """Where a pose as it was rounded puts the beacons, (N, 3): they turn with it."""
+    n = u.reported_beacon_position.shape[0]
+    arms = u.reported_beacon_position - ca.repmat(u.reported_position.T, n, 1)
+    turn = rotation(attitude) @ rotation(u.reported_attitude).T
+    return ca.repmat(position.T, n, 1) + arms @ turn.T
+
+
 def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     return {v.name: getattr(x, v.name) for v in COMPONENT.of("output")}
 
@@ -163,6 +228,9 @@ EQUATIONS = Equations(
     initial=_initial,
     tick=_tick,
     output=_output,
-    iterate=(Loop(_OTHERS, lambda p, x, u, t: x.waiting, _other),),
+    iterate=(
+        Loop(_OTHERS, lambda p, x, u, t: x.waiting, _other),
+        Loop(_PACKET, lambda p, x, u, t: x.unwritten, _written),
+    ),
     draws=(*_DRAWS, *_DRAWS_OF_OTHERS),
 )

@@ -26,6 +26,7 @@ from ..ports import (
 
 SCHEDULE = {1: "round_robin", 2: "simultaneous"}
 OUTLIERS = {1: "exponential", 2: "half_normal"}
+PACKET_CONTENT = {1: "everything", 2: "own_beacon", 3: "all_beacons", 4: "pose"}
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
 _RANDOM = tuple(
@@ -78,6 +79,14 @@ COMPONENT = Component(
                   min=0.0, max=1.0),
         parameter("processing_delay_correction", "What the receiver subtracts for it", "s",
                   min=0.0, max=1.0),
+        choice("packet_content", "What a packet says of where the platform is: its pose and the "
+               "positions of all beacons, that of its own beacon, those of all, or the pose",
+               PACKET_CONTENT, 1),
+        parameter("packet_resolution", "Positions in a packet are multiples of this; 0: not "
+                  "rounded", "m", min=0.0, max=1000.0),
+        parameter("packet_angle_resolution", "Angles in a packet are multiples of this; 0: not "
+                  "rounded", "rad", min=0.0, max=1.0,
+                  needs=((is_one_of("packet_content", PACKET_CONTENT, "everything", "pose"),),)),
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
         *ports(REPORTED_POSE, "input"),

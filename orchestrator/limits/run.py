@@ -117,7 +117,9 @@ def of_run(
     at = np.unique(estimates_ns[(start <= estimates_ns) & (estimates_ns <= stop)])
     if len(record) + len(at) > 2 * MOST_EPOCHS:
         return None
-    own = scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
+    own = scenario.acoustics.packet_content == "own_beacon" or (
+        scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
+    )
     return reference(record, scenario, own_beacon=own, at_ns=at)
 
 

@@ -6,28 +6,33 @@ The table in ``models/receiver/README.md`` says which comes from which.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import hypot, pi, sqrt
+from math import degrees, hypot, pi, sqrt
 from typing import Any
 
 from sblcosim.models.arrangement import cross
+
+from .packets import pose_source
 
 _DRIFT_MEMORY = 100.0
 """A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
 does."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
+_PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
+_ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
 
 SOURCES: Mapping[str, Sequence[str]] = {
     "beacon_offset_m": (
         "platform.beacon_m", "platform.arm_length_m", "platform.beacon_depth_m",
         "platform.beacon_scale",
     ),
-    "gps_std_m": ("platform.gps_horizontal_std_m",),
+    "pose_source": ("acoustics.packet_content",),
+    "gps_std_m": ("platform.gps_horizontal_std_m", *_PACKET),
     "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
     "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
     "gps_bias_std_m": ("platform.gps_horizontal_bias_std_m", "platform.gps_antenna_offset_m"),
     "gps_vertical_std_m": (
         "platform.gps_vertical_std_m", "platform.gps_vertical_markov_std_m",
-        "platform.gps_vertical_bias_std_m", "platform.gps_antenna_offset_m",
+        "platform.gps_vertical_bias_std_m", "platform.gps_antenna_offset_m", *_PACKET,
     ),
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
@@ -40,7 +45,7 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
     "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg"),
-    "imu_heading_std_deg": ("platform.imu_heading_std_deg",),
+    "imu_heading_std_deg": ("platform.imu_heading_std_deg", *_ANGLES),
     "imu_heading_error_std_deg": (
         "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
         "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
@@ -52,7 +57,7 @@ SOURCES: Mapping[str, Sequence[str]] = {
     ),
     "imu_tilt_std_deg": (
         "platform.imu_tilt_std_deg", "platform.imu_tilt_bias_deg",
-        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg",
+        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg", *_ANGLES,
     ),
     "outlier_probability": ("acoustics.outlier_probability", "acoustics.outlier_mean_m"),
     "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
@@ -80,13 +85,22 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "beacon_error_time_s": (
         "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
     ),
-    "beacon_noise_std_m": ("platform.gps_horizontal_std_m",),
-    "beacon_vertical_noise_std_m": ("platform.gps_vertical_std_m",),
+    "beacon_noise_std_m": (
+        "platform.gps_horizontal_std_m", "acoustics.packet_resolution_m",
+    ),
+    "beacon_vertical_noise_std_m": (
+        "platform.gps_vertical_std_m", "acoustics.packet_resolution_m",
+    ),
 }
-"""Keys of ``[receiver]``, and the keys that each follows from."""
+"""Keys of ``[receiver]``, and the keys that each follows from.
+
+Those of the first table decide whether anything is known.
+"""
 
 
-def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
+def assumed(
+    target: Any, platform: Any, acoustics: Any, source: str | None = None
+) -> dict[str, Any]:
     """Keys of ``[receiver]`` and their values, in the units of a scenario file.
 
     Parameters
@@ -94,24 +108,27 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
     target, platform, acoustics
         Tables of the scenario, complete. Of a component of somebody else only what is given is
         known: nothing follows from the starts of ours.
+    source
+        What the receiver uses of a packet, if the scenario says so: its ``pose_source``.
     """
     swing, swing_time = _motion(platform, ("surge", "sway"))
     turning, turning_time = _motion(platform, ("yaw",))
     roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
-    slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
-                 platform.imu_heading_step_deg)
-    markov = platform.imu_heading_markov_std_deg
     speed = acoustics.assumed_sound_speed_m_s
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
     n, e, d = platform.gps_antenna_offset_m
+    place, turn, tilt = _rounding(
+        platform, acoustics, source or pose_source(acoustics.packet_content)
+    )
     values = {
         "beacon_offset_m": beacons_of(platform),
-        "gps_std_m": platform.gps_horizontal_std_m,
+        "pose_source": pose_source(acoustics.packet_content),
+        "gps_std_m": _with(place, platform.gps_horizontal_std_m),
         "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
         "gps_correlation_time_s": platform.gps_correlation_time_s,
         "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / sqrt(2), e / sqrt(2)),
-        "gps_vertical_std_m": hypot(
-            platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
+        "gps_vertical_std_m": _with(
+            place, platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
             platform.gps_vertical_bias_std_m, d,
         ),
         "platform_velocity_std_m_s": swing,
@@ -119,12 +136,10 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         "heading_rate_std_deg_s": turning,
         "heading_rate_time_s": turning_time,
         "tilt_std_deg": hypot(roll, pitch) / 2,
-        "imu_heading_std_deg": platform.imu_heading_std_deg,
-        "imu_heading_error_std_deg": hypot(slow, markov),
-        # What never changes outlasts what does.
-        "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
-        "imu_tilt_std_deg": hypot(
-            platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
+        "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
+        **_heading_error(platform),
+        "imu_tilt_std_deg": _with(
+            tilt, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
             platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
         ),
         "outlier_probability": max(
@@ -135,7 +150,7 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
         **_clock(acoustics),
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
-        **_of_each_beacon(platform),
+        **_of_each_beacon(platform, acoustics),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {
@@ -146,10 +161,35 @@ def assumed(target: Any, platform: Any, acoustics: Any) -> dict[str, Any]:
 
 def _known(tables: Mapping[str, Any], sources: Sequence[str]) -> bool:
     """Whether the scenario says one of these keys of the component that it describes."""
-    pairs = (source.split(".") for source in sources)
-    return any(
-        tables[name].fmu is None or key in tables[name].model_fields_set for name, key in pairs
+    pairs = [source.split(".") for source in sources]
+    table = tables[pairs[0][0]]
+    return table.fmu is None or any(
+        key in table.model_fields_set for name, key in pairs if name == pairs[0][0]
     )
+
+
+def _with(rounding: float, *stds: float) -> float:
+    """Root of the sum of squares; nothing is touched where nothing is rounded."""
+    if rounding:
+        return hypot(*stds, rounding)
+    return stds[0] if len(stds) == 1 else hypot(*stds)
+
+
+def _rounding(platform: Any, acoustics: Any, source: str) -> tuple[float, float, float]:
+    """What rounding adds to a pose: of positions [m], heading and tilt [degrees]; as noise."""
+    step = acoustics.packet_resolution_m / sqrt(12)
+    if acoustics.packet_content == "pose" or source != "beacon_positions":
+        angle = acoustics.packet_angle_resolution_deg / sqrt(12)
+        return step, angle, angle
+    # The pose is fitted to the beacons, each of them rounded by itself.
+    rows = beacons_of(platform)
+    x, y = rows[0::3], rows[1::3]
+    n = len(x)
+    xx, yy = (sum(v * v for v in axis) - sum(axis) ** 2 / n for axis in (x, y))
+    xy = sum(a * b for a, b in zip(x, y, strict=True)) - sum(x) * sum(y) / n
+    least = max(xx * yy - xy * xy, 1e-12)
+    forward, starboard = (degrees(step * sqrt(v / least)) for v in (yy, xx))
+    return step / sqrt(n), forward, hypot(forward, starboard) / sqrt(2)
 
 
 def beacons_of(platform: Any) -> tuple[float, ...]:
@@ -162,7 +202,19 @@ def beacons_of(platform: Any) -> tuple[float, ...]:
     return tuple(v for x, y, z in rows for v in (scale * x, scale * y, z))
 
 
-def _of_each_beacon(platform: Any) -> dict[str, float | None]:
+def _heading_error(platform: Any) -> dict[str, float | None]:
+    """What the IMU's heading is off by for long."""
+    slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
+                 platform.imu_heading_step_deg)
+    markov = platform.imu_heading_markov_std_deg
+    return {
+        "imu_heading_error_std_deg": hypot(slow, markov),
+        # What never changes outlasts what does.
+        "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
+    }
+
+
+def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, float | None]:
     """What is wrong with where each beacon is said to be, if all have errors of their own."""
     survey = platform.mounting_std_m if platform.gps_shared else 0.0
     horizontal, vertical = (
@@ -172,13 +224,14 @@ def _of_each_beacon(platform: Any) -> dict[str, float | None]:
         )
         for axis in ("horizontal", "vertical")
     )
+    rounding = acoustics.packet_resolution_m / sqrt(12)
     wanders = platform.gps_horizontal_markov_std_m > 0
     return {
         "beacon_error_std_m": horizontal,
         "beacon_vertical_error_std_m": vertical,
         "beacon_error_time_s": platform.gps_correlation_time_s if wanders else None,
-        "beacon_noise_std_m": platform.gps_horizontal_std_m,
-        "beacon_vertical_noise_std_m": platform.gps_vertical_std_m,
+        "beacon_noise_std_m": _with(rounding, platform.gps_horizontal_std_m),
+        "beacon_vertical_noise_std_m": _with(rounding, platform.gps_vertical_std_m),
     }
 
 

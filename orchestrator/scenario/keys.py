@@ -143,6 +143,7 @@ Overrides = TypedDict(
         "acoustics.interval_s": float | None,
         "acoustics.parameters": Mapping[str, Any] | None,
         "acoustics.clock_grade": Literal["crystal", "tcxo", "ocxo", "csac"] | None,
+        "acoustics.packet_bits": int | None,
         "acoustics.sampling_time_s": float | None,
         "acoustics.seed": int | None,
         "acoustics.stream": int | None,
@@ -163,6 +164,14 @@ Overrides = TypedDict(
         "acoustics.clock_sync_age_s": float | None,
         "acoustics.processing_delay_s": float | None,
         "acoustics.processing_delay_correction_s": float | None,
+        "acoustics.packet_content": Literal[
+            "everything",
+            "own_beacon",
+            "all_beacons",
+            "pose",
+        ] | None,
+        "acoustics.packet_resolution_m": float | None,
+        "acoustics.packet_angle_resolution_deg": float | None,
         "receiver": Mapping[str, Any] | None,
         "receiver.type": Literal[
             "ekf",

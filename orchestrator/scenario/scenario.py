@@ -21,7 +21,7 @@ from sblcosim.models.ports import BEACONS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
-from . import arrangement, effects, library
+from . import arrangement, effects, library, packets
 from .assumptions import assumed
 from .messages import is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
@@ -99,6 +99,7 @@ class Scenario(Table):
             presets["target"]["waypoint_count"] = len(self.target.waypoint_m) // 3
         presets["platform"] |= self._arrangement()
         self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
+        presets["acoustics"] |= packets.resolutions(self.acoustics, self.beacons)
         for name, table in self._tables(*presets):
             table.fill({**_starts(name, self.beacons)} | presets[name] | common)
             table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
@@ -173,6 +174,7 @@ class Scenario(Table):
                     f"'true', got {receiver.initialisation!r}"
                 )
         yield from arrangement.problems(self.platform, self.acoustics, receiver, self.beacons)
+        yield from packets.problems(self.platform, self.acoustics, receiver, self.beacons)
         target = self.target
         count = len(target.waypoint_m) // 3
         if target.trajectory == "waypoints" and not 2 <= target.waypoint_count <= count:
@@ -199,7 +201,10 @@ class Scenario(Table):
             one of the ranges.
         """
         variables = self.receiver.variables
-        system = assumed(self.target, self.platform, self.acoustics)
+        source = self.receiver.pose_source
+        if "pose_source" not in self.receiver.model_fields_set:
+            source = None
+        system = assumed(self.target, self.platform, self.acoustics, source)
         noise = self.acoustics.range_std_m
         if "clock_std" not in parameters:
             noise = hypot(noise, system["clock_std_m"])

@@ -127,7 +127,7 @@ def within(variable: Variable, value: Any) -> Any:
     )
     if variable.shape:
         return tuple(min(max(v, low), high) for v in value)
-    return min(max(value, low), high)
+    return value if variable.choices is not None else min(max(value, low), high)
 
 
 def in_si(variable: Variable, value: Any) -> Any:
@@ -312,7 +312,15 @@ else:
     Acoustics = _table(
         "Acoustics",
         COMPONENTS["acoustics"],
-        {**COMMON, "clock_grade": _grade("the receiver's clock", clock.GRADES)},
+        {
+            **COMMON,
+            "clock_grade": _grade("the receiver's clock", clock.GRADES),
+            "packet_bits": (
+                Annotated[int, Field(ge=0, le=1_000_000)] | None,
+                Field(None, description="Bits of a packet: sets the resolutions not given; 0: not "
+                      "limited"),
+            ),
+        },
     )
     Receiver = _table(
         "Receiver",

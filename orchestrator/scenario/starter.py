@@ -42,6 +42,7 @@ _EXAMPLES: Mapping[str, Any] = {
     "parameters": {"gain": 2.0},
     "prior": TRUE,
     "beaufort": 2,
+    "packet_bits": 256,
     "waypoint_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
 }
 """Example values for keys without a default."""

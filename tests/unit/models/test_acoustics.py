@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from harness import CROSS, NS
 from sblcosim.models.acoustics import clock
+from sblcosim.models.acoustics.variables import PACKET_CONTENT
 from sblcosim.models.loading import load
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from scipy.stats import binom, expon, halfnorm, kstest, norm
 from stepper import Stepper, no_noise
 
@@ -230,6 +232,108 @@ def test_loss_and_outliers_do_not_depend_on_each_other_or_on_the_noise() -> None
     received = noisy["count"] > 0
     excess = first_ticks(outlier_probability=0.5)["range"] - length(0) > 1e-9
     assert np.corrcoef(received, excess)[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(MANY))
+
+
+# --- What a packet says --------------------------------------------------------------------------
+
+RESOLUTION, ANGLE = 0.3, 0.02
+PLATFORM = {"reported_position": np.array([4.13, -2.71, 0.37]),
+            "reported_attitude": np.array([0.213, -0.087, 2.345])}
+
+
+def turned(attitude: np.ndarray) -> np.ndarray:
+    roll, pitch, yaw = attitude
+    return Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
+
+
+def raft(**parameters: Any) -> Stepper:
+    """A channel below a platform with a pose; what it reports fits together."""
+    c = channel(**parameters)
+    sway(c, 0)
+    return c
+
+
+def sway(c: Stepper, k: int) -> dict[str, np.ndarray]:
+    """Move the platform; returns what it reports."""
+    said = {name: value * (1 + 0.07 * k) for name, value in PLATFORM.items()}
+    R = turned(said["reported_attitude"])
+    said["reported_beacon_position"] = said["reported_position"] + CROSS @ R.T
+    c.set(**said)
+    return said
+
+
+def nearest(values: np.ndarray, step: float) -> np.ndarray:
+    return values if step == 0 else np.floor(values / step + 0.5) * step
+
+
+@pytest.mark.parametrize("schedule", [1, 2])
+@pytest.mark.parametrize("steps", [(0.0, 0.0), (RESOLUTION, ANGLE), (RESOLUTION, 0.0),
+                                   (0.0, ANGLE)])
+@pytest.mark.parametrize("content", PACKET_CONTENT)
+def test_a_packet_says_what_it_has_bits_for(
+    content: int, steps: tuple[float, float], schedule: int
+) -> None:
+    step, angle = steps
+    c = raft(packet_content=content, packet_resolution=step, packet_angle_resolution=angle,
+             schedule=schedule)
+    what = PACKET_CONTENT[content]
+    for k in range(1, 7):
+        before, said = c.y, sway(c, k)
+        after = tick(c)
+        beacons = nearest(said["reported_beacon_position"], step)
+        position = nearest(said["reported_position"], step)
+        attitude = nearest(said["reported_attitude"], angle)
+        if what == "pose":
+            beacons = position + CROSS @ turned(attitude).T
+        if what not in ("pose", "everything"):
+            position = attitude = np.zeros(3)
+        now = [i for i in range(4) if schedule == 2 or i == (k - 1) % 4]
+        wanted = {name: before[name].copy() for name in (
+            "ping_beacon_position", "ping_platform_position", "ping_platform_attitude")}
+        for i in now:
+            wanted["ping_beacon_position"][i] = beacons[i]
+            wanted["ping_platform_position"][i] = position
+            wanted["ping_platform_attitude"][i] = attitude
+        wanted["packet_beacon_position"] = (
+            wanted["ping_beacon_position"] if what == "own_beacon" else beacons
+        )
+        for name, value in wanted.items():
+            np.testing.assert_allclose(after[name], value, rtol=0, atol=1e-12, err_msg=name)
+        assert after["range_epoch"][now] == pytest.approx(0.1 * k)
+
+
+@pytest.mark.parametrize("content", PACKET_CONTENT)
+def test_a_lost_packet_says_nothing(content: int) -> None:
+    c = raft(packet_content=content, packet_resolution=RESOLUTION, loss_probability=1.0)
+    before = tick(c)
+    sway(c, 3)
+    after = tick(c)
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value, err_msg=name)
+    assert not after["packet_beacon_position"].any()
+
+
+def test_without_rounding_a_packet_says_it_to_the_bit() -> None:
+    for content in (1, 3, 4):
+        c = raft(packet_content=content)
+        said = sway(c, 2)
+        after = tick(c)
+        np.testing.assert_array_equal(
+            after["packet_beacon_position"], said["reported_beacon_position"])
+        if content != 3:
+            np.testing.assert_array_equal(
+                after["ping_platform_attitude"][0], said["reported_attitude"])
+
+
+def test_what_is_rounded_again_stays_as_it_is() -> None:
+    """Rows of earlier packets are not rounded anew, and multiples are multiples to the bit."""
+    c = raft(packet_resolution=0.1)
+    said = np.round(np.random.default_rng(4).uniform(-1000, 1000, (4, 3)), 1)
+    c.set(reported_beacon_position=said)
+    first = tick(c)["packet_beacon_position"]
+    c.set(reported_beacon_position=first)
+    np.testing.assert_array_equal(tick(c)["packet_beacon_position"], first)
+    np.testing.assert_allclose(first, said, rtol=0, atol=1e-12)
 
 
 def test_no_output_depends_directly_on_an_input() -> None:

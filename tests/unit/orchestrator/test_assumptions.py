@@ -54,6 +54,27 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"platform.imu_tilt_std_deg": 0.2, "platform.imu_tilt_bias_deg": -0.3,
       "platform.imu_tilt_turn_on_std_deg": 0.6}, "imu_tilt_std_deg", 0.7),
     ({"platform.imu_tilt_markov_std_deg": 0.4}, "imu_tilt_std_deg", 0.4),
+    ({"acoustics.packet_content": "everything"}, "pose_source", "reported_pose"),
+    ({"acoustics.packet_content": "pose"}, "pose_source", "reported_pose"),
+    ({"acoustics.packet_content": "all_beacons"}, "pose_source", "beacon_positions"),
+    ({"acoustics.packet_content": "own_beacon"}, "pose_source", "own_beacon"),
+    ({"platform.gps_horizontal_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "gps_std_m", 0.5),
+    ({"platform.gps_horizontal_std_m": 0.3, "acoustics.packet_content": "own_beacon",
+      "acoustics.packet_resolution_m": 0.4 * sqrt(12)}, "gps_std_m", 0.5),
+    ({"platform.gps_horizontal_std_m": 0.3, "acoustics.packet_content": "all_beacons",
+      "acoustics.packet_resolution_m": 0.8 * sqrt(12)}, "gps_std_m", 0.5),
+    ({"platform.gps_vertical_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "gps_vertical_std_m", 0.5),
+    ({"platform.imu_heading_std_deg": 3.0, "acoustics.packet_angle_resolution_deg": 4 * sqrt(12)},
+     "imu_heading_std_deg", 5.0),
+    ({"platform.imu_heading_std_deg": 0.0, "acoustics.packet_content": "all_beacons",
+      "acoustics.packet_resolution_m": 0.1}, "imu_heading_std_deg",
+     0.1 / 3 / sqrt(24) * 180 / pi),
+    ({"platform.imu_tilt_std_deg": 3.0, "acoustics.packet_content": "pose",
+      "acoustics.packet_angle_resolution_deg": 4 * sqrt(12)}, "imu_tilt_std_deg", 5.0),
+    ({"platform.imu_tilt_std_deg": 0.0, "acoustics.packet_content": "all_beacons",
+      "acoustics.packet_resolution_m": 0.1}, "imu_tilt_std_deg", 0.1 / 3 / sqrt(24) * 180 / pi),
     ({"acoustics.outlier_probability": 0.2}, "outlier_probability", 0.2),
     ({"acoustics.outlier_probability": 0.0}, "outlier_probability", 0.01),
     ({"acoustics.outlier_probability": 1.0}, "outlier_probability", 0.9),
@@ -87,7 +108,11 @@ FOLLOWS: list[tuple[dict[str, Any], str, Any]] = [
     ({"platform.gps_horizontal_markov_std_m": 0.4, "platform.gps_correlation_time_s": 77.0},
      "beacon_error_time_s", 77.0),
     ({"platform.gps_horizontal_std_m": 0.2}, "beacon_noise_std_m", 0.2),
+    ({"platform.gps_horizontal_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "beacon_noise_std_m", 0.5),
     ({"platform.gps_vertical_std_m": 0.7}, "beacon_vertical_noise_std_m", 0.7),
+    ({"platform.gps_vertical_std_m": 0.3, "acoustics.packet_resolution_m": 0.4 * sqrt(12)},
+     "beacon_vertical_noise_std_m", 0.5),
 ]
 
 
@@ -98,11 +123,13 @@ def test_each_number_follows_from_the_scenario(
 ) -> None:
     type_ = "coupled" if key in COUPLED_KEYS else "long_baseline"
     scenario = load({"receiver": {"type": type_}}, given)
-    assert getattr(scenario.receiver, key) == pytest.approx(expected, rel=1e-9)
+    if not isinstance(expected, str):
+        expected = pytest.approx(expected, rel=1e-9)
+    assert getattr(scenario.receiver, key) == expected
     assert key not in scenario.receiver.model_fields_set
     # The same, when the scenario has another receiver.
     other = load({"receiver": {"type": "sequential"}}, given)
-    assert other.assumptions()[key] == pytest.approx(expected, rel=1e-9) if (
+    assert other.assumptions()[key] == expected if (
         key in other.assumptions()) else expected == 1e6
 
 
@@ -119,6 +146,31 @@ def test_all_of_them_are_tried_and_none_else_is_assumed() -> None:
                          ids=[f"{key} from {min(given)}" for given, key, _ in FOLLOWS[2:]])
 def test_the_sources_are_as_listed(given: dict[str, Any], key: str, expected: Any) -> None:
     assert set(given) <= set(SOURCES[key])
+
+
+def test_rounding_counts_for_what_a_receiver_uses() -> None:
+    """Of rounded packets with everything, a receiver may take the beacons' positions."""
+    changes = {"platform.gps_horizontal_std_m": 0.0, "acoustics.packet_resolution_m": 0.1}
+    whole = load({"receiver": {"type": "coupled"}}, changes).receiver
+    assert whole.gps_std_m == pytest.approx(0.1 / sqrt(12))
+    assert whole.imu_heading_std_deg == load({}).receiver.imu_heading_std_deg
+    fitted = load({"receiver": {"type": "coupled", "pose_source": "beacon_positions"}}, changes)
+    told = load({"receiver": {"type": "coupled"}},
+                {**changes, "acoustics.packet_content": "all_beacons"})
+    for key in ("gps_std_m", "imu_heading_std_deg", "imu_tilt_std_deg", "pose_source"):
+        assert getattr(fitted.receiver, key) == getattr(told.receiver, key)
+    assert fitted.receiver.gps_std_m == pytest.approx(0.05 / sqrt(12))
+    posed = load(fitted, {"acoustics.packet_content": "pose"}).receiver
+    assert posed.gps_std_m == whole.gps_std_m
+
+
+def test_what_is_not_rounded_is_assumed_to_the_bit() -> None:
+    stds = {"platform.gps_horizontal_std_m": 0.1, "platform.imu_heading_std_deg": 0.7,
+            "platform.imu_tilt_std_deg": 0.3, "platform.imu_tilt_bias_deg": 0.77}
+    for content in ("everything", "own_beacon", "all_beacons", "pose"):
+        receiver = load({}, {**stds, "acoustics.packet_content": content}).receiver
+        assert (receiver.gps_std_m, receiver.imu_heading_std_deg) == (0.1, 0.7)
+        assert receiver.imu_tilt_std_deg == hypot(0.3, 0.77, 0.0, 0.0)
 
 
 def test_a_given_key_wins() -> None:

@@ -125,6 +125,60 @@ def test_a_clock_grade_sets_what_is_not_given(name: str) -> None:
     assert own.clock_drift_std_s_s == 1e-3
 
 
+@pytest.mark.parametrize(("content", "bits", "wanted"), [
+    ("pose", 80, (0.01, 0.125)), ("pose", 79, (0.02, 0.125)), ("pose", 74, (0.02, 0.25)),
+    ("own_beacon", 52, (0.01, 0.0)), ("all_beacons", 80, (0.64, 0.0)), ("pose", 0, (0.0, 0.0)),
+    ("everything", 10_000, (0.00125, 0.015625)),
+])
+def test_the_bits_of_a_packet_set_its_resolution(
+    content: str, bits: int, wanted: tuple[float, float]
+) -> None:
+    scenario = load({}, {"acoustics.packet_content": content, "acoustics.packet_bits": bits})
+    table = scenario.acoustics
+    assert (table.packet_resolution_m, table.packet_angle_resolution_deg) == wanted
+    again = load(tomllib.loads(scenario.dump_toml()))
+    assert again.dump_toml() == scenario.dump_toml()
+    longer = scenario.override({"acoustics.packet_bits": bits + 300}).acoustics
+    assert longer.packet_resolution_m == 0.00125
+
+
+def test_a_given_resolution_leaves_the_rest_of_the_bits_to_the_other() -> None:
+    packet = {"packet_content": "pose", "packet_bits": 80}
+    table = load({"acoustics": {**packet, "packet_resolution_m": 0.001}}).acoustics
+    assert (table.packet_resolution_m, table.packet_angle_resolution_deg) == (0.001, 2.0)
+    table = load({"acoustics": {**packet, "packet_angle_resolution_deg": 1.0}}).acoustics
+    assert (table.packet_resolution_m, table.packet_angle_resolution_deg) == (0.00125, 1.0)
+
+
+@pytest.mark.parametrize(("tables", "line"), [
+    ({"acoustics": {"packet_content": "pose", "packet_bits": 80, "packet_resolution_m": 0.005,
+                    "packet_angle_resolution_deg": 0.125}},
+     "scenario: [acoustics] packet_bits: must be at least 83, as packet_content is 'pose' and "
+     "packet_resolution_m is 0.005 and packet_angle_resolution_deg is 0.125, got 80; 0.01 m and "
+     "0.125° would fit"),
+    ({"acoustics": {"packet_content": "all_beacons", "packet_bits": 80,
+                    "packet_resolution_m": 0.2}},
+     "scenario: [acoustics] packet_bits: must be at least 103, as packet_content is "
+     "'all_beacons' and packet_resolution_m is 0.2, got 80; 0.64 m would fit"),
+    ({"acoustics": {"packet_bits": 80}},
+     "scenario: [acoustics] packet_bits: must be at least 86, as packet_content is 'everything', "
+     "got 80"),
+    ({"acoustics": {"packet_content": "pose"}, "platform": {"gps_shared": False}},
+     "scenario: [acoustics] packet_content: must have positions of beacons, as gps_shared of "
+     "[platform] is false, got 'pose'"),
+    ({"acoustics": {"fmu": "other.fmu", "packet_bits": 80}},
+     "scenario: [acoustics] packet_bits: must be left out if there is another fmu"),
+    ({"acoustics": {"packet_content": "own_beacon"},
+      "receiver": {"type": "coupled", "pose_source": "reported_pose"}},
+     "scenario: [receiver] pose_source: must be 'own_beacon', as packet_content of [acoustics] "
+     "is, got 'reported_pose'"),
+])
+def test_packets_that_cannot_be_are_refused(tables: dict[str, Any], line: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load(tables)
+    assert str(caught.value) == line
+
+
 def test_grades_that_are_said_later_replace_the_keys_that_they_set() -> None:
     dive = load("realistic-dive", {"platform.gps_grade": "sbas", "acoustics.clock_grade": "csac"})
     assert dive.platform.gps_horizontal_markov_std_m == 0.3037

@@ -1,0 +1,105 @@
+"""Bits of a packet: how many it takes to say something, and how exactly it can with so many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil, log2
+
+HORIZONTAL_SPAN, VERTICAL_SPAN = 81.92, 1.28
+"""Length of the intervals of the coordinates, about points that both sides know [m]."""
+TURN, TILT_SPAN = 360.0, 32.0
+"""Length of the intervals of heading, and of roll and pitch [degrees]."""
+SLOT, GPS_CLASS, CHECKSUM, NUMBER = 6, 3, 8, 64
+"""Bits of the slot's counter, the class of the GPS, the checksum, and a number not rounded."""
+_RESOLUTION, _ANGLE = 0.01, 0.125
+_FINER, _COARSER = 3, 7
+"""Times that both may be halved or doubled."""
+
+
+def fields(
+    content: str, resolution: float, angle_resolution: float, beacons: int = 4
+) -> dict[str, int]:
+    """Bits of each part of a packet.
+
+    Parameters
+    ----------
+    content
+        As the parameter ``packet_content``.
+    resolution, angle_resolution
+        Steps of positions [m] and angles [degrees]; 0: not rounded.
+    beacons
+        Number of beacons of the platform.
+    """
+    places = {"own_beacon": 1, "all_beacons": beacons, "pose": 1, "everything": beacons + 1}
+    n = places[content]
+    angles = has_angles(content)
+    return {
+        "slot": SLOT,
+        "beacon": ceil(log2(beacons)),
+        "north, east": 2 * n * _bits(HORIZONTAL_SPAN, resolution),
+        "down": n * _bits(VERTICAL_SPAN, resolution),
+        "heading": angles * _bits(TURN, angle_resolution),
+        "roll, pitch": 2 * angles * _bits(TILT_SPAN, angle_resolution),
+        "GPS class": GPS_CLASS,
+        "checksum": CHECKSUM,
+    }
+
+
+def packet_bits(
+    content: str, resolution: float, angle_resolution: float, beacons: int = 4
+) -> int:
+    """Bits of a packet; parameters as for `fields`."""
+    return sum(fields(content, resolution, angle_resolution, beacons).values())
+
+
+def has_angles(content: str) -> bool:
+    """Whether such a packet has a heading, roll and pitch."""
+    return content in ("pose", "everything")
+
+
+def finest(
+    content: str, bits: int, beacons: int = 4,
+    resolution: float | None = None, angle_resolution: float | None = None,
+) -> tuple[float, float] | None:
+    """Steps of positions [m] and angles [degrees] that fit into so many bits; None if none do.
+
+    They are 1 cm and 0.125° or these doubled and halved, the position first; not below 1.25 mm and
+    1/64°, nor above 1.28 m and 16°.
+
+    Parameters
+    ----------
+    resolution, angle_resolution
+        One that is not to be changed.
+    """
+    return next(
+        (steps for steps in _steps(content, resolution, angle_resolution)
+         if packet_bits(content, *steps, beacons) <= bits), None,
+    )
+
+
+def least_bits(
+    content: str, beacons: int = 4,
+    resolution: float | None = None, angle_resolution: float | None = None,
+) -> int:
+    """The fewest bits for which `finest` finds something; parameters as for that."""
+    *_, coarsest = _steps(content, resolution, angle_resolution)
+    return packet_bits(content, *coarsest, beacons)
+
+
+def _steps(
+    content: str, resolution: float | None, angle_resolution: float | None
+) -> Iterator[tuple[float, float]]:
+    for step in range(-2 * _FINER, 2 * _COARSER + 1):
+        first, second = _at(content, step)
+        yield (first if resolution is None else resolution,
+               second if angle_resolution is None else angle_resolution)
+
+
+def _at(content: str, step: int) -> tuple[float, float]:
+    angle = _ANGLE * 2.0 ** (step // 2) if has_angles(content) else 0.0
+    return _RESOLUTION * 2.0 ** -(-step // 2), angle
+
+
+def _bits(span: float, resolution: float) -> int:
+    """Bits of a multiple of a resolution within a span."""
+    return max(ceil(log2(span / resolution) - 1e-9), 0) if resolution > 0 else NUMBER
