@@ -111,15 +111,11 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
     said = pose.read(p, u, s, chosen, newest, before)
     mean, P, located = _located(mean, P, said, packet, x.located)
 
-    row = surroundings.depth(p, _elements(mean))
     depth_used = depth * using
-    d, P, depth_nis, sounded = _update(
-        P, ca.SX.zeros(STATES), row, s.z[DEPTH] - row.value, depth_used
-    )
-    mean = mean + d
+    mean, P, depth_nis, sounded = _sounded(p, mean, P, s.z[DEPTH], depth_used)
 
-    # What several packets of one epoch say of the platform is the same, errors included.
-    again = oldest == x.pose_epoch
+    # The poses of several packets of one epoch are the same, errors included.
+    again = (oldest == x.pose_epoch) * (said.is_own == 0)
     mean, P, posed = _platform_updated(p, mean, P, said, packet * located * (again == 0))
     ranged = packet * located * using
     mean, P, share, range_nis, heard = _range_updated(p, mean, P, said, z, ranged)
@@ -151,6 +147,15 @@ def processed(p: Symbols, x: Symbols, u: Symbols) -> tuple[dict[str, Any], list[
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
     return changed, [moved, sounded, *posed, *heard]
+
+
+def _sounded(
+    p: Symbols, mean: Any, P: Any, z: Any, weight: Any
+) -> tuple[Any, Any, Any, Correction]:
+    """A reading of the depth sensor: mean, P, nis and step, as `_update`."""
+    row = surroundings.depth(p, _elements(mean))
+    d, P, nis, step = _update(P, ca.SX.zeros(STATES), row, z - row.value, weight)
+    return mean + d, P, nis, step
 
 
 def _oldest(s: Samples) -> tuple[Any, Any, Any, Any, Any]:

@@ -15,11 +15,11 @@ from typing import Any
 import casadi as ca
 
 from ..equations import Equations, Loop, Symbols, Values
+from ..ports import DEPTH, PING_POSE, RECEPTION
 from . import coupled, start
 from .estimate import pack, unpack
 from .steps import Delayed, packed, unpacked
 from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
-from .variables import FIXED_LAG
 
 _KEPT = [*POSITION, *VELOCITY, *PLATFORM]
 _SPACING = 4
@@ -74,8 +74,11 @@ def _copy(row: Any) -> _Copy:
 
 def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
     states = coupled.initial(p, w, t)
-    ports = FIXED_LAG.sized(beacons=p.beacons).of("input")
-    inputs = {v.name: ca.SX.zeros(*(*v.shape, 1, 1)[:2]) for v in ports}
+    ports = {
+        v.name: (p.beacons, *v.shape[1:]) if v.rows else v.shape
+        for v in (*RECEPTION, *DEPTH, *PING_POSE)
+    }
+    inputs = {name: ca.SX.zeros(*(*shape, 1, 1)[:2]) for name, shape in ports.items()}
     _, steps = coupled.processed(p, SimpleNamespace(**states), SimpleNamespace(**inputs))
     given = ca.SX.zeros(1, _GIVEN)
     given[1] = t

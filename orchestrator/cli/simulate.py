@@ -367,9 +367,6 @@ def new(
     It runs as it is. Its schema, with which editors complete and explain keys, is written beside
     it.
     """
-    from sblcosim.fmus.files import write_file
-
-    from ..scenario.file_schema import FILE_NAME, scenario_schema
     from ..scenario.starter import starter
 
     if not re.match(r"\w", file.name):
@@ -386,7 +383,16 @@ def new(
     answers: dict[str, Any] = {}
     if system is not None and not yes and sys.stdin.isatty():
         answers = _asked(system)
-    text = starter(file.stem, source if system is None else system.source, answers.items())
+    base = source if system is None else system.source
+    _write_new(file, starter(file.stem, base, answers.items()), force)
+
+
+def _write_new(file: Path, text: str, force: bool) -> None:
+    """Write a scenario and the schema that goes with it."""
+    from sblcosim.fmus.files import write_file
+
+    from ..scenario.file_schema import FILE_NAME, scenario_schema
+
     if not file.parent.is_dir():
         raise ConfigurationError(f"{file}: must be in a folder that exists, got {file.parent}")
     schema = file.with_name(FILE_NAME)

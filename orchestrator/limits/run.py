@@ -78,22 +78,21 @@ def reference(
     a = scenario.acoustics
     truth = _truth(record, epoch, a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1)
     known = scenario.receiver.initialisation == "prior" or scenario.true_prior
-    begin, q = int(record.time_ns[0]), p.acceleration_psd
-    offset = truth.position - truth.platform
+    begin = int(record.time_ns[0])
     if own_errors:
         places = held_at(record.time_ns, recorded(record, "platform.beacon_position"), epoch)
         rows = field.rows_of(p, truth, heard, depth, places)
         P = covariances(partial(field.transition, p), field.prior(p, known), epoch, begin, rows)
-        absolute = field.marginals(P)
-        # Between beacons that are far apart a place is no bearing, and no ring.
-        return replace(
-            limits_of(epoch, absolute, absolute, offset, q, is_bound),
-            ring=np.zeros(len(epoch), bool),
-        )
-    rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
-    P = covariances(partial(transition, p), prior(p, known), epoch, begin, rows)
-    absolute, relative = marginals(P, p)
-    return limits_of(epoch, absolute, relative, offset, q, is_bound)
+        absolute = relative = field.marginals(P)
+    else:
+        rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
+        P = covariances(partial(transition, p), prior(p, known), epoch, begin, rows)
+        absolute, relative = marginals(P, p)
+    found = limits_of(
+        epoch, absolute, relative, truth.position - truth.platform, p.acceleration_psd, is_bound
+    )
+    # Between beacons that are far apart a place is no bearing, and no ring.
+    return replace(found, ring=found.ring & (not own_errors))
 
 
 def of_run(

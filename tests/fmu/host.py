@@ -245,6 +245,7 @@ NOISY: Mapping[str, Values] = {
     "sequential": {"acceleration_psd": 0.1},
     "coupled": {"acceleration_psd": 0.1},
     "fixed_lag": {"acceleration_psd": 0.1, "lag": 0.4},
+    "long_baseline": {"acceleration_psd": 0.1, "beacon_error_std": 0.3},
     "multilateration": {},
     "range_model": {},
 }

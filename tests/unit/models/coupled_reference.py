@@ -115,7 +115,7 @@ class Reference:
         self.located, self.score, self.restarts, self.updates = False, 0.0, 0, 0
         self.nis, self.degrees, self.epoch, self.depth_epoch = 0.0, 0, 0.0, 0.0
         self.counts = np.zeros(4)
-        self.down = 0.0
+        self.down, self.pose_epoch = 0.0, 0.0
         self.arm = np.zeros((4, 3))
         self.own, self.own_P, self.own_count = np.zeros(4), np.diag([0.0, 0.0, 0.5, 0.5]), 0
         self.mean = np.zeros(N)
@@ -296,11 +296,13 @@ class Reference:
             roll, pitch = trust * attitude[0], trust * attitude[1]
         self.arm[i] = rotation(roll, pitch, 0.0) @ body
         if not self.located:
+            self.pose_epoch = u["range_epoch"][i]
             return
         if attitude is None:
             self.place(own[:2], body)
-        else:
+        elif u["range_epoch"][i] != self.pose_epoch:
             self.pose(position, attitude[2])
+        self.pose_epoch = u["range_epoch"][i]
         if using:
             self.range(u["range"][i], body, roll, pitch, tilt_variance)
 

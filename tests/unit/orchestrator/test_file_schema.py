@@ -97,7 +97,9 @@ def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, k
             right, wrong = [[r] * variable.size for r in right], [*wrong, 1.0] + [
                 [w] * variable.size for w in wrong
             ]
-            wrong += [[right[0][0]] * (variable.size + 1)] if right else []
+            most = variable.rows.most if variable.rows else variable.shape[0]
+            too_many = most * variable.size // variable.shape[0] + 1
+            wrong += [[right[0][0]] * too_many] if right else []
     for value in right:
         assert SCENARIO.is_valid({table: {key: value}}), value
     for value in wrong:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from sblcosim.layout import fitted, meters, table
+from sblcosim.scenario.scenario import shipped
 
 LONG = "ekf: 2.9 m RMS, 95 % within 5.1 m; claims 0.6 m: do not trust its covariance, says NEES"
 
@@ -167,4 +168,4 @@ def test_a_pipe_gets_whole_lines_whatever_the_terminal(tmp_path: Path) -> None:
     lines = printed(tmp_path, None)
     assert any(len(line) > 100 for line in lines["study"])
     assert any(line.startswith("coupled: ") and " claims " in line for line in lines["run"])
-    assert len(lines["scenarios"]) == 7
+    assert len(lines["scenarios"]) == len(shipped())

@@ -112,7 +112,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"factors": {"gps": {"keys": ["platform.gps_std_m"], "levels": [1, 2]}}},
-        "'platform.gps_horizontal_std_m' or 'receiver.gps_std_m'",
+        "'platform.gps_shared' or 'receiver.gps_std_m'",
     ),
     ({"factors": {"arm": {**ARM, "levels": [1, 1.0]}}}, r"levels that differ, got 1 twice"),
     ({"factors": {"arm": {**ARM, "levels": [1]}}}, "must have at least two levels, got 1"),

@@ -245,8 +245,8 @@ class Vague(Deaf):
         (Vague, "Vague: variables must be a sequence of Variable, got 'position' in it"),
         (Silent, "Silent: must honour the plug contract of a receiver, got epoch: must be an "
                  "output, got none (and 1 more)"),
-        (Wrong, "Wrong: must honour the plug contract of a receiver, got range: must be an array "
-                "of 4, got an array of 3"),
+        (Wrong, "Wrong: must be made for the 4 beacons of the scenario, got range of 3; "
+                "platform.beacons says how many"),
     ],
 )  # fmt: skip
 def test_a_python_receiver_is_refused_before_the_run(receiver: Any, message: str) -> None:
