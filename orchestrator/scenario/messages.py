@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -98,7 +99,10 @@ def _element(fields: Fields, location: Sequence[str | int]) -> str:
     variable = getattr(table, "variables", {}).get(location[1])
     if variable is None:
         return ""
-    return str(variable.elements[location[2]].removeprefix(variable.name))
+    place, width = location[2], math.prod(variable.shape[1:])
+    return f"[{place // width + 1},{place % width + 1}]" if len(variable.shape) > 1 else (
+        f"[{place + 1}]"
+    )
 
 
 def _unknown(fields: Fields, location: Sequence[str | int]) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Literal, cast
 
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
-from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models import RECEIVERS, declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import (
     BEACON_POSITIONS,
@@ -37,7 +37,7 @@ from ..errors import (
 from ..simulation.execution import initial_outputs
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from . import effects
+from . import effects, tracks
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 from .sources import choose, file_of, known_source, named
@@ -180,11 +180,15 @@ def _ours(
 ) -> _Part:
     from sblcosim.fmus.build.factory import build
 
-    component = COMPONENTS[name]
+    constants = tracks.capacity(table) if name == "target" else {}
+    component = declared(name, **constants)
+    values = _values(component.of("parameter"), table, assumptions)
+    if name == "target" and table.trajectory != tracks.FILE:
+        values = {k: v for k, v in values.items() if k not in tracks.PARAMETERS}
     spec = ComponentSpec(
-        build(name, cast(Literal[2, 3], fmi)),  # `build` refuses anything else
+        build(name, cast(Literal[2, 3], fmi), False, None, **constants),  # refuses other versions
         nanoseconds(table.interval_s),
-        _values(component.of("parameter"), table, assumptions),
+        values,
     )
     return _Part(spec, frozenset(v.name for v in component))
 
