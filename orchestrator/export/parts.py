@@ -15,7 +15,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.description import describe
 from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models import COMPONENTS
+from sblcosim.models import declared, of_file
 from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError
@@ -121,8 +121,9 @@ def _names(plan: Plan) -> dict[str, str]:
 
 def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
     """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
-    name, fmi = source.path.stem, cast(Literal[2, 3], source.fmi)
-    if name not in COMPONENTS or source.path != build(name, fmi):
+    known, fmi = of_file(source.path.stem), cast(Literal[2, 3], source.fmi)
+    name, constants = known or ("", {})
+    if known is None or source.path != build(name, fmi, False, None, **constants):
         for setting in component.settings:
             if setting.port.start != setting.values:
                 raise ConfigurationError(
@@ -132,22 +133,19 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
                 )
         return source.path
     values = {s.port.name: s.values for s in component.settings}
-    declared = COMPONENTS[name]
-    return build(
-        name,
-        fmi,
-        baked=replace(
-            declared,
-            variables=tuple(
-                replace(v, start=values[v.name] if v.shape else values[v.name][0])
-                if v.name in values
-                else v
-                for v in declared
-            ),
-            step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
-            stop_time=plan.stop_ns / SECOND,
+    usual = declared(name, **constants)
+    baked = replace(
+        usual,
+        variables=tuple(
+            replace(v, start=values[v.name] if v.shape else values[v.name][0])
+            if v.name in values
+            else v
+            for v in usual
         ),
+        step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
+        stop_time=plan.stop_ns / SECOND,
     )
+    return build(name, fmi, False, baked, **constants)
 
 
 def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:

@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 
 from .. import artifacts, style
 from ..scenario.sources import RAW
+from ..scenario.tracks import origin_of
 from ..shown import Picture, Shown
 from . import figures as plots
-from . import metrics, notebook, possible, text
+from . import geography, metrics, notebook, possible, text
 from .catalogue import Figure, by_name, drawing, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
 from .description import RunDescription
@@ -284,6 +285,9 @@ class Result(Shown):
         artifacts.write_table(self.summary.reset_index(), folder, "summary")
         if hasattr(self.scenario, "dump_toml"):
             (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
+            origin = origin_of(self.scenario.place)
+            if origin is not None:
+                geography.write(folder, self.title, origin, self.record, self.estimates)
 
     def _scenario_file(self, directory: str | Path) -> str:
         file: str = self.scenario.dump_toml(Path(directory))

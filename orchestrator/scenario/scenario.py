@@ -20,9 +20,10 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
+from ..tracks.resample import TooFewError
 from . import effects, library, tracks
 from .assumptions import assumed
-from .messages import is_table, lines
+from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, shown
 from .schema import (
@@ -330,7 +331,10 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     if isinstance(source, str | Path) and "name" not in raw:
         raw["name"] = Path(source).stem
     scenario = _validated(raw, where, changed)
-    found = tracks.with_points(scenario)
+    try:
+        found = tracks.with_points(scenario)
+    except TooFewError as error:
+        raise ConfigurationError(cross_check(str(error), where, changed)) from None
     if found is not None:
         scenario = _validated(found[0], where, changed)
         scenario.__dict__["_track"] = found[1]

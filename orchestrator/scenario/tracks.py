@@ -18,7 +18,7 @@ PARAMETERS = ("track_count", "track_time", "track")
 """Parameters of the Target that only a track needs."""
 TOLERANCE = 0.1
 """Default of ``track_tolerance_m``."""
-CAPACITIES = (TRACK_POINTS, 64, 256, 1024, TRACK_POINTS.most)
+CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
 
@@ -53,7 +53,9 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
     Raises
     ------
     ConfigurationError
-        The file cannot be read, or its track does not fit.
+        The file cannot be read.
+    TooFewError
+        Its track does not fit.
     """
     target = scenario.target
     if target.track_file is None or target.trajectory != FILE:
@@ -80,10 +82,7 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
             f"origin ([place]), got {far.max() / 1e3:,.0f} km"
         )
     tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
-    try:
-        kept = fitted(recorded.times, points, tolerance)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"[target] track_tolerance_m: {error}") from None
+    kept = fitted(recorded.times, points, tolerance)
     own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}
     own["track_time_s"] = kept.times.tolist()
     own["track_m"] = kept.points.tolist()

@@ -9,7 +9,6 @@ import numpy as np
 from sblcosim.models.target import track as formulas
 from sblcosim.models.target.variables import TRACK_POINTS
 
-from ..errors import ConfigurationError
 from .place import Floats
 
 MOST = TRACK_POINTS.most
@@ -18,6 +17,10 @@ _PARTS = 4  # of each piece of the recorded track, to bound what is between its 
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
 _SHARE = 1.05  # what is said to fit is this much larger than what does
+
+
+class TooFewError(Exception):
+    """The points that may be kept are too few; the message is one about a key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,7 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
 
     Raises
     ------
-    ConfigurationError
+    TooFewError
         They are not enough; the message says which tolerance would do.
     """
     kept = _choose(times, points, tolerance, most)
@@ -80,9 +83,9 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     enough = float(f"{_SHARE * high:.2g}")
     while _choose(times, points, enough, most) is None:
         enough = float(f"{_SHARE * enough:.3g}")
-    raise ConfigurationError(
-        f"must let {most:,} points do for the {len(times):,} of the track, got {tolerance:g}; "
-        f"{enough:g} would"
+    raise TooFewError(
+        f"[target] track_tolerance_m: must be at least {enough:g}, as {most:,} points are to do "
+        f"for the {len(times):,} of the track, got {tolerance:g}"
     )
 
 
