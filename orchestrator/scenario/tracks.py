@@ -75,12 +75,12 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
             "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
             "height_m": origin.height_m,
         }  # fmt: skip
-    far = abs(points).max(axis=1)
-    if far.max() > FARTHEST:
-        raise ConfigurationError(
-            f"{recorded.where(int(far.argmax()), 1)}: must be within {FARTHEST / 1e3:g} km of the "
-            f"origin ([place]), got {far.max() / 1e3:,.0f} km"
-        )
+    for i, far in enumerate(abs(points).max(axis=1).tolist()):
+        if far > FARTHEST:
+            raise ConfigurationError(
+                f"{recorded.where(i, 1)}: must be within {FARTHEST / 1e3:g} km of the origin "
+                f"([place]), got {far / 1e3:,.0f} km"
+            )
     tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
     kept = fitted(recorded.times, points, tolerance)
     own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}

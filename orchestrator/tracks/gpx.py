@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import timedelta
 from typing import TYPE_CHECKING, NoReturn
@@ -47,8 +48,10 @@ def read(name: str, text: str) -> Recorded:
             (0, point.time, "a time"), (3, point.elevation, "an elevation, minus the depth [m]")
         ):
             if value is None:
-                tag = _ATTRIBUTES[j]
-                raise ConfigurationError(f"{where(i, j)}: must have {what} (<{tag}>), got none")
+                raise ConfigurationError(
+                    f"{where(i, j)}: must have {what} (<{_ATTRIBUTES[j]}>), got none that can be "
+                    "read"
+                )
         times[i] = _since(points, i, where)
         rows[i] = point.latitude, point.longitude, -(point.elevation or 0.0)
         for j, most in ((1, 90.0), (2, 180.0), (3, FARTHEST)):
@@ -126,11 +129,10 @@ def _places(name: str, text: str) -> list[tuple[int, int]]:
 
 
 def _mentioned(text: str, message: str) -> tuple[int, int] | None:
-    """Line and column of what a message of the reader ends with."""
-    said = message.rpartition(":")[2].strip() or message
-    for candidate in (message.partition(": ")[2], said):
-        at = text.find(f">{candidate}<") + 1 or text.find(f'"{candidate}"') + 1
-        if candidate and at:
-            line = text.count("\n", 0, at) + 1
-            return line, at - text.rfind("\n", 0, at)
+    """Line and column of the value of which a message of the reader complains."""
+    for word in re.findall(r"[^\s'\"()]+", message)[::-1]:
+        found = re.search(rf"[>\"']{re.escape(word)}[<\"']", text)
+        if found:
+            line = text.count("\n", 0, found.start()) + 1
+            return line, found.start() - text.rfind("\n", 0, found.start()) + 1
     return None

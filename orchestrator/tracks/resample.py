@@ -16,6 +16,8 @@ MOST = TRACK_POINTS.most
 _PARTS = 4  # of each piece of the recorded track, to bound what is between its points
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
+_ROOM = 1.5  # so many times as many points as there may be, before the needless ones go
+_APART = 6
 _SHARE = 1.05  # what is said to fit is this much larger than what does
 
 
@@ -50,7 +52,8 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
 
     What it is compared with, at all times, is the recorded track with straight lines between its
     points, each at constant velocity. Points are added where that is farthest away, as Ramer,
-    Douglas and Peucker do; the ends of stops are kept if there is room for them.
+    Douglas and Peucker do, and those that prove needless are taken away; the ends of stops are kept
+    if there is room for them.
 
     Parameters
     ----------
@@ -70,13 +73,12 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     if kept is not None:
         return kept
     low = high = tolerance
-    while True:
+    free = np.zeros(len(times), bool)
+    while _grown(times, points, high, most, free) is None:
         low, high = high, 2 * high
-        if _choose(times, points, high, most) is not None:
-            break
-    for _ in range(5):
+    for _ in range(4):
         middle = math.sqrt(low * high)
-        if _choose(times, points, middle, most) is not None:
+        if _grown(times, points, middle, most, free) is not None:
             high = middle
         else:
             low = middle
@@ -105,12 +107,15 @@ def _stops(points: Floats) -> np.ndarray:
 def _grown(
     times: Floats, points: Floats, tolerance: float, most: int, chosen: np.ndarray
 ) -> Kept | None:
-    """Add points until the tolerance holds; None if there are too many."""
+    """Add points until the tolerance holds, and take those away that are not needed after all.
+
+    None: there are too many. The chosen ones stay, and so do the first one and the last one.
+    """
     chosen = chosen.copy()
     chosen[[0, -1]] = True
     own = np.flatnonzero(chosen)  # indices of recorded points
     extra_times, extra_points = np.empty(0), np.empty((0, 3))
-    while len(own) + len(extra_times) <= most:
+    while len(own) + len(extra_times) <= _ROOM * most:
         knots = np.concatenate([times[own], extra_times])
         order = np.argsort(knots)
         knots = knots[order]
@@ -118,8 +123,12 @@ def _grown(
         begins, bounds, at = _deviations(times, points, knots, places)
         worst = np.maximum.reduceat(bounds, begins)
         if (worst <= tolerance).all():
-            return Kept(knots, places, len(times), len(extra_times), float(worst.max()))
-        more, added = [], []
+            knots, places = _thinned(times, points, knots, places, times[chosen], tolerance)
+            deviation = float(_deviations(times, points, knots, places)[1].max())
+            added = int((~np.isin(knots, times)).sum())
+            fits = len(knots) <= most
+            return Kept(knots, places, len(times), added, deviation) if fits else None
+        more, new = [], []
         ends = [*begins[1:], len(bounds)]
         for i in np.flatnonzero(worst > tolerance):
             place = begins[i] + int(np.argmax(bounds[begins[i] : ends[i]]))
@@ -128,13 +137,33 @@ def _grown(
             if first < last:
                 more.append(first + int(np.argmin(np.abs(times[first:last] - at[place]))))
             else:
-                added.append(_corner(knots[i : i + 2], places[i : i + 2], at[place], tolerance))
+                new.append(_corner(knots[i : i + 2], places[i : i + 2], at[place], tolerance))
         own = np.union1d(own, np.array(more, int))
-        if added:
-            new = np.array(added)
-            extra_times = np.concatenate([extra_times, new])
-            extra_points = np.concatenate([extra_points, _on_lines(times, points, new)])
+        extra_times = np.concatenate([extra_times, new])
+        extra_points = _on_lines(times, points, extra_times)
     return None
+
+
+def _thinned(
+    times: Floats, points: Floats, knots: Floats, places: Floats, stay: Floats, tolerance: float
+) -> tuple[Floats, Floats]:
+    """Take away points without which the tolerance holds, too.
+
+    What a point decides ends with the second one beside it, so every sixth is tried at once.
+    """
+    for first in (*range(_APART), *range(_APART)):
+        tried = np.arange(1 + first, len(knots) - 1, _APART)
+        tried = tried[~np.isin(knots[tried], stay)]
+        if not len(tried):
+            continue
+        left, where = np.delete(knots, tried), np.delete(places, tried, axis=0)
+        begins, bounds, _ = _deviations(times, points, left, where)
+        worst = np.maximum.reduceat(bounds, begins)
+        joined = np.searchsorted(left, knots[tried]) - 1
+        around = np.clip(joined[:, None] + [-1, 0, 1], 0, len(worst) - 1)
+        needless = tried[(worst[around] <= tolerance).all(axis=1)]
+        knots, places = np.delete(knots, needless), np.delete(places, needless, axis=0)
+    return knots, places
 
 
 def _corner(knots: Floats, places: Floats, worst: float, tolerance: float) -> float:
