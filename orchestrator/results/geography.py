@@ -51,10 +51,11 @@ def write(
 def _paths(
     origin: Origin, record: Record, estimates: Mapping[str, pd.DataFrame]
 ) -> Iterator[Path_]:
-    yield _path(origin, TRUTH, record.time_ns / SECOND, record.values["target.position"])
+    position = np.asarray(record.values["target.position"], np.float64)
+    yield _path(origin, TRUTH, record.time_ns / SECOND, position)
     for name, table in estimates.items():
         position = table[["x_m", "y_m", "z_m"]].to_numpy(float)
-        yield _path(origin, name, table["epoch_s"].to_numpy(float), position)
+        yield _path(origin, name, table["epoch_s"].to_numpy(np.float64), position)
 
 
 def _path(origin: Origin, name: str, times: Floats, position: Floats) -> Path_:

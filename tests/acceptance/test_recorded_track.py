@@ -101,7 +101,6 @@ def test_the_diver_stays_within_the_tolerance_of_the_whole_track(folder: Path) -
     assert own.sum() > 0.9 * len(kept)
     np.testing.assert_allclose(found, kept[own], rtol=0, atol=1e-7)
     velocity = whole.record.values["target.velocity"]
-    assert np.abs(np.diff(velocity, axis=0)).max() < 0.5
     resting = (np.diff(track, axis=0) == 0).all(axis=1)
     assert (velocity[:-1][resting] == 0).all(axis=1).mean() > 0.9
     assert f"of {POINTS:,} points" in whole.remarks[0]

@@ -202,6 +202,8 @@ def test_a_long_track_stays_within_the_tolerance_at_all_times(tolerance: float) 
     assert kept.recorded == 10_000
     assert len(kept.times) < 2500
     assert largest(kept, times, points) <= kept.deviation + 1e-12 <= tolerance + 1e-12
+    before, after = (motion(kept.times, kept.points, kept.times[1:-1] + d) for d in (-1e-6, 1e-6))
+    np.testing.assert_allclose(before[1], after[1], atol=1e-4)
     again = fitted(times, points, tolerance)
     np.testing.assert_array_equal(again.times, kept.times)
 
