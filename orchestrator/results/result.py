@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from .. import artifacts, style
+from ..scenario.scenario import Scenario
 from ..scenario.sources import RAW
 from ..scenario.tracks import origin_of
 from ..shown import Picture, Shown
@@ -285,6 +286,7 @@ class Result(Shown):
         artifacts.write_table(self.summary.reset_index(), folder, "summary")
         if hasattr(self.scenario, "dump_toml"):
             (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
+        if isinstance(self.scenario, Scenario):
             origin = origin_of(self.scenario.place)
             if origin is not None:
                 geography.write(folder, self.title, origin, self.record, self.estimates)
