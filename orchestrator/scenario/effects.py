@@ -82,8 +82,9 @@ def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
         unused = getattr(table, name) is None or ours[key[0]]
         return None if unused else f"{_OF_PRESETS[key[0]]} another component"
     if name in FILE_KEYS:
-        other = table.trajectory != FILE
-        return f"trajectory is {toml(table.trajectory)}" if other and ours[key[0]] else None
+        if table.trajectory != FILE and ours[key[0]]:
+            return f"trajectory is {toml(table.trajectory)}"
+        return "there is no track_file" if table.track_file is None else None
     reasons = [
         next(
             (_text(component, group, table) for group in _groups(component, name)

@@ -97,8 +97,6 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
 
 def problem(target: Any) -> str | None:
     """What is wrong with the points of a track; None: nothing."""
-    if target.track_file is None and target.track_tolerance_m is not None:
-        return "[target] track_tolerance_m: must come with track_file"
     if target.track_file is not None and target.trajectory == FILE:
         for key in ("track_time_s", "track_m", "track_count"):
             if key in target.model_fields_set:

@@ -305,7 +305,6 @@ def test_the_origin_is_that_of_the_scenario_or_the_first_point(tmp_path: Path) -
 @pytest.mark.parametrize(("tables", "message"), [
     ({"trajectory": "file"}, "[target] track_file: must be the file of a track (or track_time_s "
      "and track_m its points) when trajectory is 'file', got none"),
-    ({"track_tolerance_m": 0.1}, "[target] track_tolerance_m: must come with track_file"),
     ({"trajectory": "file", "track_file": "x.csv", "track_time_s": [0, 1]},
      "[target] track_time_s: must be left out when there is a track_file"),
     ({"trajectory": "file", "track_file": "x.csv", "fmu": "x.fmu"},
@@ -349,3 +348,7 @@ def test_a_track_that_is_not_followed_is_said(tmp_path: Path) -> None:
     made = load({"target": {"track_file": str(tmp_path / "no.csv")}})
     idle = effects.idle(made, effects.components_of(made), effects.given(made))
     assert idle == {("target", "track_file"): 'trajectory is "semicircle"'}
+    points = {"track_time_s": [0.0, 1.0], "track_m": [[0, 0, 1], [1, 0, 1]]}
+    made = load({"target": {"trajectory": "file", "track_tolerance_m": 0.1, **points}})
+    idle = effects.idle(made, effects.components_of(made), effects.given(made))
+    assert idle == {("target", "track_tolerance_m"): "there is no track_file"}
