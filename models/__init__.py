@@ -78,9 +78,25 @@ def file_name(name: str, **constants: int) -> str:
     return name + sized.removeprefix(usual)
 
 
+def of_file(stem: str) -> tuple[str, dict[str, int]] | None:
+    """The component and its constants for a name as of `file_name`; None if it is no such name."""
+    name = stem.rstrip("0123456789")
+    component = COMPONENTS.get(name)
+    if component is None or stem == name:
+        return None if component is None else (name, {})
+    for constant in component.constants:
+        constants = {constant: int(stem.removeprefix(name))}
+        try:
+            if file_name(name, **constants) == stem:
+                return name, constants
+        except ValueError:
+            continue
+    return None
+
+
 def module_of(name: str) -> tuple[str, str]:
     """Folder and module with the equations of a component."""
     return ("receiver", name) if name in RECEIVERS else (name, "equations")
 
 
-__all__ = ["COMPONENTS", "RECEIVERS", "declared", "file_name", "module_of"]
+__all__ = ["COMPONENTS", "RECEIVERS", "declared", "file_name", "module_of", "of_file"]

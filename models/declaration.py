@@ -340,13 +340,16 @@ class Component:
         def resized(shape: tuple[int, ...]) -> tuple[int, ...]:
             return tuple(changed.get(n.name, n) if isinstance(n, Dimension) else n for n in shape)
 
+        def most(bound: float | None) -> float | None:
+            return changed.get(bound.name, bound) if isinstance(bound, Dimension) else bound
+
         return replace(
             self,
             name=self.name + "".join(map(str, changed.values())),
             description=f"{self.description}; made for "
             + ", ".join(f"{value} {n}" for n, value in changed.items()),
             variables=tuple(
-                replace(v, shape=resized(v.shape), start=v.starting or v.start)
+                replace(v, shape=resized(v.shape), start=v.starting or v.start, max=most(v.max))
                 for v in self.variables
             ),
         )

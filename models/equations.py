@@ -8,7 +8,7 @@ runs one simulation or several side by side. Their arguments:
           the constants of the build, as numbers
 ``x``     state, one attribute per key of what ``initial`` returns
 ``u``     inputs, like ``p``
-``w``     noise for this occasion, one attribute per `Draw`
+``w``     noise for this occasion, one attribute per `Draw`, and one per `Row`
 ``t``     time [s]
 ``k``     number of the tick, 1 at the first tick after the start
 ========  =====================================================================================
@@ -73,6 +73,28 @@ class Draw:
 
 
 @dataclass(frozen=True, slots=True)
+class Row:
+    """One row of an array of parameters, looked up by its number.
+
+    A choice among all rows by ``if_else`` would be code for every row, and take its time.
+
+    Attributes
+    ----------
+    name
+        Attribute of ``w`` (a column).
+    array
+        Name of the parameter.
+    index
+        ``index(p, x)``: number of the row, 0 for the first one; outside of the array the nearest
+        one is taken. At the start there is no ``x``.
+    """
+
+    name: str
+    array: str
+    index: Callable[[Symbols, Symbols], Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Loop:
     """A body that repeats while its guard holds: any number of times in a step, or never.
 
@@ -84,12 +106,15 @@ class Loop:
         ``body(p, x, u, w, t)``: the changed states after one pass.
     inner
         Loops run after each pass.
+    rows
+        Rows of parameters that the body reads.
     """
 
     name: str
     guard: Callable[[Symbols, Symbols, Symbols, Any], Any]
     body: Callable[[Symbols, Symbols, Symbols, Symbols, Any], Values]
     inner: Sequence[Loop] = ()
+    rows: Sequence[Row] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +137,8 @@ class Equations:
         Loops run after each tick (measurements still to process, iterations to convergence).
     draws
         All noise, of all variants of the component. The order decides which numbers each gets.
+    rows
+        Rows of parameters that ``initial`` reads.
     """
 
     output: Callable[[Symbols, Symbols, Symbols, Any], Values]
@@ -122,6 +149,32 @@ class Equations:
     advance: Sequence[Loop] = ()
     iterate: Sequence[Loop] = ()
     draws: Sequence[Draw] = ()
+    rows: Sequence[Row] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The rows that a function reads.
+
+    Attributes
+    ----------
+    index
+        ``index(x, p)``: their numbers; at the start ``index(p)``.
+    places
+        Of each: the first element of its array in ``p``, the array's rows, and their length.
+    """
+
+    index: ca.Function
+    places: Sequence[tuple[int, int, int]]
+
+    def read(self, *arguments: Any) -> list[float]:
+        """All elements, for the arguments of `index`, of which the last is ``p``."""
+        numbers = self.index(*arguments).full().ravel()
+        found: list[float] = []
+        for number, (first, count, width) in zip(numbers, self.places, strict=True):
+            start = first + width * (min(int(number), count - 1) if number > 0 else 0)
+            found += [float(value) for value in arguments[-1][start : start + width]]
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +183,8 @@ class Functions:
 
     ``initial(p, w, t) -> x``, ``tick(x, u, p, w, t, k) -> x``, ``output(x, u, p, t) -> y``,
     ``guards[name](x, u, p, t) -> c``, ``bodies[name](x, u, p, w, t) -> x``; ``jacobian(x, u, p, t)
-    -> dy/du`` (row by row) where there is direct feedthrough.
+    -> dy/du`` (row by row) where there is direct feedthrough. Those that read rows, which ``rows``
+    has by the names of their loops or as ``initial``, take all elements of these at the end.
     """
 
     initial: ca.Function
@@ -139,6 +193,7 @@ class Functions:
     guards: Mapping[str, ca.Function]
     bodies: Mapping[str, ca.Function]
     jacobian: ca.Function | None
+    rows: Mapping[str, Rows] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,14 +269,17 @@ def _functions(
     t, k = ca.SX.sym("t"), ca.SX.sym("k")
 
     draws = [draw.of(component) for draw in equations.draws]
+    read: dict[str, Rows] = {}
 
     def noise(occasion: str) -> tuple[Symbols, Any]:
         return _symbols({d.name: (d.size, 1) for d in draws if d.occasion == occasion})
 
     w, w_vector = noise("initial")
+    rows, more = _looked_up(component, equations.rows, w, (p, None), [p_vector])
+    read |= {} if rows is None else {"initial": rows}
     start = {name: ca.densify(ca.SX(value)) for name, value in equations.initial(p, w, t).items()}
     states = {name: value.shape for name, value in start.items()}
-    initial = _function("initial", [p_vector, w_vector, t], _column(start.values()))
+    initial = _function("initial", [p_vector, w_vector, t, *more], _column(start.values()))
 
     x, x_vector = _symbols(states)
 
@@ -242,21 +300,18 @@ def _functions(
     guards, bodies = {}, {}
     for loop in _all((*equations.advance, *equations.iterate)):
         w, w_vector = noise(loop.name)
+        rows, more = _looked_up(component, loop.rows, w, (p, x), [x_vector, p_vector])
+        read |= {} if rows is None else {loop.name: rows}
         guards[loop.name] = _function(
             "guard", [x_vector, u_vector, p_vector, t], ca.SX(loop.guard(p, x, u, t))
         )
         bodies[loop.name] = _function(
-            "body", [x_vector, u_vector, p_vector, w_vector, t],
+            "body", [x_vector, u_vector, p_vector, w_vector, t, *more],
             updated(loop.body(p, x, u, w, t)),
         )
-    results = equations.output(p, x, u, t)
-    missing = {v.name for v in component.of("output")} ^ set(results)
-    if missing:
-        raise ValueError(f"{component.name}: outputs do not match: {', '.join(sorted(missing))}")
-    y_vector = _column(
-        _shaped(results[v.name], _matrix_shape(v.shape), v.name) for v in component.of("output")
+    output, y_vector = _output(
+        component, equations.output(p, x, u, t), [x_vector, u_vector, p_vector, t]
     )
-    output = _function("output", [x_vector, u_vector, p_vector, t], y_vector)
     pairs = _feedthrough(component, output)
     jacobian = None
     if pairs:
@@ -264,7 +319,46 @@ def _functions(
             "jacobian", [x_vector, u_vector, p_vector, t],
             ca.vec(ca.densify(ca.jacobian(y_vector, u_vector)).T),
         )
-    return Functions(initial, tick, output, guards, bodies, jacobian), states, pairs
+    return Functions(initial, tick, output, guards, bodies, jacobian, read), states, pairs
+
+
+def _output(
+    component: Component, results: Values, arguments: list[Any]
+) -> tuple[ca.Function, Any]:
+    """The function that makes the outputs, and their expressions."""
+    missing = {v.name for v in component.of("output")} ^ set(results)
+    if missing:
+        raise ValueError(f"{component.name}: outputs do not match: {', '.join(sorted(missing))}")
+    y_vector = _column(
+        _shaped(results[v.name], _matrix_shape(v.shape), v.name) for v in component.of("output")
+    )
+    return _function("output", arguments, y_vector), y_vector
+
+
+def _looked_up(
+    component: Component, rows: Sequence[Row], w: Symbols, symbols: tuple[Symbols, Symbols],
+    arguments: list[Any],
+) -> tuple[Rows | None, list[Any]]:
+    """Make rows attributes of ``w``: what is read, and what is added to the arguments."""
+    if not rows:
+        return None, []
+    places = [_place(component, row.array) for row in rows]
+    index = _function("index", arguments, ca.vertcat(*(row.index(*symbols) for row in rows)))
+    widths = {row.name: (place[2], 1) for row, place in zip(rows, places, strict=True)}
+    elements, vector = _symbols(widths)
+    w.__dict__.update(elements.__dict__)
+    return Rows(index, places), [vector]
+
+
+def _place(component: Component, name: str) -> tuple[int, int, int]:
+    """First element of an array in ``p``, number of its rows, and their length."""
+    first = 0
+    for variable in component.of("parameter"):
+        if variable.name == name:
+            rows, width = _matrix_shape(variable.shape)
+            return first, int(rows), int(width)
+        first += variable.size
+    raise ValueError(f"{component.name}: not a parameter: {name}")
 
 
 def _feedthrough(component: Component, output: ca.Function) -> set[tuple[str, str]]:

@@ -254,7 +254,8 @@ def _origins(
 
 def _remarks(scenario: Scenario, system: System, plan: Plan) -> list[str]:
     """Remarks for the reader of the results."""
-    return _shortening(system, plan, nanoseconds(scenario.time.sampling_time_s))
+    about = [scenario.about_track] if scenario.about_track else []
+    return about + _shortening(system, plan, nanoseconds(scenario.time.sampling_time_s))
 
 
 def _shortening(system: System, plan: Plan, most_ns: int) -> list[str]:

@@ -19,7 +19,9 @@ from pathlib import Path
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, file_name
+from sblcosim.models.target.variables import TRACK_POINTS
+from sblcosim.scenario.tracks import CAPACITIES
 from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes_driver, native
 
@@ -37,10 +39,13 @@ TAGS = {
 
 def fmus(all_platforms: bool = True, versions: Iterable[int] = (2, 3)) -> dict[str, Path]:
     """All our FMUs, built, by their places among the ready-made files."""
+    made: list[tuple[str, dict[str, int]]] = [(name, {}) for name in COMPONENTS]
+    made += [("target", {TRACK_POINTS.name: points}) for points in CAPACITIES[1:]]
     return {
-        f"{factory.key(name, fmi)}/{name}.fmu": factory.build(name, fmi, all_platforms)
+        f"{factory.key(name, fmi, **constants)}/{file_name(name, **constants)}.fmu":
+            factory.build(name, fmi, all_platforms, **constants)
         for fmi in versions
-        for name in COMPONENTS
+        for name, constants in made
     }
 
 

@@ -18,7 +18,15 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.scenario.assumptions import SOURCES
 from sblcosim.scenario.scenario import Scenario
-from sblcosim.scenario.schema import COMMON, CORE_COMPONENTS, default, in_file_units, rows, toml
+from sblcosim.scenario.schema import (
+    COMMON,
+    CORE_COMPONENTS,
+    default,
+    in_file_units,
+    most,
+    rows,
+    toml,
+)
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from typer.main import get_command
@@ -58,6 +66,10 @@ FOLLOWS: Mapping[str, Sequence[str]] = {
     **{f"{name}.seed": ("seed",) for name in CORE_COMPONENTS},
     **{f"{name}.fmi": ("fmi",) for name in (*CORE_COMPONENTS, "receiver")},
     "target.waypoint_count": ("target.waypoint_m",),
+    "target.track_count": ("target.track_time_s",),
+    "target.track_time_s": ("target.track_file",),
+    "target.track_m": ("target.track_file",),
+    **{f"place.{key}": ("target.track_file",) for key in ("latitude_deg", "longitude_deg")},
     "receiver.update_interval_s": _UPDATE,
     "receiver.interval_s": ("receiver.update_interval_s",),
     "receiver.range_std_m": ("acoustics.range_std_m",),
@@ -173,7 +185,7 @@ def _bounds(component: Component, variable: Variable) -> str:
         return ""
     low, high = (
         None if bound is None or bound == INT32_MAX else _short(in_file_units(variable, bound))
-        for bound in (variable.min, variable.max)
+        for bound in (variable.min, most(variable.max))
     )
     if high is None:
         return "" if low is None else f"at least {low}"

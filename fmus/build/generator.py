@@ -26,6 +26,7 @@ def model_source(model: Model) -> str:
         '#include "noise.h"',
         "",
         *draw_tables(blocks),
+        *_row(model),
         *_equations(model),
         *_loops(model),
         *_jacobian(model),
@@ -103,6 +104,40 @@ def _shown(output: ca.Function) -> set[tuple[int, int]]:
     return shown
 
 
+_ROW = """\
+/* A row of an array of parameters; of an index outside of it, or of none, the nearest one. */
+static inline void model_row(const real *array, int count, int width, real index, real *row)
+{
+    for (int lane = 0; lane < LANES; lane++) {
+        const double i = r_get(index, lane);
+        const int k = !(i > 0.0) ? 0 : i < count - 1 ? (int)i : count - 1;
+        for (int j = 0; j < width; j++)
+            r_put(&row[j], lane, r_get(array[k * width + j], lane));
+    }
+}
+"""
+
+
+def _row(model: Model) -> Iterator[str]:
+    if any(functions.rows for functions in model.variants.values()):
+        yield _ROW
+
+
+def _looked_up(functions: Functions, occasion: str, arguments: Sequence[Array]) -> list[str]:
+    """Statements that look up the rows of a function: into ``r``, one after another."""
+    rows = functions.rows.get(occasion)
+    if rows is None:
+        return []
+    lines = [f"real i[{len(rows.places)}], r[{sum(width for _, _, width in rows.places)}];",
+             "for (unsigned n = 0; n < sizeof r / sizeof *r; n++)", "    r[n] = r_set1(0.0);",
+             "{", *(f"    {line}" for line in statements(rows.index, arguments, "i")), "}"]
+    at = 0
+    for number, (first, count, width) in enumerate(rows.places):
+        lines.append(f"model_row(p + {first}, {count}, {width}, i[{number}], r + {at});")
+        at += width
+    return lines
+
+
 def _x(model: Model) -> list[str]:
     """The states in C."""
     return [f"x[{index}]" for index in state_indices(model)]
@@ -114,7 +149,7 @@ def _equations(model: Model) -> Iterator[str]:
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
     yield _variants(
         "model_initial(int variant, const real *p, const real *w, real t, real *x)",
-        _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x),
+        _reading(model, "initial", ["p"], lambda f: f.initial, ["p", "w", ["t"]], x),
         ["p", "w", "t", "x"],
     )
     yield _variants(
@@ -143,7 +178,8 @@ def _loops(model: Model) -> Iterator[str]:
         yield _variants(
             f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
             "const real *w, real t)",
-            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going"),
+            _reading(model, loop, [x, "p"], partial(_body, loop), [x, "u", "p", "w", ["t"]], x,
+                     "going"),
             ["going", "x", "u", "p", "w", "t"],
         )
     if any(model.inner.values()):
@@ -208,6 +244,28 @@ def _printed(
     """The statements of one function of each variant; see `statements`."""
     return {
         value: statements(pick(functions), arguments, result, where)
+        for value, functions in model.variants.items()
+    }
+
+
+def _reading(
+    model: Model,
+    occasion: str,
+    index: Sequence[Array],
+    pick: Callable[[Functions], ca.Function],
+    arguments: Sequence[Array],
+    result: Array,
+    where: str = "",
+) -> dict[int, list[str]]:
+    """`_printed` of functions that may read rows; `index` are the arguments for their numbers."""
+    return {
+        value: [
+            *_looked_up(functions, occasion, index),
+            *statements(
+                pick(functions),
+                [*arguments, "r"] if occasion in functions.rows else arguments, result, where,
+            ),
+        ]
         for value, functions in model.variants.items()
     }
 

@@ -6,13 +6,14 @@ path is a function of time, so it does not depend on a sampling time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi, sqrt
 from typing import Any
 
 import casadi as ca
 
-from ..equations import Draw, Equations, Loop, Symbols, Values
+from ..equations import Draw, Equations, Loop, Row, Symbols, Values
+from . import track
 from .variables import TRAJECTORIES, WAYPOINTS
 
 TOLERANCE = 2e-9
@@ -20,6 +21,9 @@ TOLERANCE = 2e-9
 
 TINY = 1e-300
 """Avoids a zero denominator where the numerator is zero too."""
+
+LEAST_DURATION = 1e-9
+"""Between two points of a track [s]; it only keeps numbers finite."""
 
 HALLEY_STEPS = 3
 
@@ -255,6 +259,51 @@ def _between_nodes(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
     return position, (first + tau * (2 * quadratic + 3 * tau * cubic)) / T
 
 
+# A recorded track --------------------------------------------------------------------------------
+
+
+def _along_track(p: Symbols, x: Symbols, t: Any) -> tuple[Any, Any]:
+    """Motion from point to point; node and next are the ends of what is being travelled."""
+    duration = ca.fmax(x.leg_end - x.leg_begin, LEAST_DURATION)
+    tau = _clip((_under_way(p, x, t) - x.leg_begin) / duration, 1)
+    step = x.next_position - x.node_position
+    return track.motion(tau, duration, x.node_position, step, x.node_velocity, x.next_velocity)
+
+
+def _track_due(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Any:
+    """Whether the diver is at point ``cursor`` (0-based)."""
+    arrived = _under_way(p, x, t) + TOLERANCE >= x.leg_end
+    return ca.logic_and(arrived, x.cursor < p.track_count)
+
+
+def _track_leg(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """From point ``cursor`` to the next one; after the last one there is rest."""
+    passing = track.velocity(
+        ca, w.next_point - w.point, w.after_point - w.next_point,
+        ca.fmax(w.next_time - w.time, LEAST_DURATION),
+        ca.fmax(w.after_time - w.next_time, LEAST_DURATION),
+    )
+    more = x.cursor < p.track_count - 1
+    return {
+        "cursor": x.cursor + 1,
+        "leg_begin": w.time,
+        "leg_end": ca.if_else(more, w.next_time, w.time),
+        "node_position": w.point,
+        "node_velocity": x.next_velocity,
+        "next_position": ca.if_else(more, w.next_point, w.point),
+        "next_velocity": ca.if_else(x.cursor < p.track_count - 2, passing, 0),
+    }
+
+
+def _point(name: str, ahead: int) -> tuple[Row, Row]:
+    """Time and place of a point, so many after the one where the diver is."""
+
+    def index(p: Symbols, x: Symbols) -> Any:
+        return x.cursor + ahead
+
+    return Row(f"{name}time", "track_time", index), Row(f"{name}point", "track", index)
+
+
 # States, outputs and variants --------------------------------------------------------------------
 
 
@@ -299,6 +348,7 @@ def _equations(
     motion: Callable[[Symbols, Symbols, Any], tuple[Any, Any]],
     leg: Loop = _never("leg"),  # noqa: B008
     node: Loop = _never("node"),  # noqa: B008
+    rows: Sequence[Row] = (),
 ) -> Equations:
     def start(p: Symbols, w: Symbols, t: Any) -> Values:
         bias = p.depth_bias + p.depth_bias_std * w.depth_bias
@@ -323,7 +373,7 @@ def _equations(
             "depth_epoch": t,
         }
 
-    return Equations(output, start, tick, advance=(leg, node), draws=DRAWS)
+    return Equations(output, start, tick, advance=(leg, node), draws=DRAWS, rows=rows)
 
 
 def _horizontal(course: Course, length: Callable[[Symbols], Any]) -> Equations:
@@ -352,6 +402,14 @@ def _white_noise_initial(p: Symbols, w: Symbols, t: Any) -> Values:
     )
 
 
+def _track_initial(p: Symbols, w: Symbols, t: Any) -> Values:
+    duration = ca.if_else(w.last_time > 0, p.departure_time + w.last_time, 0)
+    return _states(
+        p, t, 0, duration=duration, leg_begin=w.first_time, leg_end=w.first_time,
+        node_position=w.first, next_position=w.first,
+    )
+
+
 _BY_NAME = {
     "straight_line": _horizontal(_straight_line, lambda p: p.path_length),
     "semicircle": _horizontal(_circle, lambda p: pi * p.radius),
@@ -366,6 +424,18 @@ _BY_NAME = {
     ),
     "white_noise_acceleration": _equations(
         _white_noise_initial, _between_nodes, node=Loop("node", _node_due, _node)
+    ),
+    "file": _equations(
+        _track_initial, _along_track,
+        leg=Loop(
+            "leg", _track_due, _track_leg,
+            rows=(*_point("", 0), *_point("next_", 1), *_point("after_", 2)),
+        ),
+        rows=(
+            Row("first", "track", lambda p, x: 0),
+            Row("first_time", "track_time", lambda p, x: 0),
+            Row("last_time", "track_time", lambda p, x: p.track_count - 1),
+        ),
     ),
 }
 

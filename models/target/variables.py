@@ -7,6 +7,7 @@ from math import pi
 from ..declaration import (
     Component,
     Condition,
+    Dimension,
     Variable,
     choice,
     is_one_of,
@@ -19,6 +20,8 @@ from ..declaration import (
 from ..ports import DEPTH, MOTION, ports, terminal
 
 WAYPOINTS = 64
+TRACK_POINTS = Dimension(16, "track_points", 2, 4096)
+"""Most points of a recorded track."""
 
 TRAJECTORIES = {
     1: "straight_line",
@@ -29,6 +32,7 @@ TRAJECTORIES = {
     6: "random_path",
     7: "waypoints",
     8: "white_noise_acceleration",
+    9: "file",
 }
 
 _HORIZONTAL = ("straight_line", "semicircle", "circle", "square", "spiral", "random_path")
@@ -41,6 +45,7 @@ def _on(*trajectories: str) -> tuple[Condition, ...]:
 
 _MOVING = not_zero("speed")
 _PATHS = _on(*_HORIZONTAL, "waypoints")
+_TRACK = _on("file")
 _STOCHASTIC = "white_noise_acceleration"
 _RANDOM = (
     (*not_zero("depth_std", "depth_bias_std"), *_on("random_path", _STOCHASTIC)),
@@ -54,7 +59,7 @@ _RANDOM = (
 COMPONENT = Component(
     name="Target",
     number=1,
-    description="A diver who moves along a path at constant speed and carries a depth sensor",
+    description="A diver who moves along a path and carries a depth sensor",
     interval="sampling_time",
     variant="trajectory",
     variables=(
@@ -64,7 +69,8 @@ COMPONENT = Component(
         parameter("speed", "Speed along the path, in space", "m/s", start=0.5, min=0.0, max=20.0,
                   needs=(_PATHS,)),
         parameter("departure_time", "Time after the start at which the motion begins", "s",
-                  start=0.0, min=0.0, max=1e9, needs=(_PATHS, _MOVING)),
+                  start=0.0, min=0.0, max=1e9,
+                  needs=((*_PATHS, *_TRACK), (*_MOVING, *_TRACK))),
         parameter("center", "Centre of the semicircle, circle, square, spiral or box; first point "
                   "of the straight line; north and east", "m", shape=(2,),
                   needs=(_on(*_HORIZONTAL),)),
@@ -97,6 +103,14 @@ COMPONENT = Component(
                  max=WAYPOINTS, type="Int32", needs=(_on("waypoints"), _MOVING)),
         parameter("waypoint", "Waypoints, NED", "m", shape=(WAYPOINTS, 3), min=-1e5, max=1e5,
                   needs=(_on("waypoints"),)),
+        Variable("track_count", "Number of points of the track in use", "parameter", start=2, min=2,
+                 max=TRACK_POINTS, type="Int32", needs=(_TRACK,)),
+        parameter("track_time", "When the diver is at the points of the track, from the departure; "
+                  "each later than the one before", "s", shape=(TRACK_POINTS,), min=0.0, max=1e9,
+                  needs=(_TRACK,)),
+        parameter("track", "Points of the track, NED; the diver rests before the first one and "
+                  "after the last one", "m", shape=(TRACK_POINTS, 3), min=-1e5, max=1e5,
+                  needs=(_TRACK,)),
         parameter("initial_position", "Mean of the first position of the white-noise-acceleration "
                   "motion, NED", "m", shape=(3,), start=(15.0, 0.0, 5.0),
                   needs=(_on(_STOCHASTIC),)),

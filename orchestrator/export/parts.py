@@ -15,7 +15,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.description import describe
 from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models import COMPONENTS, declared, file_name
+from sblcosim.models import declared, of_file
 from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError
@@ -121,9 +121,9 @@ def _names(plan: Plan) -> dict[str, str]:
 
 def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
     """The FMU with the scenario's numbers as start values; one of somebody else must have them."""
-    fmi = cast(Literal[2, 3], source.fmi)
-    name, constants = _ours(source)
-    if not name or source.path != build(name, fmi, **constants):
+    known, fmi = of_file(source.path.stem), cast(Literal[2, 3], source.fmi)
+    name, constants = known or ("", {})
+    if known is None or source.path != build(name, fmi, False, None, **constants):
         for setting in component.settings:
             if setting.port.start != setting.values:
                 raise ConfigurationError(
@@ -133,38 +133,19 @@ def _baked(component: PlannedComponent, source: Fmu, plan: Plan) -> Path:
                 )
         return source.path
     values = {s.port.name: s.values for s in component.settings}
-    of = declared(name, **constants)
-    return build(
-        name,
-        fmi,
-        baked=replace(
-            of,
-            variables=tuple(
-                replace(v, start=values[v.name] if v.shape else values[v.name][0])
-                if v.name in values
-                else v
-                for v in of
-            ),
-            step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
-            stop_time=plan.stop_ns / SECOND,
+    usual = declared(name, **constants)
+    baked = replace(
+        usual,
+        variables=tuple(
+            replace(v, start=values[v.name] if v.shape else values[v.name][0])
+            if v.name in values
+            else v
+            for v in usual
         ),
-        **constants,
+        step_size=step_ns(plan) / SECOND,  # also of a receiver that needs fewer: tools use one
+        stop_time=plan.stop_ns / SECOND,
     )
-
-
-def _ours(source: Fmu) -> tuple[str, dict[str, int]]:
-    """Which of our components an FMU is by its file's name, and its constants; "" for none."""
-    for name, component in COMPONENTS.items():
-        shapes = {v.name: source.ports[v.name].shape for v in component if v.name in source.ports}
-        sizes = {
-            v.rows.name: shapes[v.name][0] for v in component if v.rows and shapes.get(v.name)
-        }
-        try:
-            if file_name(name, **sizes) == source.path.stem:
-                return name, sizes
-        except ValueError:  # none of ours has so many
-            continue
-    return "", {}
+    return build(name, fmi, False, baked, **constants)
 
 
 def links_of(plan: Plan) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:

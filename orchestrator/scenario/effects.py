@@ -13,6 +13,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition
 
 from .schema import CORE_COMPONENTS, PRESET_TABLES, in_si, preset, toml
+from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]
 """A key's table and name, or its name alone."""
@@ -61,7 +62,8 @@ def given(scenario: Tables) -> Iterator[Key]:
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
         for key in type(table).model_fields:
-            if key in table.model_fields_set and (key in table.variables or key in PRESET_TABLES):
+            known = key in table.variables or key in PRESET_TABLES or key in FILE_KEYS
+            if known and key in table.model_fields_set:
                 yield name, key
 
 
@@ -79,6 +81,10 @@ def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
     if name in PRESET_TABLES:
         unused = getattr(table, name) is None or ours[key[0]]
         return None if unused else f"{_OF_PRESETS[key[0]]} another component"
+    if name in FILE_KEYS:
+        if table.trajectory != FILE and ours[key[0]]:
+            return f"trajectory is {toml(table.trajectory)}"
+        return "there is no track_file" if table.track_file is None else None
     reasons = [
         next(
             (_text(component, group, table) for group in _groups(component, name)

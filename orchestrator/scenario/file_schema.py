@@ -23,6 +23,7 @@ DIRECTIVE = f"#:schema ./{FILE_NAME}"
 """First line of a scenario whose schema lies beside it."""
 TITLES = {
     "time": "When things happen",
+    "place": "Where on Earth it is",
     "target": "The diver and the depth sensor",
     "platform": "The platform: beacons, waves, GPS and IMU",
     "acoustics": "The acoustic channel",

@@ -28,7 +28,7 @@ def lines(
     location = error["loc"]
     if not location:
         for line in str(error["ctx"]["error"]).splitlines():
-            yield _cross_check(line, where, changed)
+            yield cross_check(line, where, changed)
         return
     table, key = str(location[0]), ".".join(str(part) for part in location[1:2])
     if any(path[: len(location[:2])] == location[:2] for path in changed):
@@ -46,7 +46,7 @@ def lines(
     yield f"{prefix}{_element(fields, location)}: {must}, got {shortened(toml(got))}{close}"
 
 
-def _cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
+def cross_check(line: str, where: str, changed: set[tuple[str, ...]]) -> str:
     """A contradiction between keys, attributed to the override that caused it, if there is one."""
     match = re.match(r"\[(\w+)\](?: (\w+))?: ", line)
     if match is not None:

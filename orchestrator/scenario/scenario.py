@@ -21,9 +21,10 @@ from sblcosim.models.ports import BEACONS
 
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
-from . import arrangement, effects, library, packets
+from ..tracks.resample import TooFewError
+from . import arrangement, effects, library, packets, tracks
 from .assumptions import assumed
-from .messages import is_table, lines
+from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, shown
 from .schema import (
@@ -34,6 +35,7 @@ from .schema import (
     TRUE,
     Acoustics,
     Name,
+    Place,
     Platform,
     Receiver,
     Table,
@@ -47,6 +49,8 @@ from .schema import (
     within,
 )
 
+FILES = ("fmu", "track_file")
+"""Keys that are paths of files, relative to the scenario's own."""
 DEFAULT_RECEIVER = "coupled"
 """Receiver of a scenario that names none."""
 _SHIPPED = resources.files("sblcosim.scenario") / "shipped"
@@ -70,7 +74,7 @@ class Scenario(Table):
         Seed of all random numbers; a component may have its own.
     fmi
         FMI version (2 or 3) of the components.
-    time, target, platform, acoustics, receiver
+    time, place, target, platform, acoustics, receiver
         The tables, with the keys of a scenario file: ``scenario.platform.arm_length_m``.
     """
 
@@ -81,6 +85,7 @@ class Scenario(Table):
     )
     fmi: Literal[2, 3] = Field(default=2, description="FMI version of the components")
     time: Time = Field(default_factory=Time)
+    place: Place = Field(default_factory=Place)
     target: Target = Field(default_factory=Target)
     platform: Platform = Field(default_factory=Platform)
     acoustics: Acoustics = Field(default_factory=Acoustics)
@@ -100,6 +105,8 @@ class Scenario(Table):
         presets["platform"] |= self._arrangement()
         self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
         presets["acoustics"] |= packets.resolutions(self.acoustics, self.beacons)
+        if self.target.track_time_s:
+            presets["target"]["track_count"] = len(self.target.track_time_s)
         for name, table in self._tables(*presets):
             table.fill({**_starts(name, self.beacons)} | presets[name] | common)
             table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
@@ -181,6 +188,11 @@ class Scenario(Table):
             given = "waypoint_count" in target.model_fields_set
             as_many = f", and as many as waypoint_count ({target.waypoint_count})" if given else ""
             yield f"[target] waypoint_m: must have at least 2 rows{as_many}, got {count}"
+        if wrong := tracks.problem(target):
+            yield wrong
+        if (self.place.latitude_deg is None) != (self.place.longitude_deg is None):
+            key = "latitude_deg" if self.place.latitude_deg is None else "longitude_deg"
+            yield f"[place] {key}: must be given with the other of the two, got none"
 
     def _tables(self, *names: str) -> Iterator[tuple[str, Any]]:
         for name in names or ("target", "platform", "acoustics", "receiver"):
@@ -236,8 +248,10 @@ class Scenario(Table):
         """
         lines = [f"{key} = {toml(getattr(self, key))}" for key in ("name", "title", "seed", "fmi")]
         idle = self.idle()
-        for name in ("time", "target", "platform", "acoustics", "receiver"):
+        for name in ("time", "place", "target", "platform", "acoustics", "receiver"):
             table = getattr(self, name)
+            if name == "place" and tracks.origin_of(table) is None:
+                continue
             lines += ["", f"[{name}]"]
             for key in type(table).model_fields:
                 value = getattr(table, key)
@@ -249,7 +263,7 @@ class Scenario(Table):
                     continue  # a key in the file would have to be a parameter of that FMU
                 if filled and (name, key) in idle:
                     continue  # loading the file would warn of it
-                if key == "fmu" and folder is not None:
+                if key in FILES and folder is not None:
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
@@ -263,6 +277,12 @@ class Scenario(Table):
     def beacons(self) -> int:
         """Number of beacons, for which components are made."""
         return int(self.platform.beacons)
+
+    @property
+    def about_track(self) -> str:
+        """What is kept of a recorded track, in a sentence; empty without one."""
+        follows = self.target.trajectory == tracks.FILE
+        return str(self.__dict__.get("_track", "")) if follows else ""
 
     @property
     def true_prior(self) -> bool:
@@ -322,18 +342,41 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     where, raw, folder = _read(source)
     raw = without_none(raw)
     for table in raw.values():
-        if isinstance(table, dict) and isinstance(table.get("fmu"), str):
-            table["fmu"] = str(folder / table["fmu"])
-    changed: set[tuple[str, ...]] = set()
+        for key in FILES if isinstance(table, dict) else ():
+            if isinstance(table.get(key), str):
+                table[key] = str(folder / table[key])
+    changed = _override(raw, overrides)
     if isinstance(source, Scenario):
         changed |= source.__dict__.get("_changed", frozenset())
+    if isinstance(source, str | Path) and "name" not in raw:
+        raw["name"] = Path(source).stem
+    scenario = _validated(raw, where, changed)
+    try:
+        found = tracks.with_points(scenario)
+    except TooFewError as error:
+        raise ConfigurationError(cross_check(str(error), where, changed)) from None
+    if found is not None:
+        scenario = _validated(found[0], where, changed)
+        scenario.__dict__["_track"] = found[1]
+    elif isinstance(source, Scenario) and ("target", "track_m") not in changed:
+        scenario.__dict__["_track"] = source.__dict__.get("_track", "")
+    scenario.__dict__["_changed"] = frozenset(changed)  # not a field: it does not affect the run
+    vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
+    if vain:
+        raise ConfigurationError(
+            "\n".join(f"{no_effect(key)}, as {why}" for key, why in sorted(vain.items()))
+        )
+    return scenario
+
+
+def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
+    """Change keys of nested tables; which."""
     given = gathered(overrides)
     if isinstance(given, Mapping):
         check_values("overrides", given)
     batch = list(pairs(given))
     for path, value in batch:
         check_values(f"override {shortened('.'.join(path))}", value, len(path))
-    changed |= {path for path, _ in batch}
     clear_for_presets(raw, batch)
     for path, value in batch:
         table = raw
@@ -343,23 +386,18 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
                 raise ConfigurationError(
                     f"override {shortened('.'.join(path))}: {shortened(part)} must be a table"
                 )
-        is_file = path[-1] == "fmu" and isinstance(value, str)
+        is_file = path[-1] in FILES and isinstance(value, str)
         table[path[-1]] = str(Path(value).resolve()) if is_file else value
-    if isinstance(source, str | Path) and "name" not in raw:
-        raw["name"] = Path(source).stem
+    return {path for path, _ in batch}
+
+
+def _validated(raw: Mapping[str, Any], where: str, changed: set[tuple[str, ...]]) -> Scenario:
     try:
-        scenario = Scenario.model_validate(without_none(raw))
+        return Scenario.model_validate(without_none(raw))
     except ValidationError as error:
         fields = Scenario.model_fields
         wrong = [line for e in error.errors() for line in lines(e, where, changed, fields)]
         raise ConfigurationError("\n".join(wrong)) from None
-    scenario.__dict__["_changed"] = frozenset(changed)  # not a field: it does not affect the run
-    vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
-    if vain:
-        raise ConfigurationError(
-            "\n".join(f"{no_effect(key)}, as {why}" for key, why in sorted(vain.items()))
-        )
-    return scenario
 
 
 SETTERS = {

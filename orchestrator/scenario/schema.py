@@ -26,7 +26,7 @@ from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.acoustics import clock
-from sblcosim.models.declaration import Component, Variable, number_of
+from sblcosim.models.declaration import Component, Dimension, Variable, number_of
 from sblcosim.models.platform import gps, imu
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.ports import BEACONS
@@ -134,8 +134,9 @@ def in_si(variable: Variable, value: Any) -> Any:
     """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
     if variable.shape:
         elements = tuple(_scalar_in_si(variable, v) for v in value)
-        # As many as there are beacons, which the declaration at hand may not know.
-        return elements if variable.rows else elements + variable.starts[len(elements) :]
+        if variable.rows is not None and variable.rows.name == BEACONS.name:
+            return elements  # as many as there are: the declaration at hand may be for others
+        return elements + variable.starts[len(elements) :]
     return _scalar_in_si(variable, value)
 
 
@@ -160,14 +161,19 @@ def default(component: Component, variable: Variable) -> Any:
 
 
 def _is_list(variables: Iterable[Variable], variable: Variable) -> bool:
-    """Whether an array has a fixed capacity and a separate count."""
-    return any(v.name == f"{variable.name}_count" for v in variables)
+    """Whether an array has a capacity and a separate count."""
+    return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
+
+
+def most(bound: float | None) -> float | None:
+    """The largest value of what may be a constant of the build."""
+    return bound.most if isinstance(bound, Dimension) else bound
 
 
 def _counts(variable: Variable, partial_rows: bool) -> tuple[int, int]:
     """Least and largest number of rows of an array."""
     if variable.rows is not None:
-        return variable.rows.least, variable.rows.most
+        return 0 if partial_rows else variable.rows.least, variable.rows.most
     return 0 if partial_rows else variable.shape[0], variable.shape[0]
 
 
@@ -195,7 +201,7 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
     """Type of a key, with the bounds from the declaration."""
     low, high = (
         None if bound is None else in_file_units(variable, bound)
-        for bound in (variable.min, variable.max)
+        for bound in (variable.min, most(variable.max))
     )
     annotation: Any
     if variable.choices is not None:
@@ -291,7 +297,25 @@ if TYPE_CHECKING:
         """Table ``[receiver]``: keys of all our receivers."""
 
 else:
-    Target = _table("Target", COMPONENTS["target"], COMMON)
+    Target = _table(
+        "Target",
+        COMPONENTS["target"],
+        {
+            **COMMON,
+            "track_file": (
+                str | None,
+                Field(
+                    None,
+                    description="File of a recorded track, .csv or .gpx, for trajectory 'file'; "
+                    "relative to the scenario's file",
+                ),
+            ),
+            "track_tolerance_m": (
+                Annotated[float, Field(gt=0.0, le=1e5, allow_inf_nan=False)] | None,
+                Field(None, description="Farthest that the diver is from the recorded track"),
+            ),
+        },
+    )
     Platform = _table(
         "Platform",
         COMPONENTS["platform"],
@@ -391,6 +415,20 @@ class Time(Table):
         ),
     ] = Field(
         default=PATH, description="Length of the run; 'path': until the end of the target's path"
+    )
+
+
+class Place(Table):
+    """Table ``[place]``."""
+
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | None = Field(
+        default=None, description="Latitude of the origin of north, east and down, on WGS 84"
+    )
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = Field(
+        default=None, description="Longitude of the origin"
+    )
+    height_m: Annotated[float, Field(ge=-1e4, le=1e4)] = Field(
+        default=0.0, description="Height of the water's surface above the ellipsoid"
     )
 
 

@@ -13,7 +13,8 @@ from sblcosim.models.declaration import Variable
 from .file_schema import DIRECTIVE, TITLES
 from .overrides import Changes
 from .scenario import load
-from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
+from .schema import COMMON, PATH, TRUE, default, in_file_units, most, rows, toml
+from .tracks import TOLERANCE
 
 _IN_USE: Mapping[str, Any] = {
     "time": {"sampling_time_s": 0.1, "ekf_ratio": 1, "duration_s": PATH},
@@ -44,6 +45,12 @@ _EXAMPLES: Mapping[str, Any] = {
     "beaufort": 2,
     "packet_bits": 256,
     "waypoint_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
+    "track_file": "dive.csv",
+    "track_tolerance_m": TOLERANCE,
+    "track_time_s": (0.0, 60.0),
+    "track_m": ((0.0, 10.0, 5.0), (10.0, 10.0, 5.0)),
+    "latitude_deg": 42.5,
+    "longitude_deg": 14.2,
 }
 """Example values for keys without a default."""
 
@@ -105,7 +112,7 @@ def _range(variable: Variable | None) -> str:
         return ""
     low, high = (
         None if bound is None else f"{in_file_units(variable, bound):g}"
-        for bound in (variable.min, variable.max)
+        for bound in (variable.min, most(variable.max))
     )
     if high is None:
         return "" if low is None else f"; at least {low}"
@@ -115,7 +122,8 @@ def _range(variable: Variable | None) -> str:
 def _example(key: str, annotation: Any, variable: Variable | None) -> Any:
     if key in _EXAMPLES:
         value = _EXAMPLES[key]
-        return tuple(x for row in value for x in row) if variable is not None else value
+        nested = variable is not None and len(variable.shape) == 2
+        return tuple(x for row in value for x in row) if nested else value
     if variable is not None:
         component = next(c for c in COMPONENTS.values() if variable in c.variables)
         return default(component, variable)

@@ -37,7 +37,7 @@ from ..errors import (
 from ..simulation.execution import initial_outputs
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from . import arrangement, effects
+from . import arrangement, effects, tracks
 from .assumptions import beacons_of
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
@@ -183,12 +183,17 @@ def _ours(
 ) -> _Part:
     from sblcosim.fmus.build.factory import build
 
-    component = declared(name, beacons=scenario.beacons)
+    constants = {"beacons": scenario.beacons}
+    if name == "target":
+        constants |= tracks.capacity(table)
+    component = declared(name, **constants)
+    values = _values(component.of("parameter"), table, assumptions)
+    if name == "target" and table.trajectory != tracks.FILE:
+        values = {k: v for k, v in values.items() if k not in tracks.PARAMETERS}
     spec = ComponentSpec(
-        # `build` refuses any other version.
-        build(name, cast(Literal[2, 3], fmi), beacons=scenario.beacons),
+        build(name, cast(Literal[2, 3], fmi), False, None, **constants),  # refuses other versions
         nanoseconds(table.interval_s),
-        _values(component.of("parameter"), table, assumptions),
+        values,
     )
     return _Part(spec, frozenset(v.name for v in component))
 

@@ -148,6 +148,10 @@ def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> Non
     check(load(name, SHORT | MORE.get(name, {})))
 
 
+def test_the_same_holds_for_a_recorded_track() -> None:
+    check(load("paper-scenario-1", {"target": TRACK, "receiver.type": "ekf", **SHORT}))
+
+
 @pytest.mark.parametrize("receiver", [
     pytest.param(name, marks=[] if name in ("ekf", "coupled") else pytest.mark.slow)
     for name in RECEIVERS
@@ -156,6 +160,13 @@ def test_the_same_holds_for_every_receiver(receiver: str) -> None:
     more = {"sequential": {"gate": 0.5}, "fixed_lag": {"lag_s": 1.0}}.get(receiver, {})
     tables = load("paper-scenario-1", SHORT).given()
     check(load({**tables, "receiver": {"type": receiver, **more}}))
+
+
+TRACK = {
+    "trajectory": "file",
+    "track_time_s": [0.0, 3.0, 5.0, 12.0],
+    "track_m": [[5, 0, 1], [6, 0, 2], [6, 0, 2], [9, 5, 3]],
+}
 
 
 def anything(numbers: random.Random) -> dict[str, Any]:
@@ -175,6 +186,8 @@ def anything(numbers: random.Random) -> dict[str, Any]:
                 tables.setdefault(table, {})[variable.key] = numbers.choice(others)
     if tables.get("target", {}).get("trajectory") == "waypoints":
         tables["target"]["waypoint_m"] = [[0, 0, 1], [5, 0, 2], [5, 5, 3]]
+    if tables.get("target", {}).get("trajectory") == "file":
+        tables["target"] |= TRACK
     return tables
 
 

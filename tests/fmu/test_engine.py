@@ -162,7 +162,13 @@ def test_compiled_functions_agree_with_casadi(
                 nonlocal worst
                 worst = max(worst, relative(actual, np.ravel(function(*cut).full())))
 
-            compare(engine.call("initial", variant, p, w, t), functions.initial, p, w, t)
+            def read(occasion: str, *arguments: Any, rows: Any = functions.rows) -> list[Any]:
+                return [rows[occasion].read(*arguments)] if occasion in rows else []
+
+            compare(
+                engine.call("initial", variant, p, w, t),
+                functions.initial, p, w, t, *read("initial", p),
+            )
             compare(
                 engine.call("tick", variant, x, now, p, w, t, k),
                 functions.tick, x, now, p, w, t, k,
@@ -178,7 +184,7 @@ def test_compiled_functions_agree_with_casadi(
                 )
                 compare(
                     engine.call("body", number, variant, x, now, p, w, t),
-                    functions.bodies[loop], x, now, p, w, t,
+                    functions.bodies[loop], x, now, p, w, t, *read(loop, x, p),
                 )
     print(f"{name}: worst relative difference {worst:.1e}")
     assert worst < 1e-12

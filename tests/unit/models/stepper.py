@@ -90,7 +90,7 @@ class Stepper:
         self._p = _flat(self.p)
         self._u = _flat(self.u)
         self.x = self._call(self.functions.initial, self._p, self._draw("initial", 0),
-                            start_ns / 1e9)
+                            start_ns / 1e9, *self._rows("initial", self._p))
         self._advance(start_ns)
         self._output(start_ns)
 
@@ -149,11 +149,17 @@ class Stepper:
             turns = 0
             while self._call(self.functions.guards[loop], self.x, self._u, self._p, t)[0]:
                 self.x = self._call(self.functions.bodies[loop], self.x, self._u, self._p,
-                                    self._draw(loop, self.counts[loop]), t)
+                                    self._draw(loop, self.counts[loop]), t,
+                                    *self._rows(loop, self.x, self._p))
                 self.counts[loop] += 1
                 self._repeat(loops[i + 1:outermost], t_ns)
                 turns += 1
                 assert turns < MOST_TURNS, f"loop {loop} does not end"
+
+    def _rows(self, occasion: str, *arguments: Array) -> list[list[float]]:
+        """The rows of parameters that a function reads, if there are any."""
+        rows = self.functions.rows.get(occasion)
+        return [] if rows is None else [rows.read(*arguments)]
 
     def _draw(self, occasion: str, count: int) -> Array:
         draws = [np.asarray(self.noise(d, count), dtype=float).reshape(d.size)

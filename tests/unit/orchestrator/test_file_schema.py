@@ -7,6 +7,7 @@ import subprocess
 import tomllib
 from collections.abc import Iterator
 from importlib import metadata, resources
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from sblcosim.scenario.schema import (
     Target,
     default,
     in_file_units,
+    most,
     rows,
 )
 from sblcosim.scenario.starter import starter
@@ -89,16 +91,19 @@ def test_every_key_has_the_bounds_type_and_text_of_its_declaration(table: str, k
         wrong, right = ["yes", 1], [True, False]
     else:
         ends = [None if b is None else in_file_units(variable, b) for b in
-                (variable.min, variable.max)]  # fmt: skip
+                (variable.min, most(variable.max))]  # fmt: skip
+        size = variable.size
+        if key.startswith("track_"):
+            size = prod(int(most(n) or 0) for n in variable.shape)
         wrong = ["1", True, {}]
         right = [end for end in ends if end is not None]
         wrong += [end + step for end, step in zip(ends, (-1, 1), strict=True) if end is not None]
         if variable.shape:
-            right, wrong = [[r] * variable.size for r in right], [*wrong, 1.0] + [
-                [w] * variable.size for w in wrong
+            right, wrong = [[r] * size for r in right], [*wrong, 1.0] + [
+                [w] * size for w in wrong
             ]
-            most = variable.rows.most if variable.rows else variable.shape[0]
-            too_many = most * variable.size // variable.shape[0] + 1
+            rows_ = variable.rows.most if variable.rows else variable.shape[0]
+            too_many = rows_ * variable.size // variable.shape[0] + 1
             wrong += [[right[0][0]] * too_many] if right else []
     for value in right:
         assert SCENARIO.is_valid({table: {key: value}}), value

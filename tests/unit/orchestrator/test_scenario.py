@@ -604,8 +604,8 @@ def test_a_dump_leaves_out_what_was_filled_in_and_has_no_effect() -> None:
         (
             {"target": {"trajectory": "spirale"}},
             "scenario: [target] trajectory: must be 'straight_line', 'semicircle', 'circle', "
-            "'square', 'spiral', 'random_path', 'waypoints' or 'white_noise_acceleration', "
-            "got \"spirale\"; did you mean 'spiral'?",
+            "'square', 'spiral', 'random_path', 'waypoints', 'white_noise_acceleration' or "
+            "'file', got \"spirale\"; did you mean 'spiral'?",
         ),
         (
             {"target": {"center_m": [1.0, 2.0, 3.0]}},
@@ -720,7 +720,7 @@ def test_a_file_without_a_table_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "dive.toml"
     file.write_text(text)
     (line,) = problems(file)
-    assert line.startswith(f"{file}: must have at least one table ([time], [target], ")
+    assert line.startswith(f"{file}: must have at least one table ([time], [place], [target], ")
 
 
 def test_what_is_no_scenario_file_is_told_in_the_words_of_the_system(

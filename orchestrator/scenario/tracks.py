@@ -1,0 +1,125 @@
+"""The recorded track of a scenario: from its file to points that the Target follows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from sblcosim.models.target.variables import TRACK_POINTS
+
+from ..errors import ConfigurationError, shortened
+from ..tracks.place import Origin
+
+FILE = "file"
+"""The trajectory that is a recorded track."""
+FILE_KEYS = ("track_file", "track_tolerance_m")
+"""Keys of ``[target]`` that say what the points come from."""
+PARAMETERS = ("track_count", "track_time", "track")
+"""Parameters of the Target that only a track needs."""
+TOLERANCE = 0.1
+"""Default of ``track_tolerance_m``."""
+CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
+"""Numbers of points for which Targets are built."""
+
+
+class Tables(Protocol):
+    """The part of a scenario that is needed here."""
+
+    target: Any
+    place: Any
+
+    def given(self) -> dict[str, Any]:
+        """The keys that were given."""
+
+
+def capacity(target: Any) -> dict[str, int]:
+    """The constant of the build of the Target for a scenario's track."""
+    count = len(target.track_time_s or ()) if target.trajectory == FILE else 0
+    return {TRACK_POINTS.name: next(c for c in CAPACITIES if c >= count)}
+
+
+def origin_of(place: Any) -> Origin | None:
+    """Where the origin of a scenario is, if it says so."""
+    if place.latitude_deg is None or place.longitude_deg is None:
+        return None
+    return Origin(place.latitude_deg, place.longitude_deg, place.height_m)
+
+
+def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
+    """The given tables with the points of the track in place of its file, and what was left out.
+
+    So whatever is made of the scenario needs no file. None: there is no file to read.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read.
+    TooFewError
+        Its track does not fit.
+    """
+    target = scenario.target
+    if target.track_file is None or target.trajectory != FILE:
+        return None
+    from ..tracks.read import read
+    from ..tracks.resample import fitted
+    from ..tracks.track import FARTHEST
+
+    recorded = read(Path(target.track_file))
+    tables = scenario.given()
+    origin = origin_of(scenario.place) or recorded.origin()
+    points = recorded.points
+    if recorded.geographic:
+        assert origin is not None  # the track brings one
+        points = origin.local(points)
+        tables["place"] = {
+            "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
+            "height_m": origin.height_m,
+        }  # fmt: skip
+    for i, far in enumerate(abs(points).max(axis=1).tolist()):
+        if far > FARTHEST:
+            raise ConfigurationError(
+                f"{recorded.where(i, 1)}: must be within {FARTHEST / 1e3:g} km of the origin "
+                f"([place]), got {far / 1e3:,.0f} km"
+            )
+    tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
+    kept = fitted(recorded.times, points, tolerance)
+    own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}
+    own["track_time_s"] = kept.times.tolist()
+    own["track_m"] = kept.points.tolist()
+    tables["target"] = own
+    name = shortened(Path(target.track_file).name, 80)
+    added = f" and {kept.added:,} on the straight lines between them" if kept.added else ""
+    return tables, (
+        f"{name}: the diver follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
+        f"{added}, never farther than {kept.deviation:.2g} m from the recorded track"
+    )
+
+
+def problem(target: Any) -> str | None:
+    """What is wrong with the points of a track; None: nothing."""
+    if target.track_file is not None and target.trajectory == FILE:
+        for key in ("track_time_s", "track_m", "track_count"):
+            if key in target.model_fields_set:
+                return f"[target] {key}: must be left out when there is a track_file"
+        if target.fmu is not None:
+            return "[target] track_file: must be left out for another FMU, fmu"
+        return None
+    if target.trajectory != FILE or target.fmu is not None:
+        return None
+    times, count = target.track_time_s, len(target.track_m) // 3
+    if len(times) < 2:
+        return (
+            "[target] track_file: must be the file of a track (or track_time_s and track_m its "
+            "points) when trajectory is 'file', got none"
+        )
+    if count != len(times):
+        return f"[target] track_m: must have a row for each of {len(times)} times, got {count}"
+    if not 2 <= target.track_count <= count:
+        return f"[target] track_count: must be from 2 to {count}, got {target.track_count}"
+    for i in range(1, len(times)):
+        if not times[i] > times[i - 1]:
+            return (
+                f"[target] track_time_s[{i + 1}]: must be later than the point before "
+                f"({times[i - 1]!r}), got {times[i]!r}"
+            )
+    return None

@@ -1,0 +1,1 @@
+"""Recorded tracks: read from files, and made of as few points as a tolerance needs."""

@@ -1,0 +1,138 @@
+"""Tracks in GPX: all points of all tracks, one after another; the elevation is minus the depth."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import timedelta
+from typing import TYPE_CHECKING, NoReturn
+from xml.parsers import expat
+
+import numpy as np
+
+from ..errors import ConfigurationError, one_line, shortened
+from .track import FARTHEST, LEAST, Recorded, Where
+
+if TYPE_CHECKING:
+    from gpxpy.gpx import GPXTrackPoint
+
+_TIME, _LATITUDE, _LONGITUDE, _ELEVATION = "time", "lat", "lon", "ele"
+_ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
+
+
+def read(name: str, text: str) -> Recorded:
+    """Read a track from GPX.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not GPX, or a point lacks something; the message names line and column.
+    """
+    places = _places(name, text)
+
+    def where(point: int, coordinate: int) -> str:
+        line, column = places[point]
+        what = f"trkpt {point + 1}, {_ATTRIBUTES[coordinate]}"
+        return f"{name}, line {line}, column {column} ({what})"
+
+    points = _points(name, text, places)
+    if len(points) < 2:
+        at = where(0, 0) if points else f"{name}, line 1, column 1"
+        raise ConfigurationError(
+            f"{at}: must be followed by a second point, got no other" if points else
+            f"{at}: must have a track with at least 2 points (trkpt), got none"
+        )
+    rows, times = np.empty((len(points), 3)), np.empty(len(points))
+    for i, point in enumerate(points):
+        for j, value, what in (
+            (0, point.time, "a time"), (3, point.elevation, "an elevation, minus the depth [m]")
+        ):
+            if value is None:
+                raise ConfigurationError(
+                    f"{where(i, j)}: must have {what} (<{_ATTRIBUTES[j]}>), got none that can be "
+                    "read"
+                )
+        times[i] = _since(points, i, where)
+        rows[i] = point.latitude, point.longitude, -(point.elevation or 0.0)
+        for j, most in ((1, 90.0), (2, 180.0), (3, FARTHEST)):
+            if not -most <= rows[i, j - 1] <= most:
+                value = rows[i, j - 1] * (-1 if j == 3 else 1)
+                raise ConfigurationError(
+                    f"{where(i, j)}: must be a number from {-most:g} to {most:g}, got {value:g}"
+                )
+    return Recorded(name, times, rows, True, where)
+
+
+def _points(name: str, text: str, places: Sequence[tuple[int, int]]) -> list[GPXTrackPoint]:
+    """The points of all tracks."""
+    import gpxpy
+    from gpxpy.gpx import GPXException
+
+    try:
+        points = [
+            point for track in gpxpy.parse(text).tracks
+            for segment in track.segments for point in segment.points
+        ]
+    except (GPXException, ValueError, TypeError) as error:
+        line, column = _mentioned(text, str(error)) or (places or [(1, 1)])[0]
+        raise ConfigurationError(
+            f"{name}, line {line}, column {column}: must be GPX, got {shortened(one_line(error))}"
+        ) from None
+    if len(points) != len(places):
+        line, column = places[0]
+        raise ConfigurationError(
+            f"{name}, line {line}, column {column}: must have its {len(places)} points (trkpt) in "
+            f"segments (trkseg) of tracks (trk), got {len(points)} there"
+        )
+    return points
+
+
+def _since(points: Sequence[GPXTrackPoint], i: int, where: Where) -> float:
+    """Time of a point since the first one [s]."""
+    first, before, time = points[0].time, points[max(i - 1, 0)].time, points[i].time
+    assert first is not None
+    assert before is not None
+    assert time is not None
+    if i and (time - before) / timedelta(seconds=1) < LEAST:
+        raise ConfigurationError(
+            f"{where(i, 0)}: must be later than the point before ({before.isoformat()}), got "
+            f"{time.isoformat()}"
+        )
+    return (time - first) / timedelta(seconds=1)
+
+
+def _places(name: str, text: str) -> list[tuple[int, int]]:
+    """Line and column of each track point."""
+    found: list[tuple[int, int]] = []
+    parser = expat.ParserCreate()
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if tag.rpartition(":")[2] == "trkpt":
+            found.append((parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
+
+    def declared(*_: object) -> NoReturn:
+        raise ConfigurationError(
+            f"{name}, line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}: "
+            "must be GPX without a document type, got <!DOCTYPE"
+        )
+
+    parser.StartElementHandler = begin
+    parser.StartDoctypeDeclHandler = declared
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        raise ConfigurationError(
+            f"{name}, line {error.lineno}, column {error.offset + 1}: must be XML, got "
+            f"{expat.ErrorString(error.code)}"
+        ) from None
+    return found
+
+
+def _mentioned(text: str, message: str) -> tuple[int, int] | None:
+    """Line and column of the value of which a message of the reader complains."""
+    for word in re.findall(r"[^\s'\"()]+", message)[::-1]:
+        found = re.search(rf"[>\"']{re.escape(word)}[<\"']", text)
+        if found:
+            line = text.count("\n", 0, found.start()) + 1
+            return line, found.start() - text.rfind("\n", 0, found.start()) + 1
+    return None

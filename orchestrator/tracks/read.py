@@ -1,0 +1,79 @@
+"""Read a track from the user's file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..errors import ConfigurationError, quoted, shortened
+from .track import LONGEST, MOST_POINTS, Recorded
+
+LARGEST = 64 << 20
+"""Largest file of a track [bytes]."""
+KINDS = (".csv", ".gpx", ".txt", ".tsv")
+
+
+def read(path: Path) -> Recorded:
+    """The track in a file.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or there is something wrong in it; the message names line and
+        column.
+    """
+    name = shortened(str(path), 240)
+    if path.suffix.lower() not in KINDS:
+        raise ConfigurationError(
+            f"{name}: must be a .csv or .gpx file, got {quoted(path.suffix or path.name)}"
+        )
+    text = _text(path, name)
+    track = _track(path, name, text)
+    if len(track.times) > MOST_POINTS:
+        raise ConfigurationError(
+            f"{track.where(MOST_POINTS, 0)}: must be one of at most {MOST_POINTS:,} points, got "
+            f"{len(track.times):,}"
+        )
+    if track.times[-1] > LONGEST:
+        raise ConfigurationError(
+            f"{track.where(len(track.times) - 1, 0)}: must be within {LONGEST:g} s of the first "
+            f"point, got {track.times[-1]:g} s"
+        )
+    return track
+
+
+def _track(path: Path, name: str, text: str) -> Recorded:
+    # Only who has a track waits for what reads it.
+    if path.suffix.lower() == ".gpx":
+        from . import gpx
+
+        return gpx.read(name, text)
+    from . import table
+
+    return table.read(name, text)
+
+
+def _text(path: Path, name: str) -> str:
+    try:
+        if os.path.isdir(path):
+            raise ConfigurationError(f"{name}: is a folder, not the file of a track")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)  # a device file may never end
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        if isinstance(error, FileNotFoundError):
+            raise ConfigurationError(f"{name}: no such file") from None
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigurationError(
+            f"{name}: must be a file that can be read, got {reason}"
+        ) from None
+    if len(content) > LARGEST:
+        raise ConfigurationError(f"{name}: must have at most {LARGEST:,} bytes, got more")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        column = error.start - content.rfind(b"\n", 0, error.start)
+        raise ConfigurationError(
+            f"{name}, line {line}, column {column}: must be text in UTF-8, got the byte "
+            f"0x{content[error.start]:02x}"
+        ) from None

@@ -1,0 +1,354 @@
+"""Recorded tracks: what is read, what is refused and where, and which points are kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sblcosim.errors import ConfigurationError
+from sblcosim.scenario.scenario import load
+from sblcosim.tracks import resample
+from sblcosim.tracks.place import Origin
+from sblcosim.tracks.read import read
+from sblcosim.tracks.resample import MOST, TooFewError, fitted, motion
+
+NED = "time_s,north_m,east_m,down_m"
+GEO = "time_s,latitude_deg,longitude_deg,depth_m"
+GPX = """<?xml version="1.0"?>
+<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">
+<!-- <trkpt> is no point here -->
+<trk><trkseg>
+{points}
+</trkseg></trk>
+</gpx>
+"""
+POINT = '<trkpt lat="{0}" lon="14.2"><ele>{1}</ele><time>2024-05-01T10:00:{2:02d}Z</time></trkpt>'
+
+
+def gpx(*points: Any) -> str:
+    lines = [p if isinstance(p, str) else POINT.format(*p) for p in points]
+    return GPX.format(points="\n".join(lines))
+
+
+def table(header: str, *rows: str) -> str:
+    return "\n".join((header, *rows, ""))
+
+
+def written(folder: Path, text: str, name: str = "") -> Path:
+    file = folder / (name or ("dive.gpx" if text.startswith("<") else "dive.csv"))
+    file.write_text(text, "utf-8")
+    return file
+
+
+def dive(points: int, step: float = 1.0, seed: int = 1) -> tuple[Any, Any]:
+    """A dive with stops."""
+    numbers = np.random.default_rng(seed)
+    velocity = np.zeros((points, 3))
+    for i in range(1, points):
+        velocity[i] = 0.97 * velocity[i - 1] + numbers.normal(0, 0.02, 3)
+    for first in numbers.integers(0, points, points // 500):
+        velocity[first : first + 60] = 0
+    path = np.cumsum(velocity * step, axis=0)
+    return np.arange(points) * step, path + np.array([5.0, -3.0, 10.0])
+
+
+def largest(kept: Any, times: Any, points: Any) -> float:
+    """The largest distance from the track with straight lines between its points, densely."""
+    at = np.union1d(np.linspace(times[0], times[-1], 200_001), times)
+    line = np.stack([np.interp(at, times, axis) for axis in points.T], axis=1)
+    return float(np.linalg.norm(motion(kept.times, kept.points, at)[0] - line, axis=1).max())
+
+
+# Reading -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", [
+    table(NED, "0,1,2,3", "1.5,1,2,4"),
+    table("\ufeff" + NED, "0,1,2,3", "1.5,1,2,4"),
+    table("# of a logger", NED.replace(",", ";"), "", "100.3;1;2;3", "# a note", "101.8;1;2;4"),
+    table("down_m\tnote\ttime\tnorth_m\teast_m",
+          "3\t\t2024-05-01T10:00:00Z\t1\t2", "4\tx\t2024-05-01T12:00:01.5+02:00\t1\t2"),
+])  # fmt: skip
+def test_columns_are_found_by_their_names(tmp_path: Path, text: str) -> None:
+    track = read(written(tmp_path, text))
+    assert track.times.tolist() == [0, 1.5]
+    assert track.points.tolist() == [[1, 2, 3], [1, 2, 4]]
+    assert not track.geographic
+
+
+def test_gpx_and_table_give_the_same_points(tmp_path: Path) -> None:
+    rows = [(42.5, -10.1, 0), (42.50001, -10.25, 1), (42.500025, -11.0, 3)]
+    one = read(written(tmp_path, gpx(*rows)))
+    other = read(written(tmp_path, table(GEO, *(f"{t + 7},{y},14.2,{-z}" for y, z, t in rows))))
+    assert one.geographic
+    assert other.geographic
+    np.testing.assert_array_equal(one.times, other.times)
+    np.testing.assert_array_equal(one.points, other.points)
+    assert one.origin() == Origin(42.5, 14.2)
+
+
+def test_positions_on_earth_are_those_of_north_east_and_down() -> None:
+    origin = Origin(42.5, 14.2, 40.0)
+    ned = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 5.0], [0.0, 200.0, 7.0], [-300.0, 250.0, 20.0]])
+    there = origin.geographic(ned)
+    np.testing.assert_allclose(origin.local(there), ned, atol=1e-8)
+    np.testing.assert_allclose(there[0], [42.5, 14.2, 0.0], atol=1e-9)
+    # one minute of latitude is a nautical mile, and the water is as flat as that
+    np.testing.assert_allclose((there[1, 0] - 42.5) * 60 * 1852, 100, rtol=2e-3)
+    np.testing.assert_allclose(there[:, 2], ned[:, 2], atol=0.02)
+
+
+WRONG: dict[str, tuple[str, str]] = {
+    "empty": ("", "line 1, column 1: must be the names of the columns"),
+    "no points": (table(NED), "line 1, column 1 (time_s): must be followed by at least 2 points"),
+    "one point": (table(NED, "0,1,2,3"), "line 2, column 1 (time_s): must be followed by a second "
+                  "point, got the end of the file"),
+    "backwards": (table(NED, "0,1,2,3", "2,1,2,3", "1,1,2,3"),
+                  "line 4, column 1 (time_s): must be later than the point before (2), got '1'"),
+    "twice": (table(NED, "0,1,2,3", "0,1,2,3"),
+              "line 3, column 1 (time_s): must be later than the point before (0), got '0'"),
+    "mixed": (table("time_s,latitude_deg,east_m,down_m", "0,1,2,3"),
+              "line 1, column 3: must be one of latitude_deg, longitude_deg, depth_m, as the first "
+              "of them says, got 'east_m'; did you mean 'longitude_deg'?"),
+    "metres": (table(GEO, "0,42,14,3", "1,142.5,14,3"),
+               "line 3, column 2 (latitude_deg): must be a number from -90 to 90, got '142.5'"),
+    "name": (table("time_s,nort_m,east_m,down_m"),
+             "line 1, column 2: must be the name of a column of a track, as north_m is missing, "
+             "got 'nort_m'; did you mean 'north_m'?"),
+    "unit": (table("time_s,lat,lon,depth_m"),
+             "line 1, column 2: must be the name of a column of a track, as latitude_deg is "
+             "missing, got 'lat'; did you mean 'latitude_deg'?"),
+    "no time": (table("north_m,east_m,down_m,note"),
+                "line 1, column 5: must be time_s or time, got no such column in north_m"),
+    "both times": (table("time,time_s,north_m,east_m,down_m"),
+                   "line 1, column 2: must be either time_s or time, got both"),
+    "name twice": (table("time_s,north_m,north_m,east_m,down_m"),
+                   "line 1, column 3: must be a name of its own, got 'north_m' a second time"),
+    "short": (table(NED, "0,1,2,3", "1,2,3"),
+              "line 3, column 4: must have as many columns as the names, 4, got 3"),
+    "word": (table(NED, "0,1,x,3", "1,1,1,1"),
+             "line 2, column 3 (east_m): must be a number from -100000 to 100000, got 'x'"),
+    "nan": (table(NED, "0,1,2,3", "1,1,2,nan"), "line 3, column 4 (down_m): must be a number from"),
+    "clock": (table(NED, "2024-05-01T10:00:00Z,1,2,3", "x,1,1,1"),
+              "line 2, column 1 (time_s): must be a number of seconds, got '2024-05-01T10:00:00Z'; "
+              "times of a clock are in a column 'time'"),
+    "seconds": (table(NED.replace("time_s", "time"), "0,1,2,3", "1,1,2,3"),
+                "line 2, column 1 (time): must be a time like 2024-05-01T10:00:00Z, got '0'; "
+                "seconds are in a column 'time_s'"),
+    "offset": (table(NED.replace("time_s", "time"), "2024-05-01T10:00:00Z,1,2,3",
+                     "2024-05-01T10:00:01,1,2,3"),
+               "line 3, column 1 (time): must have an offset from UTC, as the first time"),
+    "quotes": (table(NED, '0,"1,2,3'), "column 1: must be a line of a table, got"),
+    "long": (table(NED, "0,1,2,3", "2e9,1,2,3"),
+             "line 3, column 1 (time_s): must be within 1e+09 s of the first point"),
+    "gpx backwards": (gpx((42, -1, 1), (42, -1, 3), (42, -1, 2)),
+                      "line 7, column 1 (trkpt 3, time): must be later than the point before "
+                      "(2024-05-01T10:00:03+00:00), got 2024-05-01T10:00:02+00:00"),
+    "gpx one point": (gpx((42, -1, 1)), "line 5, column 1 (trkpt 1, time): must be followed by a "
+                      "second point, got no other"),
+    "gpx none": (gpx(), "line 1, column 1: must have a track with at least 2 points (trkpt)"),
+    "gpx time": (gpx((42, -1, 1), '<trkpt lat="1" lon="2"><ele>1</ele></trkpt>'),
+                 "line 6, column 1 (trkpt 2, time): must have a time (<time>), got none"),
+    "gpx depth": (gpx((42, -1, 1), (42, -1, 2)).replace("<ele>-1</ele>", "", 1),
+                  "line 5, column 1 (trkpt 1, ele): must have an elevation, minus the depth [m]"),
+    "gpx latitude": (gpx((42, -1, 1), (142, -1, 2)),
+                     "line 6, column 1 (trkpt 2, lat): must be a number from -90 to 90, got 142"),
+    "gpx word": (gpx((42, -1, 1), ("north", -1, 2)), "line 6, column 13: must be GPX, got"),
+    "gpx clock": (gpx((42, -1, 1), (42, -1, 2)).replace("10:00:02Z", "noon"),
+                  "line 6, column 1 (trkpt 2, time): must have a time (<time>), got none that can"),
+    "xml": (gpx((42, -1, 1), "<trkpt>"), "must be XML, got mismatched tag"),
+    "bomb": ('<!DOCTYPE gpx [<!ENTITY a "aaaa">]>\n<gpx/>',
+             "line 1, column 15: must be GPX without a document type, got <!DOCTYPE"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_named_with_line_and_column(tmp_path: Path, case: str) -> None:
+    text, message = WRONG[case]
+    file = written(tmp_path, text, "dive.gpx" if text.startswith("<") else "dive.csv")
+    with pytest.raises(ConfigurationError) as error:
+        read(file)
+    line = str(error.value)
+    assert line.startswith(f"{file}, line ")
+    assert message in line
+    assert "\n" not in line
+
+
+def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bytes.csv").write_bytes(b"time_s\n\xff")
+    for name, message in (
+        ("no.csv", "no such file"), ("dive.kml", "must be a .csv or .gpx file"),
+        ("bytes.csv", "line 2, column 1: must be text in UTF-8, got the byte 0xff"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            read(tmp_path / name)
+
+
+def test_too_many_points_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sblcosim.tracks.read.MOST_POINTS", 2)
+    with pytest.raises(ConfigurationError, match=r"line 4, column 1 .*one of at most 2 points"):
+        read(written(tmp_path, table(NED, "0,1,2,3", "1,1,2,3", "2,1,2,3")))
+
+
+# What is kept ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 0.5])
+def test_a_long_track_stays_within_the_tolerance_at_all_times(tolerance: float) -> None:
+    times, points = dive(10_000)
+    kept = fitted(times, points, tolerance)
+    assert kept.recorded == 10_000
+    assert len(kept.times) < 2500
+    assert largest(kept, times, points) <= kept.deviation + 1e-12 <= tolerance + 1e-12
+    before, after = (motion(kept.times, kept.points, kept.times[1:-1] + d) for d in (-1e-6, 1e-6))
+    np.testing.assert_allclose(before[1], after[1], atol=1e-4)
+    again = fitted(times, points, tolerance)
+    np.testing.assert_array_equal(again.times, kept.times)
+
+
+def test_kept_points_are_of_the_track_and_so_are_the_ends_of_stops() -> None:
+    times, points = dive(2_000)
+    kept = fitted(times, points, 0.2)
+    own = np.isin(kept.times, times)
+    assert (~own).sum() == kept.added
+    np.testing.assert_array_equal(kept.points[own], points[np.searchsorted(times, kept.times[own])])
+    rests = np.flatnonzero((np.diff(points, axis=0) == 0).all(axis=1))
+    assert len(rests) > 100
+    position, velocity = motion(kept.times, kept.points, times[rests] + 0.5)
+    np.testing.assert_array_equal(position, points[rests])
+    assert (velocity == 0).all()
+
+
+def test_a_corner_is_cut_no_farther_than_the_tolerance() -> None:
+    times, points = np.array([0.0, 100, 160, 200]), np.array(
+        [[0, 0, 5], [50, 0, 5], [50, 0, 5], [50, 30, 5.0]]
+    )
+    kept = fitted(times, points, 0.05)
+    assert kept.added == 4
+    assert largest(kept, times, points) <= 0.05
+
+
+def test_of_a_straight_line_little_is_kept() -> None:
+    times = np.arange(1000.0)
+    kept = fitted(times, times[:, None] * [0.3, -0.2, 0.1], 0.1)
+    assert len(kept.times) <= 8
+
+
+def test_a_track_that_does_not_fit_is_refused_with_the_tolerance_that_would() -> None:
+    times, points = dive(2_000)
+    with pytest.raises(TooFewError) as error:
+        fitted(times, points, 0.001, most=300)
+    said = str(error.value)
+    enough = float(said.partition("at least ")[2].partition(", ")[0])
+    assert said == (
+        f"[target] track_tolerance_m: must be at least {enough:g}, as 300 points are to do for "
+        "the 2,000 of the track, got 0.001"
+    )
+    assert len(fitted(times, points, enough, most=300).times) <= 300
+    with pytest.raises(TooFewError):
+        fitted(times, points, 0.8 * enough, most=300)
+
+
+def test_stops_make_way_if_there_is_no_room_for_them() -> None:
+    times = np.arange(100.0)
+    points = np.stack([np.floor(times / 2) * 0.01, 0 * times, 0 * times], axis=1)
+    assert len(fitted(times, points, 0.1, most=20).times) <= 20
+
+
+# In a scenario -----------------------------------------------------------------------------------
+
+
+def scenario(folder: Path, text: str, more: str = "", **place: float) -> Path:
+    track = written(folder, text)
+    where = "".join(f"{key} = {value}\n" for key, value in place.items())
+    file = folder / "dive.toml"
+    file.write_text(
+        f'[target]\ntrajectory = "file"\ntrack_file = "{track.name}"\n{more}\n[place]\n{where}'
+    )
+    return file
+
+
+LINE = table(NED, *(f"{t},{0.2 * t},{t % 7},5" for t in range(60)))
+
+
+def test_a_scenario_holds_the_points_instead_of_the_file(tmp_path: Path) -> None:
+    file = scenario(tmp_path, LINE, "track_tolerance_m = 0.3")
+    made = load(file)
+    assert made.target.track_file is None
+    assert made.target.track_count == len(made.target.track_time_s)
+    assert "of 60 points" in made.about_track
+    (tmp_path / "dive.csv").unlink()
+    again = tmp_path / "again.toml"
+    again.write_text(made.dump_toml())
+    assert load(again).target == made.target
+    assert made.override({"seed": 3}).about_track == made.about_track
+    assert made.override({"target.trajectory": "circle"}).about_track == ""
+    with pytest.raises(ConfigurationError, match="no such file"):
+        load(file)
+
+
+def test_the_origin_is_that_of_the_scenario_or_the_first_point(tmp_path: Path) -> None:
+    text = gpx((42.5, -10, 1), (42.501, -10, 40))
+    free = load(scenario(tmp_path, text))
+    assert (free.place.latitude_deg, free.place.longitude_deg) == (42.5, 14.2)
+    assert free.target.track_m[:2] == pytest.approx((0, 0), abs=1e-9)
+    there = load(scenario(tmp_path, text, latitude_deg=42.499, longitude_deg=14.2, height_m=44.0))
+    assert there.target.track_m[0] == pytest.approx(111, abs=0.3)
+    assert there.place.height_m == 44
+    far = scenario(tmp_path, text, latitude_deg=-42.499, longitude_deg=14.2)
+    with pytest.raises(ConfigurationError, match=r"dive.gpx, line 5, column 1 .*within 100 km"):
+        load(far)
+
+
+@pytest.mark.parametrize(("tables", "message"), [
+    ({"trajectory": "file"}, "[target] track_file: must be the file of a track (or track_time_s "
+     "and track_m its points) when trajectory is 'file', got none"),
+    ({"trajectory": "file", "track_file": "x.csv", "track_time_s": [0, 1]},
+     "[target] track_time_s: must be left out when there is a track_file"),
+    ({"trajectory": "file", "track_file": "x.csv", "fmu": "x.fmu"},
+     "[target] track_file: must be left out for another FMU, fmu"),
+    ({"trajectory": "file", "track_time_s": [0, 1], "track_m": [1, 2, 3]},
+     "[target] track_m: must have a row for each of 2 times, got 1"),
+    ({"trajectory": "file", "track_time_s": [0, 1, 1], "track_m": [[0, 0, 1]] * 3},
+     "[target] track_time_s[3]: must be later than the point before (1.0), got 1.0"),
+    ({"trajectory": "file", "track_count": 3, "track_time_s": [0, 1], "track_m": [[0, 0, 1]] * 2},
+     "[target] track_count: must be from 2 to 2, got 3"),
+    ({"trajectory": "file", "track_time_s": [0, 1], "track_m": [[0, 0, 1], [0, 2e5, 1]]},
+     "[target] track_m[2,2]: must be at most 100000.0, got 200000.0"),
+    ({"track_fil": "x.csv"}, "[target] has no key 'track_fil'; did you mean 'track_file'?"),
+])  # fmt: skip
+def test_keys_that_contradict_each_other_are_refused(tables: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        load({"target": tables})
+    assert str(error.value) == f"scenario: {message}"
+
+
+def test_half_a_place_is_none() -> None:
+    with pytest.raises(ConfigurationError, match=r"\[place\] longitude_deg: must be given with"):
+        load({"place": {"latitude_deg": 1.0}})
+
+
+def test_a_tolerance_that_is_too_small_is_a_matter_of_the_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(resample, "fitted", lambda *a: fitted(*a, most=4))
+    file = scenario(tmp_path, LINE)
+    with pytest.raises(ConfigurationError, match=rf"^{file}: \[target\] track_tolerance_m: must"):
+        load(file)
+    with pytest.raises(ConfigurationError, match=r"^override target.track_tolerance_m: must be at"):
+        load(file, {"target.track_tolerance_m": 0.01})
+    assert MOST == 4096
+
+
+def test_a_track_that_is_not_followed_is_said(tmp_path: Path) -> None:
+    from sblcosim.scenario import effects
+
+    made = load({"target": {"track_file": str(tmp_path / "no.csv")}})
+    idle = effects.idle(made, effects.components_of(made), effects.given(made))
+    assert idle == {("target", "track_file"): 'trajectory is "semicircle"'}
+    points = {"track_time_s": [0.0, 1.0], "track_m": [[0, 0, 1], [1, 0, 1]]}
+    made = load({"target": {"trajectory": "file", "track_tolerance_m": 0.1, **points}})
+    idle = effects.idle(made, effects.components_of(made), effects.given(made))
+    assert idle == {("target", "track_tolerance_m"): "there is no track_file"}
