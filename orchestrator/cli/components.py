@@ -58,7 +58,7 @@ def build(
             (path, out / f"fmi{version}" / path.name)
             for version in ((2, 3) if fmi is None else (fmi,))
             for name in (names or COMPONENTS)
-            for path in [build_fmu(name, version, all_platforms, **constants)]
+            for path in [build_fmu(name, version, all_platforms, None, **constants)]
         ]
         for cached, path in built:
             try:

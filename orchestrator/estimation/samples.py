@@ -66,7 +66,8 @@ class Samples:
         """Whether a packet says what no other of its epoch has said before, errors included; (m,).
         """
         again = np.diff(self.range_ns, prepend=self.range_ns[:1] - 1) == 0
-        return ~(self.has_pose & again)
+        own: Flags = ~(self.has_pose & again)
+        return own
 
     def enough_ns(self) -> int | None:
         """Epoch from which three beacons and a depth have been heard [ns]; None if there is none.

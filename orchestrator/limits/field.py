@@ -31,7 +31,7 @@ def rows_of(p: Any, truth: Truth, heard: Floats, depth: Floats, beacons: Floats)
     measured = [(field.depth(p, x), depth)]
     for i in range(count):
         which = [float(i == j) for j in range(count)]
-        measured.append((field.range_(np, p, x, beacons[:, i].T, which), heard[:, i]))
+        measured.append((field.range_(np, p, x, [*beacons[:, i].T], which), heard[:, i]))
     return stacked(measured, field.states(count))
 
 
@@ -47,7 +47,8 @@ def prior(p: Any, known_start: bool) -> Floats:
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     """Φ and Q over dt [s]; (9 + 3N, 9 + 3N) each."""
-    return arrays_of(*field.transition(np, p, dt), field.states(p.beacons))
+    phi, noise = field.transition(np, p, dt)
+    return arrays_of(phi, noise, field.states(p.beacons))
 
 
 def marginals(P: Floats) -> Floats:

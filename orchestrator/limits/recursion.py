@@ -146,7 +146,8 @@ def prior(p: Any, known_start: bool) -> Floats:
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
     """Φ and Q over dt [s]; (18, 18) each."""
-    return arrays_of(*surroundings.transition(np, p, dt), STATES)
+    phi, noise = surroundings.transition(np, p, dt)
+    return arrays_of(phi, noise, STATES)
 
 
 def arrays_of(

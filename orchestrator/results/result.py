@@ -12,10 +12,8 @@ import pandas as pd
 from .. import artifacts, style
 from ..lazy import Module
 from ..scenario.labels import RAW
-from ..scenario.scenario import Scenario
-from ..scenario.tracks import origin_of
 from ..shown import Picture, Shown
-from . import geography, metrics, notebook, possible, text
+from . import metrics, notebook, possible, text
 from .artist import drawing
 from .catalogue import Figure, by_name, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
@@ -289,10 +287,17 @@ class Result(Shown):
         artifacts.write_table(self.summary.reset_index(), folder, "summary")
         if hasattr(self.scenario, "dump_toml"):
             (folder / "scenario.toml").write_text(self._scenario_file(directory), "utf-8")
-        if isinstance(self.scenario, Scenario):
-            origin = origin_of(self.scenario.place)
-            if origin is not None:
-                geography.write(folder, self.title, origin, self.record, self.estimates)
+        if getattr(self.scenario, "place", None) is not None:
+            self._write_paths(folder)
+
+    def _write_paths(self, folder: Path) -> None:
+        # Few runs have a place on Earth.
+        from ..scenario.tracks import origin_of
+        from . import geography
+
+        origin = origin_of(self.scenario.place)
+        if origin is not None:
+            geography.write(folder, self.title, origin, self.record, self.estimates)
 
     def _scenario_file(self, directory: str | Path) -> str:
         file: str = self.scenario.dump_toml(Path(directory))

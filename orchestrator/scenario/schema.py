@@ -26,12 +26,13 @@ from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.acoustics import clock
-from sblcosim.models.declaration import Component, Dimension, Variable, number_of
+from sblcosim.models.declaration import Component, Variable, number_of
 from sblcosim.models.platform import gps, imu
 from sblcosim.models.platform.beaufort import LEVELS, sea_state
 from sblcosim.models.ports import BEACONS
 
 from ..shown import public
+from .arrays import counts_of, flat, is_list, json_schema, most
 
 CORE_COMPONENTS = ("target", "platform", "acoustics")
 """The components that every system has; their tables have the same names."""
@@ -154,47 +155,10 @@ def default(component: Component, variable: Variable) -> Any:
         return variable.choices[int(variable.starts[0])]
     if variable.type != "Float64":
         return variable.starts if variable.shape else variable.starts[0]
-    if _is_list(component.variables, variable):
+    if is_list(component.variables, variable):
         return ()
     elements = tuple(in_file_units(variable, float(x)) for x in variable.starts)
     return elements if variable.shape else elements[0]
-
-
-def _is_list(variables: Iterable[Variable], variable: Variable) -> bool:
-    """Whether an array has a capacity and a separate count."""
-    return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
-
-
-def most(bound: float | None) -> float | None:
-    """The largest value of what may be a constant of the build."""
-    return bound.most if isinstance(bound, Dimension) else bound
-
-
-def _counts(variable: Variable, partial_rows: bool) -> tuple[int, int]:
-    """Least and largest number of rows of an array."""
-    if variable.rows is not None:
-        return 0 if partial_rows else variable.rows.least, variable.rows.most
-    return 0 if partial_rows else variable.shape[0], variable.shape[0]
-
-
-def _flat(shape: tuple[int, ...], counts: tuple[int, int], value: Any) -> Any:
-    """Flatten rows and check the number of elements."""
-    if not isinstance(value, list | tuple):
-        return value  # not an array: pydantic refuses it later
-    parts = [row if isinstance(row, list | tuple) else [row] for row in value]
-    flat = tuple(x for row in parts for x in row)
-    width = math.prod(shape[1:])
-    low, high = counts
-    fits = len(flat) % width == 0 and low * width <= len(flat) <= high * width
-    if low == high:
-        wanted = " x ".join(map(str, shape)) + " numbers"
-    else:
-        most = f"{low} to {high}" if low else f"at most {high}"
-        wanted = f"{most} rows of {width} numbers" if len(shape) > 1 else f"{most} numbers"
-    nested = {len(row) for row in parts}
-    if not fits or (nested and nested != {1} and nested != {width}):
-        raise PydanticCustomError("shape", "must be an array of {wanted}", {"wanted": wanted})
-    return flat
 
 
 def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
@@ -215,34 +179,14 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
         if variable.name in _TICKS:
             annotation = Annotated[annotation, AfterValidator(settled)]
     if variable.shape:
-        counts = _counts(variable, _is_list(variables, variable))
-        check = partial(_flat, variable.shape, counts)
+        counts = counts_of(variable, is_list(variables, variable))
+        check = partial(flat, variable.shape, counts)
         annotation = Annotated[
             tuple[annotation, ...],
             BeforeValidator(check),
-            WithJsonSchema(_arrays(variable, counts, low, high)),
+            WithJsonSchema(json_schema(variable, counts, low, high)),
         ]
     return annotation
-
-
-def _arrays(
-    variable: Variable, counts: tuple[int, int], low: float | None, high: float | None
-) -> dict[str, Any]:
-    """JSON schema of what `_flat` takes: elements one after another, or by rows."""
-    bounds = {"minimum": low, "maximum": high}
-    kind = "integer" if variable.type == "Int32" else "number"
-    element = {"type": kind} | {k: v for k, v in bounds.items() if v is not None}
-    width = math.prod(variable.shape[1:])
-
-    def array(items: dict[str, Any], of: int) -> dict[str, Any]:
-        least, most = (of * n for n in counts)
-        return {"type": "array", "items": items, "minItems": least, "maxItems": most}
-
-    flat = array(element, width)
-    if len(variable.shape) == 1:
-        return flat
-    row = {"type": "array", "items": element, "minItems": width, "maxItems": width}
-    return {"anyOf": [array(row, 1), flat]}
 
 
 def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:

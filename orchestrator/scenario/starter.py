@@ -10,10 +10,11 @@ from typing import Any
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
 
+from .arrays import most
 from .file_schema import DIRECTIVE, TITLES
 from .overrides import Changes
 from .scenario import load
-from .schema import COMMON, PATH, TRUE, default, in_file_units, most, rows, toml
+from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
 from .tracks import TOLERANCE
 
 _IN_USE: Mapping[str, Any] = {
