@@ -35,6 +35,7 @@ from ..errors import (
     shortened,
 )
 from ..simulation.execution import initial_outputs
+from ..simulation.receiver import for_beacons
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import arrangement, effects, tracks
@@ -214,7 +215,7 @@ def _foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> 
     If the scenario itself names the file (``own``), every given key must be a parameter.
     """
     table = getattr(scenario, table_name)
-    fmu = Path(source) if isinstance(source, str | Path) else source
+    fmu = Path(source) if isinstance(source, str | Path) else for_beacons(source, scenario.beacons)
     ports = _ports(table_name, fmu)
     has = {port.name for port in ports.values() if port.causality == "parameter"}
     given = {

@@ -13,7 +13,7 @@ contract (`sblcosim.models.ports`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -23,6 +23,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import Variable, noise_keys, parameter
 from sblcosim.models.ports import (
+    BEACONS,
     DEPTH,
     ESTIMATE,
     PING_POSE,
@@ -35,6 +36,8 @@ from scipy.optimize import least_squares
 
 from ..errors import ConfigurationError, instance, nearest, quoted
 from ..shown import Shown
+from .system import PythonComponent
+from .user_code import PythonSource
 
 Floats = NDArray[np.float64]
 
@@ -134,10 +137,13 @@ class Receiver:
         has, such as ``acceleration_psd``, with that receiver's key.
     outputs
         What an estimate has beside position and epoch, e.g. ``("velocity", "covariance")``.
+    beacons
+        How many there are: the scenario says so.
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {}
     outputs: ClassVar[Sequence[str]] = ()
+    beacons: int = int(BEACONS)
 
     update_interval: float
     range_std: float
@@ -213,7 +219,11 @@ class Receiver:
         return (
             *_GIVEN.values(),
             *self._own(),
-            *(v for v in ports((*RECEPTION, *PING_POSE, *DEPTH), "input") if v.name in _INPUTS),
+            *(
+                replace(v, shape=(self.beacons, *v.shape[1:])) if v.rows else v
+                for v in ports((*RECEPTION, *PING_POSE, *DEPTH), "input")
+                if v.name in _INPUTS
+            ),
             *(v for v in _OUTPUTS if v.name in given),
         )
 
@@ -307,6 +317,33 @@ def _of_position(covariance: Floats) -> Floats:
     whole = np.zeros((6, 6))
     whole[_POSITIONS] = covariance
     return whole
+
+
+class _ForBeacons:
+    """Makes a receiver of a class for a number of beacons."""
+
+    def __init__(self, maker: Callable[[], Receiver], beacons: int) -> None:
+        self._maker, self._beacons = maker, beacons
+        self.__name__, self.__qualname__ = maker.__name__, maker.__qualname__
+
+    def __call__(self) -> Receiver:
+        made = self._maker()
+        made.beacons = self._beacons
+        return made
+
+
+def for_beacons(
+    source: Callable[[], PythonComponent], beacons: int
+) -> Callable[[], PythonComponent]:
+    """A receiver's class made for a number of beacons; what declares its own ports stays as it is.
+    """
+    maker = source.maker if isinstance(source, PythonSource) else source
+    if beacons == BEACONS or not (isinstance(maker, type) and issubclass(maker, Receiver)):
+        return source
+    sized = _ForBeacons(maker, beacons)
+    if isinstance(source, PythonSource):
+        return PythonSource(sized, source.origin, source.sha256)
+    return sized
 
 
 class _Plug:

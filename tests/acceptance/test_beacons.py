@@ -314,3 +314,26 @@ def test_the_command_builds_for_a_number(tmp_path: Path) -> None:
     assert "beacons: must be from 3 to 8, got 9" in wrong.stderr
     with pytest.raises(BuildError, match="beacons: must be from 3 to 8, got 2"):
         build("ekf", 2, beacons=2)
+
+
+class Counts(sblcosim.Receiver):
+    """Takes the diver to be where the newest packet came from; knows of which beacons."""
+
+    outputs = ("nis_degrees",)
+
+    def start(self) -> None:
+        self.heard: set[int] = set()
+
+    def update(self, samples: Any) -> Any:
+        ranges = [s for s in samples if isinstance(s, sblcosim.Range)]
+        self.heard |= {r.beacon for r in ranges}
+        assert self.beacons == 6
+        if not ranges:
+            return None
+        place = ranges[-1].beacon_position
+        return sblcosim.Estimate(ranges[-1].epoch, place, nis_degrees=len(self.heard))
+
+
+def test_a_receiver_class_follows_the_number() -> None:
+    record = sblcosim.run(hull(6), Counts).record
+    assert record.values["Counts.nis_degrees"][-1] == 6
