@@ -7,8 +7,8 @@ from it, so that the declaration of one receiver is not an ingredient of the oth
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -114,33 +114,33 @@ def _imports(module: str) -> tuple[Import, ...]:
     """What a module takes from modules of ours, wherever in it the import stands."""
     return tuple(
         wanted
-        for statement in _statements(ast.parse(_source(module)))
-        if isinstance(statement, ast.Import | ast.ImportFrom)
-        for wanted in _imported(module, statement)
+        for match in _IMPORT.finditer(_source(module))
+        for wanted in _imported(module, match)
         if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _file(wanted.module).is_file()
     )
 
 
-def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """All statements, also inside of others; no expressions, which take `ast.walk` its time."""
-    waiting: list[ast.AST] = [*tree.body]
-    while waiting:
-        statement = waiting.pop()
-        yield statement
-        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
-            waiting += getattr(statement, block, ())
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(?P<dots>\.*)(?P<origin>[\w.]*)[ \t]+)?"
+    r"import[ \t]+(?:\((?P<many>[^)]*)\)|(?P<few>[^\n(]+))",
+    re.MULTILINE,
+)
+"""An import statement. A text is read in a tenth of the time that its syntax tree takes."""
 
 
-def _imported(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[Import]:
-    if isinstance(statement, ast.Import):
-        yield from (Import(alias.name) for alias in statement.names)
+def _imported(module: str, statement: re.Match[str]) -> Iterator[Import]:
+    listed = re.sub(r"#[^\n]*", "", statement["many"] or statement["few"])
+    names = [entry.split()[0] for entry in listed.split(",") if entry.strip()]
+    if statement["origin"] is None:
+        yield from map(Import, names)
         return
-    parents = module.split(".")[: -statement.level] if statement.level else []
-    origin = ".".join([*parents, *filter(None, [statement.module])])
-    for alias in statement.names:
+    level = len(statement["dots"])
+    parents = module.split(".")[:-level] if level else []
+    origin = ".".join([*parents, *filter(None, [statement["origin"]])])
+    for name in names:
         # A name is a module of the package, or something in the module that is named first.
-        yield Import(f"{origin}.{alias.name}")
-        yield Import(origin, alias.name)
+        yield Import(f"{origin}.{name}")
+        yield Import(origin, name)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -12,6 +13,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+from sblcosim.fmus.build import ingredients
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition, Terminal, Variable, parameter
 
@@ -169,3 +171,32 @@ def test_the_text_of_a_declaration_holds_every_field(declared, others) -> None:
             assert repr(value) in repr(other)
         else:
             assert repr(replace(declared, **{name: value})) != repr(declared), name
+
+
+def by_syntax(module: str) -> set[ingredients.Import]:
+    """What a module imports of ours, by its syntax tree."""
+    found = set()
+    for statement in ast.walk(ast.parse(ingredients._source(module))):
+        if isinstance(statement, ast.Import):
+            found |= {ingredients.Import(alias.name) for alias in statement.names}
+        elif isinstance(statement, ast.ImportFrom):
+            parents = module.split(".")[: -statement.level] if statement.level else []
+            origin = ".".join([*parents, *filter(None, [statement.module])])
+            for alias in statement.names:
+                found |= {ingredients.Import(f"{origin}.{alias.name}"),
+                          ingredients.Import(origin, alias.name)}
+    ours = ("sblcosim.models.", "sblcosim.fmus.")
+    return {
+        w for w in found if w.module.startswith(ours) and ingredients._file(w.module).is_file()
+    }
+
+
+def test_imports_read_from_the_text_are_those_of_the_syntax() -> None:
+    modules = [
+        f"sblcosim.{folder}." + ".".join(path.relative_to(ROOT / folder).with_suffix("").parts)
+        for folder in ("models", "fmus") for path in sorted((ROOT / folder).rglob("*.py"))
+        if path.stem != "__init__"
+    ]
+    assert len(modules) > 60
+    for module in modules:
+        assert set(ingredients._imports(module)) == by_syntax(module), module
