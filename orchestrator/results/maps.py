@@ -92,6 +92,7 @@ def plot_path_3d(
         limits = _limits(np.vstack([truth, platform.true]), tracks, AXES)
         for number, arm in enumerate(_arms(platform.true)):
             ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
+                    ls="" if _are_far(platform.true) else "-",
                     label=platform.name if number == 0 else None)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **drawing.truth_of(look))
         curves = [truth]
