@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Component, Condition
 
-from .schema import CORE_COMPONENTS, PRESET_TABLES, in_si, preset, toml
+from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, in_si, preset, toml
 from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]
@@ -21,6 +21,15 @@ Ours = Mapping[str, Collection[str]]
 """Names of our components that use the keys of each table."""
 _SHOWN = 3  # names listed in a reason
 _OF_PRESETS = {"platform": "the platform is", "acoustics": "the acoustics are"}
+
+
+_SELECTED_BY = {("platform", "beacon_m"): "arrangement"}
+"""Keys that choose themselves, and the key that says so where it is given."""
+
+
+def is_choice(key: Key) -> bool:
+    """Whether a key that is given changes what others do not say."""
+    return key in _SELECTED_BY
 
 
 class Tables(Protocol):
@@ -79,8 +88,12 @@ def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
     """Why a key has no effect in any of our components that use it; None if it has one."""
     name, table = key[-1], getattr(scenario, key[0])
     if name in PRESET_TABLES:
-        unused = getattr(table, name) is None or ours[key[0]]
-        return None if unused else f"{_OF_PRESETS[key[0]]} another component"
+        if getattr(table, name) is not None and not ours[key[0]]:
+            return f"{_OF_PRESETS[key[0]]} another component"
+        set_ = [_why(scenario, ours, (key[0], governed)) for governed in sorted(PRESETS[name])]
+        return set_[0] if None not in set_ else None
+    if key in _SELECTED_BY and not {name, _SELECTED_BY[key]} & table.model_fields_set:
+        return None  # to give it is to choose it
     if name in FILE_KEYS:
         if table.trajectory != FILE and ours[key[0]]:
             return f"trajectory is {toml(table.trajectory)}"

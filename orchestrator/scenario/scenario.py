@@ -261,8 +261,8 @@ class Scenario(Table):
                 filled = variable is not None and key not in table.model_fields_set
                 if filled and table.fmu is not None and variable.name not in SHARED_PARAMETERS:
                     continue  # a key in the file would have to be a parameter of that FMU
-                if filled and (name, key) in idle:
-                    continue  # loading the file would warn of it
+                if filled and ((name, key) in idle or effects.is_choice((name, key))):
+                    continue  # loading the file would warn of it, or take it for a choice
                 if key in FILES and folder is not None:
                     value = _relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")

@@ -29,7 +29,7 @@ HULL = ((4.0, 1.2, 1.0), (4.0, -1.2, 1.0), (0.0, 1.8, 1.3), (0.0, -1.8, 1.3), (-
 SHORT = {"time.duration_s": 40.0}
 SIMPLE = ("ekf", "sequential")
 pytestmark = pytest.mark.filterwarnings("ignore:.*has no effect, as arrangement")
-QUICK = (*SIMPLE, "coupled", "long_baseline")
+QUICK = ("sequential", "coupled")
 
 
 def hull(beacons: int, **changes: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -132,24 +132,39 @@ def without_effect(base: Scenario) -> tuple[set[Any], set[Any]]:
     return set(keys) - effective, set(keys)
 
 
-def check(base: Scenario) -> None:
+def check(base: Scenario, unknown: Collection[Any] = ()) -> None:
     idle, tried = without_effect(base)
     assert len(tried) > 80
-    assert idle == base.idle().keys() & tried
+    assert idle - {*unknown} == base.idle().keys() & tried
 
 
 SHORT = {"time.duration_s": 12.0}
-MORE = {"realistic-dive": {"time.duration_s": 60.0}}
-"""What a short run needs so that there are enough receptions."""
+MORE = {
+    "realistic-dive": {"time.duration_s": 60.0},
+    "harbour-lbl": {"time.duration_s": 90.0, "platform.mean_heading_deg": 7.0},
+    "gps-buoys": {"time.duration_s": 90.0},
+}
+"""What a short run needs so that there are enough receptions, and no number is round by chance."""
+NO_ATTITUDE = {("acoustics", "packet_angle_resolution_deg")}
+"""Where buoys have no attitude there is nothing to round; the Acoustics cannot know."""
 
 
-@pytest.mark.parametrize("name", shipped())
+MUCH_ALIKE = ("harbour-square", "harbour-spiral", "paper-scenario-2", "paper-scenario-3")
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] if name in MUCH_ALIKE else []) for name in shipped()
+])
 def test_the_keys_without_effect_are_those_of_the_declarations(name: str) -> None:
-    check(load(name, SHORT | MORE.get(name, {})))
+    check(
+        load(name, SHORT | {"platform.arm_length_m": 2.9} | MORE.get(name, {})),
+        NO_ATTITUDE if name == "gps-buoys" else set(),
+    )
 
 
 def test_the_same_holds_for_a_recorded_track() -> None:
-    check(load("paper-scenario-1", {"target": TRACK, "receiver.type": "ekf", **SHORT}))
+    check(load("paper-scenario-1", {
+        "target": TRACK, "receiver.type": "ekf", "platform.arm_length_m": 2.9, **SHORT}))
 
 
 @pytest.mark.parametrize("receiver", [
@@ -158,7 +173,7 @@ def test_the_same_holds_for_a_recorded_track() -> None:
 ])
 def test_the_same_holds_for_every_receiver(receiver: str) -> None:
     more = {"sequential": {"gate": 0.5}, "fixed_lag": {"lag_s": 1.0}}.get(receiver, {})
-    tables = load("paper-scenario-1", SHORT).given()
+    tables = load("paper-scenario-1", SHORT | {"platform.arm_length_m": 2.9}).given()
     check(load({**tables, "receiver": {"type": receiver, **more}}))
 
 
@@ -191,7 +206,9 @@ def anything(numbers: random.Random) -> dict[str, Any]:
     return tables
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))]
+)
 def test_no_key_that_is_said_to_have_no_effect_has_one(seed: int) -> None:
     base = load(anything(random.Random(seed)))
     idle, tried = without_effect(base)

@@ -27,6 +27,8 @@ def plausible(component: Component, rng: np.random.Generator) -> dict[str, objec
             values[v.name] = rng.integers(2)
         elif v.name in ("seed", "stream"):
             values[v.name] = rng.integers(60000)
+        elif v.name == "slot_order":
+            values[v.name] = rng.permutation(v.size) + 1
         elif v.type == "Int32":
             values[v.name] = rng.integers(int(v.min or 0), int(min(v.max or 9, 9)) + 1)
         elif v.name in (component.interval,):
