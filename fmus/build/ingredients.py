@@ -121,8 +121,8 @@ def _imports(module: str) -> tuple[Import, ...]:
 
 
 _IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(?P<dots>\.*)(?P<origin>[\w.]*)[ \t]+)?"
-    r"import[ \t]+(?:\((?P<many>[^)]*)\)|(?P<few>[^\n(]+))",
+    r"(?:^|[:;])[ \t]*(?:from[ \t]+(?P<dots>\.*)(?P<origin>[\w.]*)[ \t]+)?"
+    r"import[ \t]+(?:\((?P<many>[^)]*)\)|(?P<few>[^\n(;]+))",
     re.MULTILINE,
 )
 """An import statement. A text is read in a tenth of the time that its syntax tree takes."""

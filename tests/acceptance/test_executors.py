@@ -297,6 +297,7 @@ def test_the_table_of_a_part_is_that_of_its_pieces(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(pd.read_parquet(one), pd.read_parquet(two), check_exact=True)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_path: Path) -> None:
     address = tmp_path / "scheduler.json"
     programs = [

@@ -149,7 +149,8 @@ def killed_and_finished(folder: Path, command: Command, kills: int, seed: int) -
     return hits
 
 
-@pytest.mark.parametrize("name", ["study", "run", "build"])
+@pytest.mark.parametrize("name", ["run", *(pytest.param(n, marks=pytest.mark.slow)
+                                          for n in ("study", "build"))])
 def test_some_kills(tmp_path: Path, name: str) -> None:
     killed_and_finished(tmp_path, COMMANDS[name], 2, SEED)
 

@@ -38,8 +38,10 @@ def sources_of(name: str, fmi: int, folder: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc and its sanitizers")
-@pytest.mark.parametrize("name", COMPONENTS)
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(("name", "fmi"), [
+    pytest.param(name, fmi, marks=[pytest.mark.slow] if (name, fmi) == ("fixed_lag", 3) else [])
+    for name in COMPONENTS for fmi in (2, 3)
+])
 @CALLS
 def test_every_call_is_answered_or_refused(
     name: str, fmi: int, calls: int, tmp_path: Path

@@ -200,3 +200,21 @@ def test_imports_read_from_the_text_are_those_of_the_syntax() -> None:
     assert len(modules) > 60
     for module in modules:
         assert set(ingredients._imports(module)) == by_syntax(module), module
+
+
+@pytest.mark.parametrize(
+    "where",
+    ["{}", "def f():\n {}", "class C:\n {}", "if a: {}", "if a: pass\nelse: {}", "for x in y: {}",
+     "while a: pass\nelse: {}", "with a: {}", "try: {}\nfinally: pass",
+     "try: pass\nexcept A: {}", "try: pass\nexcept A: pass\nelse: {}", "try: pass\nfinally: {}",
+     "async def f():\n async with a: {}", "match a:\n case 1: {}", "try: pass\nexcept* A: {}",
+     "if a:\n def f():\n  try: pass\n  finally: {}"],
+)  # fmt: skip
+def test_an_import_is_found_wherever_it_stands(where: str) -> None:
+    text = where.format("from ..geometry import rotation  # why") + "\n"
+    (found,) = ingredients._IMPORT.finditer(text)
+    module = "sblcosim.models.platform.equations"
+    assert [*ingredients._imported(module, found)] == [
+        ingredients.Import("sblcosim.models.geometry.rotation"),
+        ingredients.Import("sblcosim.models.geometry", "rotation"),
+    ]

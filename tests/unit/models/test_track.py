@@ -86,7 +86,7 @@ def test_points_on_a_line_are_passed_at_constant_speed() -> None:
     np.testing.assert_allclose(velocity, np.full_like(velocity, 1) * [0.3, -0.2, 0.1], rtol=1e-12)
 
 
-@pytest.mark.parametrize("capacity", [2, 4096])
+@pytest.mark.parametrize("capacity", [2, pytest.param(4096, marks=pytest.mark.slow)])
 def test_components_are_made_for_other_numbers_of_points(capacity: int) -> None:
     component: Component = model(capacity).component
     assert component.name == f"Target{capacity}"
