@@ -19,16 +19,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     is_worker = hasattr(session.config, "workerinput")
     if is_worker or not getattr(option, "numprocesses", None) or option.file_or_dir:
         return
+    from sblcosim.fmus.build.factory import build
+    from sblcosim.fmus.errors import BuildError
     from sblcosim.models import COMPONENTS
 
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for fmi in (2, 3):  # the engines of the first are those of the second
-            list(pool.map(_built, reversed(COMPONENTS), [fmi] * len(COMPONENTS)))
-
-
-def _built(name: str, fmi: int) -> None:
-    from sblcosim.fmus.build.factory import build
-    from sblcosim.fmus.errors import BuildError
-
-    with suppress(BuildError):  # the tests say so
-        build(name, fmi)  # type: ignore[arg-type]
+            done = [pool.submit(build, name, fmi) for name in reversed(COMPONENTS)]
+            for each in done:
+                with suppress(BuildError):  # the tests say so
+                    each.result()
