@@ -32,7 +32,6 @@ from sblcosim.models.ports import (
     SYSTEM,
     ports,
 )
-from scipy.optimize import least_squares
 
 from ..errors import ConfigurationError, instance, nearest, quoted
 from ..shown import Shown
@@ -181,6 +180,8 @@ class Receiver:
         position
             NED [m]; None with fewer than three beacons or without a depth.
         """
+        from scipy.optimize import least_squares  # 0.3 s that only who asks for a fix waits
+
         newest = self._plug.newest
         newest |= {s.beacon if isinstance(s, Range) else -1: s for s in samples}
         ranges = [s for _, s in sorted(newest.items()) if isinstance(s, Range)]

@@ -222,7 +222,11 @@ def test_without_another_process(
 
 def test_neither_process_waits_for_what_it_does_not_need() -> None:
     """Matplotlib is for the one that draws, scenarios are for the one that simulates."""
-    for module, foreign in (("api", "matplotlib"), ("results.figures", "sblcosim.scenario.schema")):
+    needless = (
+        ("api", "matplotlib"), ("api", "scipy.optimize"), ("api", "scipy.special"),
+        ("api", "gpxpy"), ("results.figures", "sblcosim.scenario.schema"),
+    )
+    for module, foreign in needless:
         code = f"import sys, sblcosim.{module}; print({foreign!r} in sys.modules)"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.stdout == "False\n", done.stderr
