@@ -149,7 +149,7 @@ def _equations(model: Model) -> Iterator[str]:
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
     yield _variants(
         "model_initial(int variant, const real *p, const real *w, real t, real *x)",
-        _reading(model, "initial", ["p"], lambda f: f.initial, ["p", "w", ["t"]], x),
+        _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"])),
         ["p", "w", "t", "x"],
     )
     yield _variants(
@@ -178,8 +178,8 @@ def _loops(model: Model) -> Iterator[str]:
         yield _variants(
             f"body_{number}(int variant, mask going, real *x, const real *u, const real *p, "
             "const real *w, real t)",
-            _reading(model, loop, [x, "p"], partial(_body, loop), [x, "u", "p", "w", ["t"]], x,
-                     "going"),
+            _printed(model, partial(_body, loop), [x, "u", "p", "w", ["t"]], x, "going",
+                     (loop, [x, "p"])),
             ["going", "x", "u", "p", "w", "t"],
         )
     if any(model.inner.values()):
@@ -240,30 +240,21 @@ def _printed(
     arguments: Sequence[Array],
     result: Array,
     where: str = "",
+    rows: tuple[str, Sequence[Array]] = ("", ()),
 ) -> dict[int, list[str]]:
-    """The statements of one function of each variant; see `statements`."""
-    return {
-        value: statements(pick(functions), arguments, result, where)
-        for value, functions in model.variants.items()
-    }
+    """The statements of one function of each variant; see `statements`.
 
-
-def _reading(
-    model: Model,
-    occasion: str,
-    index: Sequence[Array],
-    pick: Callable[[Functions], ca.Function],
-    arguments: Sequence[Array],
-    result: Array,
-    where: str = "",
-) -> dict[int, list[str]]:
-    """`_printed` of functions that may read rows; `index` are the arguments for their numbers."""
+    Parameters
+    ----------
+    rows
+        Occasion on which the function may read rows, and the arguments for their numbers.
+    """
     return {
         value: [
-            *_looked_up(functions, occasion, index),
+            *_looked_up(functions, *rows),
             *statements(
                 pick(functions),
-                [*arguments, "r"] if occasion in functions.rows else arguments, result, where,
+                [*arguments, "r"] if rows[0] in functions.rows else arguments, result, where,
             ),
         ]
         for value, functions in model.variants.items()

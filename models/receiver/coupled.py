@@ -327,9 +327,7 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
         "relative_position": ca.if_else(there, mean[[0, 2, 4]] - platform, 0),
         "relative_covariance": ca.if_else(there, relative, 0),
         "platform_position": platform,
-        "clock_offset": x.mean[CLOCK] / p.assumed_sound_speed,
-        "sound_speed": p.assumed_sound_speed / (1 + x.mean[SPEED]),
-        "restart_count": x.restarts,
+        **estimate.of_clock(p, x, x.mean[CLOCK], x.mean[SPEED]),
     }
 
 

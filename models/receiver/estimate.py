@@ -35,6 +35,21 @@ def outputs(x: Symbols, mean: Any, covariance: Any) -> Values:
     }
 
 
+def of_clock(p: Symbols, x: Symbols, clock: Any, speed: Any) -> Values:
+    """What filters that know of a clock say of it.
+
+    Parameters
+    ----------
+    clock, speed
+        β [m] and κ, see `surroundings`.
+    """
+    return {
+        "clock_offset": clock / p.assumed_sound_speed,
+        "sound_speed": p.assumed_sound_speed / (1 + speed),
+        "restart_count": x.restarts,
+    }
+
+
 def expand(position: Any, velocity: Any = 0) -> Any:
     """A state vector, (6, 1), from position and velocity, (3, 1) each."""
     velocity = ca.repmat(ca.SX(velocity), 3, 1) if ca.SX(velocity).is_scalar() else velocity

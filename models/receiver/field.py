@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .surroundings import Measurement, sounding_variance
+from .surroundings import Measurement, sounding_variance, white_acceleration
 
 POSITION, VELOCITY = (0, 2, 4), (1, 3, 5)
 """x [m] and v [m/s] of the diver, NED, in the order of the paper's state."""
@@ -43,12 +43,7 @@ def _error_stds(p: Any) -> tuple[Any, Any, Any]:
 
 def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
     """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
-    phi: dict[tuple[int, int], Any] = {}
-    Q: dict[tuple[int, int], Any] = {}
-    q, dt2 = p.acceleration_psd, dt * dt
-    for i, j in zip(POSITION, VELOCITY, strict=True):  # white acceleration
-        phi[i, j] = dt
-        Q[i, i], Q[i, j], Q[j, j] = q * dt2 * dt / 3, q * dt2 / 2, q * dt
+    phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
     Q[CLOCK, CLOCK] = p.clock_walk_psd * dt
     decay = m.exp(-dt / p.beacon_error_time)
     for beacon in range(p.beacons):

@@ -202,9 +202,7 @@ def _output(p: Symbols, x: Symbols, u: Symbols, t: Any) -> Values:
     P = unpack(x.covariance, field.states(p.beacons))
     return {
         **estimate.outputs(x, x.mean[: estimate.STATES], P[: estimate.STATES, : estimate.STATES]),
-        "clock_offset": x.mean[CLOCK] / p.assumed_sound_speed,
-        "sound_speed": p.assumed_sound_speed / (1 + x.mean[SPEED]),
-        "restart_count": x.restarts,
+        **estimate.of_clock(p, x, x.mean[CLOCK], x.mean[SPEED]),
     }
 
 

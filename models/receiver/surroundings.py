@@ -102,14 +102,34 @@ def prior_stds(p: Any) -> dict[int, Any]:
     }
 
 
-def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
-    """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
-    phi: dict[tuple[int, int], Any] = {}
-    Q: dict[tuple[int, int], Any] = {}
-    q, dt2 = p.acceleration_psd, dt * dt
-    for i, j in zip(POSITION, VELOCITY, strict=True):  # white acceleration
+Elements = dict[tuple[int, int], Any]
+"""Elements of a matrix by row and column."""
+
+
+def white_acceleration(
+    q: Any, dt: Any, position: Sequence[int], velocity: Sequence[int]
+) -> tuple[Elements, Elements]:
+    """Φ without its ones and the upper triangle of Q, of a diver with white acceleration.
+
+    Parameters
+    ----------
+    q
+        Its density, per axis [m²/s³].
+    position, velocity
+        Indices of the states.
+    """
+    phi: Elements = {}
+    Q: Elements = {}
+    dt2 = dt * dt
+    for i, j in zip(position, velocity, strict=True):
         phi[i, j] = dt
         Q[i, i], Q[i, j], Q[j, j] = q * dt2 * dt / 3, q * dt2 / 2, q * dt
+    return phi, Q
+
+
+def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...]:
+    """Φ and the upper triangle of Q over ``dt`` [s], by row and column; Φ without its ones."""
+    phi, Q = white_acceleration(p.acceleration_psd, dt, POSITION, VELOCITY)
     for pairs, std, tau in (
         (zip(PLATFORM, PLATFORM_VELOCITY, strict=True), p.platform_velocity_std,
          p.platform_velocity_time),
