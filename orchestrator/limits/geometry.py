@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sblcosim.models import arrangement
 
 from ..shown import Shown
 
@@ -40,8 +41,7 @@ class Dilution(Shown):
 
 def cross(arm: float, depth: float = 0.5) -> Floats:
     """Four beacons at the ends of a cross in still water at a heading of 0, NED [m]; (4, 3)."""
-    arms = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    return np.column_stack([arm * arms, np.full(4, depth)])
+    return np.array(arrangement.cross(4, arm, depth), float)
 
 
 def hdop(position: ArrayLike, beacons: ArrayLike, *, unknown_clock: bool = False) -> Dilution:
