@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.models import COMPONENTS
 
@@ -190,7 +191,7 @@ def prepare(
     if master is not None:
         check_choice("master", master, execution.MASTERS)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    with patience(step_timeout), _warnings_once(len(study.points.values)):
+    with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
     _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in resolutions])
     plans = [plan for _, _, plan in resolutions]
