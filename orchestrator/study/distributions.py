@@ -86,7 +86,7 @@ class Distribution(Table):
         low, high = self.range
         if self.distribution == "triangular":
             assert self.mode is not None
-            law = stats.triang((self.mode - low) / (high - low), low, high - low)
+            law: Any = stats.triang((self.mode - low) / (high - low), low, high - low)
         elif self.distribution == "log-uniform":
             law = stats.loguniform(low, high)
         else:
@@ -114,7 +114,7 @@ class Distribution(Table):
         if logs:
             with np.errstate(over="ignore"):
                 values = np.exp(values)
-        return values if self.range is None else np.clip(values, *self.range)
+        return values if self.range is None else np.clip(values, self.range[0], self.range[1])
 
     @property
     def logarithmic(self) -> bool:
