@@ -28,6 +28,10 @@ FAR = 5.0
 """From so many robust standard deviations on, a run lies far from the others."""
 TAIL_RUNS = 10
 """Runs that a cell needs for its tails to be looked at."""
+HEAVY = 0.015
+"""Share of far runs from which on tails are heavy; of 10 normal runs 0.4 % are far, of 60 none."""
+LEAST_FAR = 3
+"""Far runs that heavy tails need, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,8 @@ class Cells:
         median; NaN if no cell has `TAIL_RUNS`.
     far_log
         The same of their logarithms, where these exist and are not the response.
+    heavy
+        Whether so many runs lie far from the others that the tails are heavy.
     dropped
         Runs that were left out.
     seen_index, seen, seen_lost
@@ -66,6 +72,7 @@ class Cells:
     values: Floats | None
     far: float
     far_log: float
+    heavy: bool
     dropped: int
     seen_index: Indices
     seen: Floats
@@ -135,6 +142,7 @@ def cells_of(
     cell = groups.ngroup().to_numpy()
     runs = np.bincount(cell).astype(np.float64)
     mean = np.bincount(cell, y) / runs
+    far, heavy = _far(y, cell, runs)
     renumbered = [np.searchsorted(kept, groups.size().index.get_level_values(i))
                   for i, kept in enumerate(left)]
     return Cells(
@@ -145,8 +153,9 @@ def cells_of(
         mean=mean,
         squares=np.bincount(cell, (y - mean[cell]) ** 2),
         values=_by_replicate(data, cell, y, options) if options.seeding == "common" else None,
-        far=_far(y, cell, runs),
-        far_log=_far(np.log(y), cell, runs) if logs else np.nan,
+        far=far,
+        far_log=_far(np.log(y), cell, runs)[0] if logs else np.nan,
+        heavy=heavy,
         dropped=dropped,
         seen_index=_renumbered(everything.size().index.to_frame().to_numpy(), left),
         seen=everything.size().to_numpy(np.float64),
@@ -215,13 +224,14 @@ def _by_replicate(data: pd.DataFrame, cell: Indices, y: Floats, options: Options
     return values
 
 
-def _far(y: Floats, cell: Indices, runs: Floats) -> float:
-    """Share of runs that lie far from the others of their cell."""
+def _far(y: Floats, cell: Indices, runs: Floats) -> tuple[float, bool]:
+    """Share of runs that lie far from the others of their cell, and whether tails are heavy."""
     enough = (runs >= TAIL_RUNS)[cell]
     if not enough.any():
-        return np.nan
+        return np.nan, False
     y, cell = y[enough], cell[enough]
     middle = pd.Series(y).groupby(cell).transform("median").to_numpy()
     off = np.abs(y - middle)
     deviation = pd.Series(off).groupby(cell).transform("median").to_numpy()
-    return float((off > FAR * NORMAL * deviation).mean())
+    far = off > FAR * NORMAL * deviation
+    return float(far.mean()), bool(far.mean() >= HEAVY and far.sum() >= LEAST_FAR)

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from ..style import ThemeName
 
 LOST = "lost"
-HEAVY = 0.005
-"""From this share of far runs on, tails are called heavy; of normal runs fewer than 1 in 1000 are."""
 CONTAMINATION = 0.05
 """The share of bad runs of which one should have been seen at each level."""
 
@@ -80,7 +78,9 @@ class GeneralFactorial(Shown):
         Smallest and largest standard deviation of the combinations that have two runs or more.
     far, far_log
         Share of the runs more than 5 robust standard deviations from the median of their
-        combination, of the response and of its logarithm; NaN if it cannot be said.
+        combination, of the response and of its logarithm; NaN if no combination has 10 runs.
+    heavy
+        Whether these are so many that the tails are heavy.
     fewest, runs_needed
         Runs at the level that has the fewest, and as many as it takes to have seen a bad run at
         every level if 1 in 20 is one.
@@ -114,6 +114,7 @@ class GeneralFactorial(Shown):
     spread: tuple[float, float]
     far: float
     far_log: float
+    heavy: bool
     fewest: int
     runs_needed: int
     empty: tuple[str, ...]
@@ -130,11 +131,6 @@ class GeneralFactorial(Shown):
     def quantity(self) -> str:
         """The analysed quantity in words."""
         return f"ln {self.response}" if self.transform == "log" else self.response
-
-    @property
-    def heavy(self) -> bool:
-        """Whether the runs have heavy tails: too many of them lie far from the others."""
-        return self.far >= HEAVY
 
     @property
     def readable(self) -> Self:
@@ -318,6 +314,7 @@ def _assembled(
         spread=_spread(cells),
         far=cells.far,
         far_log=cells.far_log,
+        heavy=cells.heavy,
         fewest=int(means["runs"].min()),
         runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
         empty=cells.empty,

@@ -123,6 +123,8 @@ def notes(analysis: GeneralFactorial) -> list[str]:
         f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
         f"{max(several)}), by Bonferroni's inequality."
     )
+    if np.isnan(a.far):
+        lines.append("Heavy tails cannot be told: no combination of levels has 10 runs.")
     if a.seeding == "common":
         lines.append("The runs of a replicate share their noise: differences are paired in each "
                      "replicate, and each F has its own error, with Greenhouse and Geisser's "
@@ -231,14 +233,14 @@ def _differences(analysis: GeneralFactorial, most: int, width: int | None) -> li
 
 
 def _difference_row(analysis: GeneralFactorial, name: str, row: Any) -> tuple[str, ...]:
-    values = ((row.ratio, row.ratio_low, row.ratio_high) if analysis.transform == "log" else
+    ratios, pair = analysis.transform == "log", pair_texts(row, analysis)
+    values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
               (row.difference, row.low, row.high))
-    return (name, pair_text(row, analysis), *(minus(f"{x:.4g}") for x in values),
+    return (name, " / ".join(pair) if ratios else " − ".join(pair), *(minus(f"{x:.4g}") for x in values),
             "" if pd.isna(row.p) else p_value(row.p))
 
 
-def pair_text(row: Any, analysis: GeneralFactorial) -> str:
-    """The two levels of a difference, or of a ratio."""
+def pair_texts(row: Any, analysis: GeneralFactorial) -> tuple[str, str]:
+    """The two levels of a difference."""
     unit = analysis.units.get(str(row.factor), "")
-    sign = "/" if analysis.transform == "log" else "−"
-    return f"{level_text(row.one, unit)} {sign} {level_text(row.other, unit)}"
+    return level_text(row.one, unit), level_text(row.other, unit)
