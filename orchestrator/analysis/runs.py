@@ -9,8 +9,13 @@ from ..errors import ConfigurationError, nearest
 from .options import Options
 
 
-def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) -> None:
-    """Refuse factors and a response that are not different columns of numbers."""
+def check_columns(
+    table: pd.DataFrame, factors: tuple[str, ...], response: str, *, numbers: bool = True
+) -> None:
+    """Refuse factors and a response that are not different columns of numbers.
+
+    Without `numbers`, factors may be of any kind.
+    """
     if not factors:
         raise ConfigurationError("factors: must name at least one column, got none")
     if len(set(factors)) < len(factors):
@@ -22,7 +27,7 @@ def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) 
                 f"{where}: must be columns of the table, got {name!r}"
                 + nearest(name, map(str, table.columns))
             )
-        if not pd.api.types.is_numeric_dtype(table[name]):
+        if (numbers or name == response) and not pd.api.types.is_numeric_dtype(table[name]):
             kind = table[name].dtype
             raise ConfigurationError(f"{name}: must be a column of numbers, got {kind}")
     if response in factors:
