@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ from ..simulation.resolve import resolve
 from ..simulation.system import Connection, System
 from .definition import Definition
 from .design import Level
+from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
 _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
@@ -56,6 +58,8 @@ class Point:
         Counted from 1.
     values
         Physical values, or names, of the factors and conditions.
+    system
+        Empty where a function stands in for the simulation.
     digest
         Hash of everything but the seed.
     """
@@ -103,8 +107,10 @@ class Campaign:
 
     Attributes
     ----------
+    groups
+        None where a function stands in for the simulation.
     receivers
-        Labels of the receivers.
+        Labels of the receivers; the function's name.
     seeded
         Components that get the run's seed.
     handovers
@@ -132,7 +138,14 @@ class Campaign:
     @property
     def steps(self) -> int:
         """Total number of communication steps."""
-        return self.study.replicates * sum(g.steps * len(g.places) for g in self.groups)
+        return self.study.replicates * sum(self.weights.values())
+
+    @cached_property
+    def weights(self) -> Mapping[int, int]:
+        """Communication steps of a run, by the index of its point; a call of a function is one."""
+        if not self.groups:
+            return dict.fromkeys(range(len(self.points)), 1)
+        return {place: group.steps for group in self.groups for place in group.places}
 
     def definition(self) -> dict[str, Any]:
         """Definition of the runs, as plain data; equal for campaigns with equal runs."""
@@ -145,8 +158,17 @@ class Campaign:
         )
         if study["design"]["points"] is None:  # folders from before there were grids stay valid
             del study["design"]["points"]
+        for entries in (study["factors"], study["conditions"]):
+            for entry in entries.values():
+                for name in [n for n, v in entry.items() if v is None]:
+                    del entry[name]
         if not study["conditions"]:
             del study["conditions"]
+        if study["design"]["base_rows"] is None:
+            del study["design"]["base_rows"]
+        model = study.pop("model")
+        if model is not None:
+            study["model"] = {"from": model.origin, "sha256": model.sha256}
         study["receivers"] = [
             r if isinstance(r, str) else {"from": r.origin, "sha256": r.sha256}
             for r in self.study.receivers
@@ -158,7 +180,9 @@ class Campaign:
             ]
         else:
             del study["responses"]
-        content = {"study": study, "scenario": self.study.base.given(), "fmus": self.fmus}
+        content = {"study": study, "fmus": self.fmus}
+        if model is None:
+            content["scenario"] = self.study.base.given()
         plain: dict[str, Any] = artifacts.plain(content)
         return plain
 
@@ -190,6 +214,8 @@ def prepare(
     """
     if master is not None:
         check_choice("master", master, execution.MASTERS)
+    if study.model is not None:
+        return _of_function(study, study.model)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
@@ -202,7 +228,7 @@ def prepare(
             number,
             tuple(v if isinstance(v, str) else float(v) for v in values),
             system,
-            digest_of(system, plan, free, study.settling_ns, study.asked),
+            point_digest(study, number, system, plan, free),
         )
         for number, (values, (_, system, plan)) in enumerate(
             zip(study.points.values, resolutions, strict=True), 1
@@ -219,6 +245,29 @@ def prepare(
     return Campaign(
         study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
     )
+
+
+def _of_function(study: Definition, model: StandIn) -> Campaign:
+    """The campaign of a function that stands in for the simulation."""
+    points = [
+        Point(
+            number, values, System({}, ()),
+            hashlib.sha256(f"{model.sha256} {number} {study.at(number)}".encode()).hexdigest(),
+        )
+        for number, values in enumerate(study.points.values, 1)
+    ]  # fmt: skip
+    return Campaign(study, tuple(points), (), (model.name,), (), (), {})
+
+
+def point_digest(
+    study: Definition, number: int, system: System, plan: Plan, free: Iterable[str]
+) -> str:
+    """Hash of everything that affects the responses of a point but the ``free`` parameters."""
+    digest = digest_of(system, plan, free, study.settling_ns, study.asked)
+    if study.sample is None:
+        return digest
+    # Two rows of a space may have equal values, and still are two of its runs.
+    return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
@@ -271,7 +320,7 @@ def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:
     """Refuse factors that change nothing: their points would repeat the same runs."""
     first: dict[str, int] = {}
-    for point in points:
+    for point in points if study.sample is None else ():
         if study.points.centre[point.number - 1]:
             continue
         other = first.setdefault(point.digest, point.number)

@@ -36,7 +36,23 @@ _Number = Annotated[float, Field(allow_inf_nan=False)]
 _NumberArray = Annotated[tuple[_Number, ...], BeforeValidator(_array)]
 
 
-class Distribution(Table):
+class Numbers(Table):
+    """What distributions may be given; see `Distribution`."""
+
+    range: _NumberArray | None = Field(default=None, description="Lowest and highest value")
+    mean: _Number | None = Field(default=None, description="Of a normal distribution")
+    std: _Number | None = Field(default=None, description="Of a normal distribution")
+    median: _Number | None = Field(default=None, description="Of a log-normal distribution")
+    factor: _Number | None = Field(
+        default=None, description="68 % of the values are between median/factor and median × factor"
+    )
+    mode: _Number | None = Field(default=None, description="Top of a triangular distribution")
+    weights: _NumberArray | None = Field(
+        default=None, description="Of the levels of a choice; default: all are equally probable"
+    )
+
+
+class Distribution(Numbers):
     """Distribution of a factor, as in a study file; all in the units of the keys.
 
     Attributes
@@ -55,14 +71,7 @@ class Distribution(Table):
     """
 
     distribution: Kind
-    range: _NumberArray | None = None
-    mean: _Number | None = None
-    std: _Number | None = None
-    median: _Number | None = None
-    factor: _Number | None = None
-    mode: _Number | None = None
     levels: Annotated[tuple[Any, ...], BeforeValidator(_array)] | None = None
-    weights: _NumberArray | None = None
 
     def quantiles(self, u: Floats) -> NDArray[Any]:
         """The inverse of the cumulative distribution function.

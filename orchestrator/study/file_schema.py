@@ -7,7 +7,8 @@ from typing import Any
 from ..results.responses import ALL_PERCENTILES, ON_REQUEST
 from ..scenario.file_schema import DRAFT, TITLES, inlined, scenario_schema
 from .checks import known_keys
-from .definition import LONGEST_NAME, RECEIVERS_KEY, RESERVED, Definition
+from .definition import Definition
+from .tables import LONGEST_NAME, RECEIVERS_KEY, RESERVED
 
 _ALPHABETIC = r"[^\x00-@\[-^`{-\x7f]"
 _NUMBERS = {

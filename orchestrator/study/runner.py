@@ -88,7 +88,7 @@ def run(
     """
     folder = Path(out).resolve()
     campaign = prepare(study, master, step_timeout)
-    weight = {p: g.steps for g in campaign.groups for p in g.places}
+    weight = campaign.weights
     check_folder(folder, campaign)
     with (
         executors.ready(
@@ -154,7 +154,7 @@ def _missing(
     alone = not all(group.in_lanes for group in campaign.groups)
     for first in range(1, everything + 1, replicates):
         runs = [r for r in batch(campaign, first, replicates) if r.run_id not in before]
-        size = _PART * (workers or os.cpu_count() or 1) if alone else len(runs)
+        size = _PART * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
 
@@ -198,7 +198,7 @@ def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missi
     counts = [campaign.study.replicates] * len(campaign.points)
     for point, replicate in done.values():
         counts[point - 1] -= replicate <= campaign.study.replicates
-    steps = sum(g.steps * counts[p] for g in campaign.groups for p in g.places)
+    steps = sum(weight * counts[place] for place, weight in campaign.weights.items())
     return Missing(done.keys(), sum(counts), steps, tuple(counts))
 
 
@@ -214,6 +214,12 @@ def estimate(
     """
     if not what.runs:
         return 0.0, 0.0
+    if not campaign.groups:  # a function: some of its calls are a sample of all
+        runs = batch(campaign, 1, 1)[:SIDE_BY_SIDE]
+        wall = time.perf_counter()
+        simulate(campaign, runs, workers, master, silent)
+        each = (time.perf_counter() - wall) / len(runs)
+        return each * what.runs / MARGIN, each * what.runs * MARGIN
     with Children(patience_s=campaign.step_timeout) as children:
         return _estimated(campaign, what, workers, master, children)
 

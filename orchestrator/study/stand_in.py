@@ -146,6 +146,17 @@ def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> St
     return StandIn(source, origin, fingerprint(source, "model", source.__name__))
 
 
+def stand_in_of(origin: str, sha256: str) -> StandIn:
+    """A stand-in of which only the origin and the hash are known."""
+
+    def gone(**values: Any) -> float:
+        raise ConfigurationError(
+            f"model: must be at hand to do more runs, got none; it is {origin}"
+        )
+
+    return StandIn(gone, origin, sha256)
+
+
 def evaluate(model: StandIn, sample: Sample) -> Floats:
     """The numbers of all runs of a sample; shape (rows,).
 
