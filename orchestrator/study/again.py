@@ -9,7 +9,8 @@ from ..api import run as run_scenario
 from ..errors import ConfigurationError
 from ..results.result import Result
 from ..scenario.schema import CORE_COMPONENTS
-from .campaign import Point, point_digest, receivers_of, resolved, seeded_inputs
+from .campaign import point_digest, receivers_of, resolved, seeded_inputs
+from .groups import Point
 from .store import table
 from .study import study_of
 

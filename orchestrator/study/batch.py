@@ -26,7 +26,8 @@ from ..simulation.plan import Plan
 from ..simulation.process import patience, strangers
 from ..simulation.record import Record
 from ..simulation.system import System
-from .campaign import Campaign, Group, Point, Run
+from .campaign import Campaign, Run
+from .groups import Group, Point
 from .stand_in import StandIn
 
 Floats = NDArray[np.float64]

@@ -140,7 +140,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"settling_time": 1}, "there is no key 'settling_time'; did you mean 'settling_time_s'"),
     (
         {"design": {"kind": "half"}},
-        r"\[design\] kind: must be 'full', 'fraction', 'sweep', 'grid' or 'single'",
+        r"\[design\] kind: must be 'full', 'fraction', 'sweep', 'grid', 'space' or 'single'",
     ),
     ({"design": {"kind": "fraction"}}, "must have generators or a resolution"),
     ({"design": {"resolution": 3}}, "must be 'fraction' with generators or a resolution"),
@@ -544,8 +544,8 @@ def test_a_run_of_other_fmus_is_not_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = small().run(tmp_path / "out")
-    original = campaign.digest_of
-    monkeypatch.setattr(again, "digest_of", lambda *args: original(*args)[::-1])
+    original = campaign.point_digest
+    monkeypatch.setattr(again, "point_digest", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         again.replay(tmp_path / "out", table["run_id"][0])
 
