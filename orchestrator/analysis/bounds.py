@@ -34,6 +34,14 @@ def runs_to_see(share: float, risk: float) -> int:
     return ceil(log(risk) / log(1 - share) - TOLERANCE)
 
 
+def runs_for_t(skewness: float) -> int:
+    """Runs from which on t intervals of a mean hold for skewed runs, roughly.
+
+    n = 25 g² (Cochran, Sampling Techniques, 3rd edition, 1977, section 2.15).
+    """
+    return ceil(25 * skewness**2 - TOLERANCE)
+
+
 def mean_bound(y: Floats, risk: float) -> tuple[float, float]:
     """Mean of the runs, in ascending order, and its upper bound."""
     if len(y) == 0:

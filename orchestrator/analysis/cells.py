@@ -55,6 +55,8 @@ class Cells:
         The same of their logarithms, where these exist and are not the response.
     heavy
         Whether so many runs lie far from the others that the tails are heavy.
+    skewness
+        Of the runs about their cells' means, averaged over the cells; NaN as `far`.
     dropped
         Runs that were left out.
     seen_index, seen, seen_lost
@@ -73,6 +75,7 @@ class Cells:
     far: float
     far_log: float
     heavy: bool
+    skewness: float
     dropped: int
     seen_index: Indices
     seen: Floats
@@ -139,7 +142,7 @@ def cells_of(
     left, empty = _with_runs(data, known)
     y = data[response].to_numpy(np.float64)
     groups = data.groupby(list(factors), sort=True)
-    cell = groups.ngroup().to_numpy()
+    cell = np.asarray(groups.ngroup(), np.intp)
     runs = np.bincount(cell).astype(np.float64)
     mean = np.bincount(cell, y) / runs
     far, heavy = _far(y, cell, runs)
@@ -151,15 +154,16 @@ def cells_of(
         index=np.column_stack(renumbered),
         runs=runs,
         mean=mean,
-        squares=np.bincount(cell, (y - mean[cell]) ** 2),
+        squares=np.bincount(cell, (y - mean[cell]) ** 2).astype(np.float64),
         values=_by_replicate(data, cell, y, options) if options.seeding == "common" else None,
         far=far,
         far_log=_far(np.log(y), cell, runs)[0] if logs else np.nan,
         heavy=heavy,
+        skewness=_skewness(y - mean[cell], cell, runs),
         dropped=dropped,
         seen_index=_renumbered(everything.size().index.to_frame().to_numpy(), left),
-        seen=everything.size().to_numpy(np.float64),
-        seen_lost=everything.sum().to_numpy(np.float64),
+        seen=np.asarray(everything.count(), np.float64),
+        seen_lost=np.asarray(everything.sum(), np.float64),
         empty=empty,
     )
 
@@ -235,3 +239,12 @@ def _far(y: Floats, cell: Indices, runs: Floats) -> tuple[float, bool]:
     deviation = pd.Series(off).groupby(cell).transform("median").to_numpy()
     far = off > FAR * NORMAL * deviation
     return float(far.mean()), bool(far.mean() >= HEAVY and far.sum() >= LEAST_FAR)
+
+
+def _skewness(off: Floats, cell: Indices, runs: Floats) -> float:
+    """Skewness of the cells with enough runs, weighted by their runs."""
+    second, third = (np.bincount(cell, off**power) / runs for power in (2, 3))
+    enough = (runs >= TAIL_RUNS) & (second > 0)
+    if not enough.any():
+        return np.nan
+    return float(np.average(third[enough] / second[enough] ** 1.5, weights=runs[enough]))

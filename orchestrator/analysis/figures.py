@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import product
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,11 +25,9 @@ from ..study.design import INTERACTION_SIGN
 from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
+from .general_tables import GeneralAnalysis
 from .sentences import minus
 from .tables import Analysis
-
-if TYPE_CHECKING:
-    from .general import GeneralFactorial
 
 MOST_BARS = 20
 RASTER_FROM = 1000
@@ -383,7 +381,7 @@ def with_unit(factor: str, units: Mapping[str, str]) -> str:
     return f"{factor} [{unit}]" if unit else factor
 
 
-def quantity_of(analysis: Analysis | GeneralFactorial) -> str:
+def quantity_of(analysis: Analysis | GeneralAnalysis) -> str:
     """The analysed quantity with its unit."""
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 

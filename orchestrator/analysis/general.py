@@ -9,9 +9,9 @@ are defined is said in `sblcosim.analysis.linear`, where errors come from in
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Self, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -21,8 +21,9 @@ from ..shown import Picture, Shown, folded, page, verbatim
 from . import general_sentences as sentences
 from .bounds import runs_to_see
 from .cells import Cells, Level, cells_of
+from .general_tables import GeneralAnalysis
 from .linear import LinearModel, Type, fitted_model
-from .model import Term, term_name
+from .model import term_name
 from .options import Options, Seeding, Transform
 from .variance import Errors, anova_table, cell_table, means_table, pair_table
 
@@ -32,125 +33,14 @@ if TYPE_CHECKING:
     from ..style import ThemeName
 
 LOST = "lost"
+"""Column of lost runs."""
 CONTAMINATION = 0.05
 """The share of bad runs of which one should have been seen at each level."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GeneralFactorial(Shown):
-    """The numbers of an analysed experiment with factors of any number of levels.
-
-    Attributes
-    ----------
-    response, unit, transform
-        The analysed quantity. With ``log`` it is the natural logarithm; differences are then
-        logarithms of ratios.
-    levels
-        Levels of each factor that have runs, in their order.
-    terms, typ
-        The model without its mean, as indices of the factors, and the type of its sums of squares.
-    left_out
-        Interactions that were wished but cannot be estimated from the combinations of levels that
-        have runs: then the model has main effects alone.
-    seeding, confidence
-        Whether the runs of a replicate share their noise; of intervals.
-    anova
-        Per ``source`` (terms, residual, total and others): ``df``, ``sum_sq``, ``mean_sq``, ``F``,
-        ``p``; see `sblcosim.analysis.variance.anova_table`.
-    means
-        Marginal means, each combination of the other factors' levels counted once: ``factor``,
-        ``level``, ``runs``, ``lost`` (share of the table's runs that are lost or have no finite
-        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone).
-    cells
-        The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
-    pairs
-        Differences of the levels of each factor: ``factor``, ``one``, ``other``, ``difference``
-        (of one less other), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``, ``high``
-        (intervals that hold for all pairs of the factor at once), ``differs``; ``ratio``,
-        ``ratio_low``, ``ratio_high`` for logarithms.
-    runs, combinations, dropped
-        Runs that were analysed, combinations of levels that they are of, and runs left out because
-        their response is not finite (or, with common random numbers, their replicate incomplete).
-    df, rmse, r2
-        Degrees of freedom and root of the residual mean square; share of the sum of squares that
-        the model explains.
-    spread
-        Smallest and largest standard deviation of the combinations that have two runs or more.
-    far, far_log
-        Share of the runs more than 5 robust standard deviations from the median of their
-        combination, of the response and of its logarithm; NaN if no combination has 10 runs.
-    heavy
-        Whether these are so many that the tails are heavy.
-    fewest, runs_needed
-        Runs at the level that has the fewest, and as many as it takes to have seen a bad run at
-        every level if 1 in 20 is one.
-    empty
-        Levels without any run that counts.
-    units
-        Of the factors, for texts.
-    labels, label
-        Names for people to read, of the factors and of the response, if they have any.
-    """
-
-    response: str
-    unit: str
-    transform: Transform
-    levels: Mapping[str, tuple[Level, ...]]
-    terms: tuple[Term, ...]
-    typ: Type
-    left_out: tuple[str, ...]
-    seeding: Seeding
-    confidence: float
-    anova: pd.DataFrame
-    means: pd.DataFrame
-    cells: pd.DataFrame
-    pairs: pd.DataFrame
-    runs: int
-    combinations: int
-    dropped: int
-    df: float
-    rmse: float
-    r2: float
-    spread: tuple[float, float]
-    far: float
-    far_log: float
-    heavy: bool
-    fewest: int
-    runs_needed: int
-    empty: tuple[str, ...]
-    units: Mapping[str, str] = field(default_factory=dict)
-    labels: Mapping[str, str] = field(default_factory=dict)
-    label: str = ""
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        """Names of the factors."""
-        return tuple(self.levels)
-
-    @property
-    def quantity(self) -> str:
-        """The analysed quantity in words."""
-        return f"ln {self.response}" if self.transform == "log" else self.response
-
-    @property
-    def readable(self) -> Self:
-        """The same with `labels` and `label` instead of the columns' names, for people."""
-        names = {name: self.labels.get(name, name) for name in self.factors}
-        terms = {term_name(term, self.factors): term_name(term, tuple(names.values()))
-                 for term in self.terms}
-        return replace(
-            self,
-            response=self.label or self.response,
-            levels={names[name]: levels for name, levels in self.levels.items()},
-            anova=self.anova.rename(index=terms),
-            means=self.means.assign(factor=self.means["factor"].map(names)),
-            cells=self.cells.assign(first=self.cells["first"].map(names),
-                                    second=self.cells["second"].map(names)),
-            pairs=self.pairs.assign(factor=self.pairs["factor"].map(names)),
-            units={names[name]: unit for name, unit in self.units.items() if name in names},
-            labels={},
-            label="",
-        )
+class GeneralFactorial(Shown, GeneralAnalysis):
+    __doc__ = GeneralAnalysis.__doc__  # the class that users see
 
     def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
         """The analysis in words: the answer, the analysis of variance, the means of the levels.
@@ -290,7 +180,8 @@ def _assembled(
     cells, errors, confidence = model.cells, Errors(model), options.confidence
     anova = anova_table(model, typ)
     means = means_table(model, errors, confidence)
-    total = float(anova.loc["total", "sum_sq"])
+    total: Any = anova.loc["total"]
+    residual: Any = anova.loc["residual"]
     return GeneralFactorial(
         response=response,
         unit="" if options.is_ratio else options.unit,
@@ -308,13 +199,14 @@ def _assembled(
         runs=int(cells.runs.sum()),
         combinations=len(cells.runs),
         dropped=cells.dropped,
-        df=float(anova.loc["residual", "df"]),
-        rmse=float(np.sqrt(anova.loc["residual", "mean_sq"])),
-        r2=1 - (model.pure[0] + model.lack[0]) / total,
+        df=float(residual["df"]),
+        rmse=float(np.sqrt(residual["mean_sq"])),
+        r2=1 - (model.pure[0] + model.lack[0]) / float(total["sum_sq"]),
         spread=_spread(cells),
         far=cells.far,
         far_log=cells.far_log,
         heavy=cells.heavy,
+        skewness=cells.skewness,
         fewest=int(means["runs"].min()),
         runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
         empty=cells.empty,

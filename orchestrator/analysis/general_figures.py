@@ -17,8 +17,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..style import LINES, MARKERS, PLAIN, SMALL, Theme, ThemeName, use
 from .figures import add_legend, panels_in, quantity_of, with_unit, wrapped
-from .general import GeneralFactorial
 from .general_sentences import level_text, pair_texts
+from .general_tables import GeneralAnalysis
 
 WIDTH = 4.0
 """Of a figure [inch]: 384 pixels of a browser."""
@@ -37,7 +37,7 @@ MOST_BARS = 4
 
 
 def plot_means(
-    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Marginal mean at each level of each factor; bars are intervals of this mean alone."""
     with use(theme) as look:
@@ -61,7 +61,7 @@ def plot_means(
 
 
 def plot_pairs(
-    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """The largest differences of each factor's levels, with intervals that hold all at once."""
     with use(theme) as look:
@@ -98,7 +98,7 @@ def plot_pairs(
 
 
 def plot_interactions(
-    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each two factors' levels: lines that are not parallel are an interaction.
 
@@ -117,7 +117,7 @@ def plot_interactions(
             _draw_lines(panel, analysis, (down, lines), _rows(panel, rows[i]), look)
             _title(panel, f"{down}; lines: {with_unit(lines, analysis.units)}")
             panel.xaxis.set_major_locator(MaxNLocator(5))
-            panel.set_xlabel(wrapped(f"Mean {quantity_of(analysis)}", TITLE), **PLAIN)
+            _label(panel, f"Mean {quantity_of(analysis)}")
             key.set_axis_off()
             key.legend(panel.get_legend_handles_labels()[0], keys[i], loc="upper center",
                        ncols=_columns(keys[i]), fontsize=SMALL, handlelength=2.4, borderaxespad=0)
@@ -130,13 +130,13 @@ def plot_interactions(
 
 def _draw_lines(
     panel: Axes,
-    analysis: GeneralFactorial,
+    analysis: GeneralAnalysis,
     factors: tuple[str, str],
     at: Any,
     look: Theme,
 ) -> None:
     """A line for each level of the second factor over the rows of the first."""
-    down, lines = factors
+    lines = factors[1]
     order = [name for name in analysis.factors if name in factors]
     own = analysis.cells[
         (analysis.cells["first"] == order[0]) & (analysis.cells["second"] == order[1])
@@ -165,7 +165,7 @@ def _columns(names: Sequence[str]) -> int:
     return min(len(names), 1 if longest > 9 else 2 if longest > 4 else 3)
 
 
-def _surest(analysis: GeneralFactorial) -> list[tuple[str, str]]:
+def _surest(analysis: GeneralAnalysis) -> list[tuple[str, str]]:
     """Pairs of factors, that with more levels first; of many those with the smallest p."""
     names = analysis.factors
     p = {frozenset(names[i] for i in term): analysis.anova["p"].iloc[row]
@@ -179,7 +179,7 @@ def _surest(analysis: GeneralFactorial) -> list[tuple[str, str]]:
 def _stacked(
     rows: Sequence[Sequence[str]], ax: Axes | None, keys: Sequence[Sequence[str]] = ()
 ) -> list[Axes]:
-    """Panels one above the other, as high as their rows need, each with its key if there are any."""
+    """Panels one above the other, as high as their rows need, each with its key if it has one."""
     heights = [0.55 + 0.09 * len(names) + LINE * _height(names) for names in rows]
     if keys:
         below = [0.1 + (0.04 + LINE) * -(-_height(key) // _columns(key)) for key in keys]
@@ -192,7 +192,7 @@ def _height(names: Sequence[str]) -> int:
     return sum(1 + name.count("\n") for name in names)
 
 
-def _name(analysis: GeneralFactorial, factor: str, level: Any) -> str:
+def _name(analysis: GeneralAnalysis, factor: str, level: Any) -> str:
     return wrapped(level_text(level, analysis.units.get(factor, "")), NAME)
 
 
@@ -215,7 +215,7 @@ def _rows(panel: Axes, names: Sequence[str]) -> Any:
 
 
 def _title(panel: Axes, text: str) -> None:
-    panel.set_title(wrapped(text, TITLE), loc="left", **PLAIN)
+    panel.set_title(wrapped(text, TITLE), loc="left").set(**PLAIN)
 
 
 def _shared(panels: Sequence[Axes], label: str) -> None:
@@ -225,4 +225,8 @@ def _shared(panels: Sequence[Axes], label: str) -> None:
     for panel in panels:
         panel.set_xlim(low, high)
         panel.xaxis.set_major_locator(MaxNLocator(5))
-    panels[-1].set_xlabel(wrapped(label, TITLE), **PLAIN)
+    _label(panels[-1], label)
+
+
+def _label(panel: Axes, text: str) -> None:
+    panel.set_xlabel(wrapped(text, TITLE)).set(**PLAIN)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..layout import fitted, table
+from .bounds import runs_for_t
+from .cells import Level
+from .general_tables import GeneralAnalysis
 from .model import MAX_LISTED
 from .sentences import left_out, minus, p_value, percent, quantity, rounded
-
-if TYPE_CHECKING:
-    from .cells import Level
-    from .general import GeneralFactorial
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
@@ -28,8 +27,8 @@ def level_text(level: Level, unit: str = "") -> str:
     return quantity(level, unit)
 
 
-def summary(analysis: GeneralFactorial, most: int, verbose: bool, width: int | None) -> str:
-    """The answer, the analysis of variance and the means; see `GeneralFactorial.text`."""
+def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None) -> str:
+    """The answer, the analysis of variance, the means of the levels, and in detail the rest."""
     a = analysis
     level = f"{100 * a.confidence:.4g} %"
     lines = [
@@ -42,12 +41,13 @@ def summary(analysis: GeneralFactorial, most: int, verbose: bool, width: int | N
         f"Means of {a.quantity}{_in_unit(a)}, {level} intervals, and the share of lost runs:",
         *table(_mean_rows(a), width, ("factor", "level", "mean", "low", "high", "runs", "lost"),
                range(2, 7)),
-        *(["", *_differences(a, most, width), "", *notes(a)] if verbose else left_out(a.dropped, a.seeding)),
+        *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
+          left_out(a.dropped, a.seeding)),
     ]
     return fitted("\n".join(lines), width)
 
 
-def answer(analysis: GeneralFactorial) -> str:
+def answer(analysis: GeneralAnalysis) -> str:
     """Which factor matters, and between which levels, in a few sentences.
 
     A factor is named from its worst to its best level, as if less of the response is better.
@@ -56,7 +56,7 @@ def answer(analysis: GeneralFactorial) -> str:
     what = f"the {'geometric mean of the ' if a.transform == 'log' else ''}{a.response}"
     largest = _largest(a)
     same = [name for name in a.factors if name not in largest]
-    parts = []
+    parts: list[str] = []
     for name, row in list(largest.items())[:MOST_NAMED]:
         size, interval = _size(a, row)
         first = not parts
@@ -90,7 +90,7 @@ def answer(analysis: GeneralFactorial) -> str:
     return " ".join(sentences)
 
 
-def warnings(analysis: GeneralFactorial) -> list[str]:
+def warnings(analysis: GeneralAnalysis) -> list[str]:
     """What stands against the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
@@ -102,14 +102,18 @@ def warnings(analysis: GeneralFactorial) -> list[str]:
             text += (f" Of the logarithms it is {percent(a.far_log)}: transform log compares "
                      "typical runs.")
         lines.append(text)
+    if not np.isnan(a.skewness) and a.fewest < runs_for_t(a.skewness):
+        lines.append(f"Skewed runs (skewness {minus(f'{a.skewness:.2g}')}): intervals of means "
+                     f"hold from about {runs_for_t(a.skewness)} runs at each level on (Cochran's "
+                     f"rule), there are {a.fewest} at the one with the fewest.")
     if a.fewest < a.runs_needed:
-        lines.append(f"If 1 run in 20 is a bad one, some level may have shown none, and intervals "
-                     f"say nothing about them: that takes {a.runs_needed} runs at each level, there "
-                     f"are {a.fewest} at the one with the fewest.")
+        lines.append("If 1 run in 20 is a bad one, some level may have shown none, and intervals "
+                     f"say nothing about them: that takes {a.runs_needed} runs at each level, "
+                     f"there are {a.fewest} at the one with the fewest.")
     return lines
 
 
-def notes(analysis: GeneralFactorial) -> list[str]:
+def notes(analysis: GeneralAnalysis) -> list[str]:
     """Method and quality of the model, in sentences."""
     a = analysis
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
@@ -142,7 +146,7 @@ def notes(analysis: GeneralFactorial) -> list[str]:
     return lines
 
 
-def _largest(analysis: GeneralFactorial) -> dict[str, Any]:
+def _largest(analysis: GeneralAnalysis) -> dict[str, Any]:
     """The largest sure difference of each factor that has one, the largest first."""
     sure = analysis.pairs[analysis.pairs["differs"]]
     ranked = sure.sort_values("difference", key=np.abs, ascending=False, kind="stable")
@@ -152,14 +156,14 @@ def _largest(analysis: GeneralFactorial) -> dict[str, Any]:
     return found
 
 
-def _ends(analysis: GeneralFactorial, name: str, row: Any) -> str:
+def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
     """The worse and the better level."""
     unit = analysis.units.get(name, "")
     ends = [level_text(level, unit) for level in (row.one, row.other)]
     return " to ".join(ends if row.difference > 0 else ends[::-1])
 
 
-def _as_good(analysis: GeneralFactorial, name: str, row: Any) -> str:
+def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
     """The levels that cannot be told from the better one."""
     best = row.other if row.difference > 0 else row.one
     own = analysis.pairs[(analysis.pairs["factor"] == name) & ~analysis.pairs["differs"]]
@@ -169,7 +173,7 @@ def _as_good(analysis: GeneralFactorial, name: str, row: Any) -> str:
     return f", where {_listed(tied, ' and ')} cannot be told from it" if tied else ""
 
 
-def _size(analysis: GeneralFactorial, row: Any) -> tuple[str, str]:
+def _size(analysis: GeneralAnalysis, row: Any) -> tuple[str, str]:
     """The size of a difference, and its interval."""
     ends = sorted(np.sign(row.difference) * np.array([row.low, row.high]))
     size = abs(row.difference)
@@ -188,11 +192,11 @@ def _listed(names: list[str], last: str, most: int = MOST_NAMED) -> str:
     return last.join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _in_unit(analysis: GeneralFactorial) -> str:
+def _in_unit(analysis: GeneralAnalysis) -> str:
     return f" [{analysis.unit}]" if analysis.unit else ""
 
 
-def _anova_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
+def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     return [
         (str(name), f"{row['df']:g}",
          *("" if np.isnan(x) else minus(f"{x:.4g}") for x in (row["sum_sq"], row["mean_sq"],
@@ -202,9 +206,10 @@ def _anova_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     ]
 
 
-def _mean_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
+def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     rows = []
     before = ""
+    row: Any
     for row in analysis.means.itertuples():
         name = str(row.factor)
         unit = analysis.units.get(name, "")
@@ -215,7 +220,7 @@ def _mean_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     return rows
 
 
-def _differences(analysis: GeneralFactorial, most: int, width: int | None) -> list[str]:
+def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> list[str]:
     """The largest differences of each factor."""
     a = analysis
     rows: list[tuple[str, ...]] = []
@@ -232,15 +237,15 @@ def _differences(analysis: GeneralFactorial, most: int, width: int | None) -> li
             *table(rows, width, head, range(2, 6))]
 
 
-def _difference_row(analysis: GeneralFactorial, name: str, row: Any) -> tuple[str, ...]:
+def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str, ...]:
     ratios, pair = analysis.transform == "log", pair_texts(row, analysis)
     values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
               (row.difference, row.low, row.high))
-    return (name, " / ".join(pair) if ratios else " − ".join(pair), *(minus(f"{x:.4g}") for x in values),
+    return (name, (" / " if ratios else " − ").join(pair), *(minus(f"{x:.4g}") for x in values),
             "" if pd.isna(row.p) else p_value(row.p))
 
 
-def pair_texts(row: Any, analysis: GeneralFactorial) -> tuple[str, str]:
+def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:
     """The two levels of a difference."""
     unit = analysis.units.get(str(row.factor), "")
     return level_text(row.one, unit), level_text(row.other, unit)

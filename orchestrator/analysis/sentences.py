@@ -51,7 +51,7 @@ def summary(
         *([f"and {rest} smaller"] if rest else []),
         *(["open: the interval reaches to both sides of what matters; more runs decide"]
           if "verdict" in shown and (shown["verdict"] == "open").any() else []),
-        *(["", *notes(analysis)] if verbose else _left_out(analysis)),
+        *(["", *notes(analysis)] if verbose else left_out(analysis.dropped, analysis.seeding)),
     ]
     return fitted("\n".join(lines), width)
 

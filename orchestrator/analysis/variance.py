@@ -75,10 +75,7 @@ def anova_table(model: LinearModel, typ: Type) -> pd.DataFrame:
 
 def _f(mean_sq: float, df: float, error: float, df_error: float) -> tuple[float, float]:
     """F and its probability."""
-    if error > 0:
-        f = mean_sq / error
-    else:
-        f = np.inf if mean_sq > 0 else np.nan
+    f = mean_sq / error if error > 0 else np.inf if mean_sq > 0 else np.nan
     return f, float(stats.f.sf(f, df, df_error))
 
 
@@ -139,7 +136,7 @@ def means_table(model: LinearModel, errors: Errors, confidence: float) -> pd.Dat
 
 
 def cell_table(model: LinearModel, errors: Errors, confidence: float) -> pd.DataFrame:
-    """Mean of each two factors' levels: ``first``, ``second``, ``first_level``, ``second_level``."""
+    """Mean of each two factors' levels: ``first``, ``second`` (factors), ``first_level`` …"""
     cells = model.cells
     names = cells.factors
     parts = []
