@@ -266,9 +266,9 @@ def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
         )
     other = table[SEED_FACTOR].to_numpy(np.int64) != sample.seeds[at]
     if other.any():
-        row = table[other].iloc[0]
+        first = int(other.argmax())
         raise ConfigurationError(
-            f"seed: must be that of the sample, {sample.seeds[row['point'] - 1]} at point "
-            f"{row['point']}, got {row[SEED_FACTOR]}"
+            f"seed: must be that of the sample, {sample.seeds[at[first]]} at point "
+            f"{at[first] + 1}, got {table[SEED_FACTOR].iloc[first]}"
         )
     return at

@@ -69,7 +69,8 @@ def plot_scatter(
     """The independent runs against each factor, and the mean of those with like values of it.
 
     The variance of that mean is the share that the factor's first-order index says. Axes are
-    logarithmic where a distribution is, or the analysed response. Of ``lost``, the line is the share of lost runs.
+    logarithmic where a distribution is, or the analysed response. Of ``lost``, the means are shares
+    of lost runs.
     """
     with use(theme, ax) as look:
         factors = found.sample.factors
