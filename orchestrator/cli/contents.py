@@ -83,6 +83,16 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
     )
 
 
+def of_finished(column: str) -> bool:
+    """Whether `finished` needs a column of the table of runs."""
+    from ..results.consistency import NEES_COLUMNS
+
+    response = column.partition(".")[2]
+    return column in ("point", "replicate", "error", "run_id") or response in (
+        *NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost"
+    )
+
+
 def finished(runs: pd.DataFrame) -> dict[str, Any]:
     """Fields of a study that has its table of runs."""
     failed = runs["error"].dropna()

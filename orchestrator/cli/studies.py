@@ -146,6 +146,7 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
+        from ..study import runner
         from ..study import study as studies
 
         settled = studies.load(source)
@@ -156,22 +157,21 @@ def study(
             told = _what_would_run(settled, out, workers, master, step_timeout)
         else:
             try:
-                runs = settled.run(
-                    out, workers=workers, executor=executor, scheduler=scheduler, master=master,
-                    step_timeout=step_timeout, progress=progress,
+                runner.carry_out(
+                    settled, out, workers=workers, executor=executor, scheduler=scheduler,
+                    master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-    from . import contents
-
-    if not dry_run:
-        told = contents.study(settled, out, **contents.finished(runs))
+            told = _what_was_run(settled, out)
     if as_json:
         show(told)
     elif dry_run:
         say(_estimated(told))
     else:
+        from . import contents
+
         lines = contents.study_lines(told, verbose)
         say("\n".join([*lines, "", f"written to {out}"]))
     if told.failed == told.runs:
@@ -199,6 +199,16 @@ def _what_would_run(
             "steps": prepared.steps, "seconds_from": seconds[0], "seconds_to": seconds[1],
         },
     )  # fmt: skip
+
+
+def _what_was_run(definition: Study, out: Path) -> StudyDocument:
+    from ..study import store
+    from . import contents
+
+    runs = store.table(out, contents.of_finished)
+    return contents.study(
+        definition, out, **contents.finished(runs[runs["replicate"] <= definition.replicates])
+    )
 
 
 def _estimated(told: StudyDocument) -> str:
