@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,14 +83,13 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
     )
 
 
-def of_finished(column: str) -> bool:
-    """Whether `finished` needs a column of the table of runs."""
+def of_finished(names: Sequence[str]) -> list[str]:
+    """The columns of the table of runs that `finished` needs."""
     from ..results.consistency import NEES_COLUMNS
 
-    response = column.partition(".")[2]
-    return column in ("point", "replicate", "error", "run_id") or response in (
-        *NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost"
-    )
+    own = ("point", "replicate", "error", "run_id")
+    responses = (*NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost")
+    return [name for name in names if name in own or name.partition(".")[2] in responses]
 
 
 def finished(runs: pd.DataFrame) -> dict[str, Any]:

@@ -9,7 +9,7 @@ Rows stay in columns; no row becomes a Python object.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,8 +37,8 @@ _KEYS = ("run_id", "replicate", "point")
 _CAMPAIGN = b"sblcosim.campaign"
 """Entry of a file's metadata: the `Campaign.digest` of its runs."""
 
-Wanted = Callable[[str], bool]
-"""Whether a column is wanted, by its name."""
+Wanted = Callable[[Sequence[str]], Collection[str]]
+"""Chooses, of the names of all columns, those that are read."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Finished:
 
 def finished(parts: Parts) -> Finished:
     """Which runs are there."""
-    tables = _read(parts, lambda name: name in _KEYS)
+    tables = _read(parts, _keys)
     origins = [(table.schema.metadata or {}).get(_CAMPAIGN, b"").decode() for table in tables]
     campaigns = tuple(dict.fromkeys(origins))
     numbers = np.array([campaigns.index(origin) for origin in origins], np.intp)
@@ -175,13 +175,14 @@ def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
     Parameters
     ----------
     wanted
-        Columns to read; None: all.
+        Chooses the columns to read.
     """
-    arrow = _ordered(_joined(_read(
-        parts, lambda name: name in _KEYS or wanted is None or wanted(name)
-    )))
-    if wanted is not None:
-        arrow = arrow.select([name for name in arrow.column_names if wanted(name)])
+    if wanted is None:
+        arrow = _ordered(_joined(_read(parts, _all)))
+    else:
+        chosen = wanted(_opened(parts.sources[0]).schema_arrow.names)
+        arrow = _ordered(_joined(_read(parts, lambda names: {*_KEYS, *chosen})))
+        arrow = arrow.select([name for name in arrow.column_names if name in chosen])
     # Nullable type: a missing flag must not become False.
     flags = {pa.bool_(): pd.BooleanDtype()}.get
     made: pd.DataFrame = arrow.to_pandas(types_mapper=flags)
@@ -189,9 +190,12 @@ def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
     return made.astype(dict.fromkeys(known, bool))
 
 
-def columns(parts: Parts) -> list[str]:
-    """Names of the columns."""
-    return list(_opened(parts.sources[0]).schema_arrow.names)
+def _keys(names: Sequence[str]) -> Collection[str]:
+    return _KEYS
+
+
+def _all(names: Sequence[str]) -> Collection[str]:
+    return names
 
 
 def _read(parts: Parts, wanted: Wanted) -> list[pa.Table]:
@@ -201,7 +205,8 @@ def _read(parts: Parts, wanted: Wanted) -> list[pa.Table]:
 
 def _columns(path: Path, wanted: Wanted) -> pa.Table:
     file = _opened(path)
-    names = [name for name in file.schema_arrow.names if wanted(name)]
+    chosen = wanted(file.schema_arrow.names)
+    names = [name for name in file.schema_arrow.names if name in chosen]
     try:
         # The parts are read side by side; the table of all runs is by itself.
         return file.read(names, use_threads=path.name == RUNS)
@@ -325,9 +330,8 @@ def _write_table(parts: Parts, path: Path) -> None:
 
 def _pieces(parts: Parts) -> Iterator[pa.Table]:
     """All rows in order, a few of them at a time if they are stored in order."""
-    keys = _joined(_read(parts, lambda name: name in _KEYS))
-    if _order(keys) is not None:
-        yield _ordered(_joined(_read(parts, lambda name: True)))
+    if _order(_joined(_read(parts, _keys))) is not None:
+        yield _ordered(_joined(_read(parts, _all)))
         return
     sources = iter(parts.sources)
     if parts.in_table:
@@ -336,7 +340,7 @@ def _pieces(parts: Parts) -> Iterator[pa.Table]:
             yield file.read_row_group(number)
     with ThreadPoolExecutor() as pool:
         while some := list(islice(sources, GROUP // SAMPLE)):
-            yield from pool.map(partial(_columns, wanted=lambda name: True), some)
+            yield from pool.map(partial(_columns, wanted=_all), some)
 
 
 def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:

@@ -223,22 +223,14 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     Parameters
     ----------
     wanted
-        Says of a column's name whether it is wanted; only those are read. None: all.
+        Chooses, of the names of all columns, those that are read; None: all.
 
     Raises
     ------
     ConfigurationError
         There are no runs, or a part is damaged.
     """
-    return parts.table(_sound(Path(results)), wanted)
-
-
-def columns(results: str | Path) -> list[str]:
-    """Names of the columns of the table of runs; errors as of `table`."""
-    return parts.columns(_sound(Path(results)))
-
-
-def _sound(folder: Path) -> Parts:
+    folder = Path(results)
     there, damaged = looked_through(folder, described(folder).get("table", {}))
     for path in damaged:
         raise ConfigurationError(
@@ -246,4 +238,4 @@ def _sound(folder: Path) -> Parts:
         )
     if not there.paths:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    return there
+    return parts.table(there, wanted)
