@@ -148,6 +148,7 @@ def study(
     with waiting(remaining=True) as progress:
         from ..study import runner
         from ..study import study as studies
+        from . import contents
 
         settled = studies.load(source)
         if replicates is not None:
@@ -164,14 +165,12 @@ def study(
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-            told = _what_was_run(settled, out)
+            told = contents.carried_out(settled, out)
     if as_json:
         show(told)
     elif dry_run:
         say(_estimated(told))
     else:
-        from . import contents
-
         lines = contents.study_lines(told, verbose)
         say("\n".join([*lines, "", f"written to {out}"]))
     if told.failed == told.runs:
@@ -199,16 +198,6 @@ def _what_would_run(
             "steps": prepared.steps, "seconds_from": seconds[0], "seconds_to": seconds[1],
         },
     )  # fmt: skip
-
-
-def _what_was_run(definition: Study, out: Path) -> StudyDocument:
-    from ..study import store
-    from . import contents
-
-    runs = store.table(out, contents.of_finished)
-    return contents.study(
-        definition, out, **contents.finished(runs[runs["replicate"] <= definition.replicates])
-    )
 
 
 def _estimated(told: StudyDocument) -> str:

@@ -31,6 +31,8 @@ RUNS = "runs.parquet"
 PARTS = "parts"
 GROUP = 2**17
 """Rows of the whole table that are in memory at a time when it is written."""
+AT_ONCE = 64
+"""Parts that are in memory at a time then."""
 SAMPLE = 2048
 """Rows that tell whether the values of a column repeat themselves."""
 _KEYS = ("run_id", "replicate", "point")
@@ -233,7 +235,8 @@ def _joined(tables: Sequence[pa.Table]) -> pa.Table:
 def _integers(arrow: pa.Table | None, name: str) -> NDArray[np.int64]:
     if arrow is None:
         return np.empty(0, np.int64)
-    return arrow[name].to_numpy().astype(np.int64)
+    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64)
+    return numbers
 
 
 def _run_ids(arrow: pa.Table) -> NDArray[np.uint64]:
@@ -339,7 +342,7 @@ def _pieces(parts: Parts) -> Iterator[pa.Table]:
         for number in range(file.num_row_groups):
             yield file.read_row_group(number)
     with ThreadPoolExecutor() as pool:
-        while some := list(islice(sources, GROUP // SAMPLE)):
+        while some := list(islice(sources, AT_ONCE)):
             yield from pool.map(partial(_columns, wanted=_all), some)
 
 

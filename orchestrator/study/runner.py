@@ -239,13 +239,6 @@ def _missing_of(campaign: Campaign, there: Finished) -> Missing:
     replicate, place = there.replicate[own] - 1, there.point[own] - 1
     done = np.zeros((int(replicate.max(initial=-1)) + 1, len(campaign.points)), bool)
     done[replicate, place] = True
-    if campaign.study.seeding == "common":  # then equal points have equal runs, stored once
-        equal: dict[str, list[int]] = {}
-        for index, point in enumerate(campaign.points):
-            equal.setdefault(point.digest, []).append(index)
-        for same in equal.values():
-            if len(same) > 1:
-                done[:, same] = done[:, same].any(axis=1, keepdims=True)
     counts = (campaign.study.replicates - done.sum(axis=0)).tolist()
     steps = sum(g.steps * counts[p] for g in campaign.groups for p in g.places)
     return Missing(done, sum(counts), steps, tuple(counts))
