@@ -26,12 +26,17 @@ from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
 from .general_tables import GeneralAnalysis
+from .model import Floats
 from .sentences import minus
 from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
+MOST_DOTS = 20_000
+"""Points that are all drawn; of more, those that can be seen."""
+CELLS = 500
+"""Cells across a panel, each a sixth of a dot: of the points in a cell one is seen."""
 PERCENT = (0.01, 0.1, 1, 5, 20, 50, 80, 95, 99, 99.9, 99.99)
 LONGEST_TERM = 36
 """Longest term on one line [characters]."""
@@ -212,7 +217,7 @@ def plot_residuals(
         }
         count = len(residual)
         quantile = stats.norm.ppf((np.arange(1, count + 1) - 0.375) / (count + 0.25))
-        normal.plot(np.sort(residual), quantile, **dots)
+        normal.plot(*_seen(np.sort(residual), quantile), **dots)
         scale = residual.std()
         ends = quantile[[0, -1]]
         normal.plot(ends * scale, ends, color=look.ink, lw=1, ls=LINES[1])
@@ -228,7 +233,7 @@ def plot_residuals(
             (fits, "fit", f"Fitted value{unit}"), (order, "run_order", "Run order (random)")
         ):
             panel.axhline(0, color=look.ink, lw=1, ls=LINES[1])
-            panel.plot(table[column], residual, **dots)
+            panel.plot(*_seen(table[column].to_numpy(), residual), **dots)
             panel.set(xlabel=label, ylabel=f"Residual{unit}")
         fits.set_title("Against fits", loc="left")
         order.set_title("Against run order", loc="left")
@@ -238,11 +243,26 @@ def plot_residuals(
     return panels
 
 
+def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """The points without those that others hide, if there are many."""
+    if len(x) <= MOST_DOTS:
+        return x, y
+    cell = np.zeros(len(x), np.int64)
+    for values in (x, y):
+        place = (values - values.min()) * (CELLS / max(np.ptp(values), np.finfo(float).tiny))
+        cell = cell * (CELLS + 1) + place.astype(np.int64)
+    first = ~pd.Index(cell).duplicated()
+    return x[first], y[first]
+
+
 def plot_box_cox(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis,
+    ax: Axes | None = None,
+    theme: ThemeName = "light",
+    profile: pd.DataFrame | None = None,
 ) -> Axes:
-    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`."""
-    profile = box_cox(analysis)
+    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`, which made it."""
+    profile = box_cox(analysis) if profile is None else profile
     with use(theme, ax) as look:
         own = ax is None
         if ax is None:

@@ -12,9 +12,11 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
+from ..results.consistency import NEES_COLUMNS
 from ..results.responses import RESPONSES, readable, unit_of
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
+from ..study.parts import Wanted
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
@@ -24,6 +26,8 @@ from .options import Error, Transform
 
 RESPONSE = "absolute_total_rms_m"
 """RMS of the total error, as in the paper."""
+ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost")
+"""Responses of each receiver that a report shows, whatever is analysed."""
 
 
 class Choices(TypedDict, total=False):
@@ -62,9 +66,11 @@ def of_study(
     ConfigurationError
         There are no runs, no such receiver or response, or the design cannot be analysed so.
     """
+    study = study_of(results)
+    table = store.table(results, needed(study, response, receiver))
     return of_table(
-        study_of(results), store.table(results), response, receiver=receiver,
-        order=order, transform=transform, error=error, practical=practical,
+        study, table, response, receiver=receiver, order=order, transform=transform, error=error,
+        practical=practical,
     )
 
 
@@ -100,6 +106,26 @@ FACTORIAL = ("full", "fraction")
 """Kinds of designs that have effects."""
 
 
+def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) -> Wanted:
+    """Choose the columns that analyses and reports of a response need.
+
+    Raises
+    ------
+    ConfigurationError
+        When it chooses: there is no such receiver or response.
+    """
+    own = ("point", "replicate", "run_order", "error", *study.factors)
+
+    def chosen(names: Sequence[str]) -> list[str]:
+        column = _named(names, response, receiver)
+        return [
+            name for name in names
+            if name in own or name == column or name.partition(".")[2] in ALWAYS
+        ]
+
+    return chosen
+
+
 def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | None = None) -> str:
     """Column of a response in a table of runs.
 
@@ -108,7 +134,18 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     ConfigurationError
         There is no such receiver or response, or it is unknown in all runs.
     """
-    responses = [c for c in table.columns if "." in c]
+    column = _named(list(table.columns), response, receiver)
+    if table[column].isna().all():
+        chosen, _, response = column.partition(".")
+        needs = RESPONSES[response].needs if response in RESPONSES else ""
+        why = f"; no estimate of {chosen} has a {needs}" if needs else ""
+        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
+    return column
+
+
+def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
+    """Column of a response among the names of all columns."""
+    responses = [c for c in names if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
     owner, _, own = response.partition(".")
     if own and owner in receivers and receiver in (None, owner):
@@ -125,12 +162,7 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
             f"response: must be one of {', '.join(known)}, got {quoted(response)}"
             f"{nearest(response, known)}"
         )
-    column = f"{chosen}.{response}"
-    if table[column].isna().all():
-        needs = RESPONSES[response].needs if response in RESPONSES else ""
-        why = f"; no estimate of {chosen} has a {needs}" if needs else ""
-        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
-    return column
+    return f"{chosen}.{response}"
 
 
 def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -156,8 +188,9 @@ def words(column: str, table: pd.DataFrame) -> str:
 
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
     """The same with the labels of the study in a folder of results."""
-    text = words(advice.response, store.table(results))
-    return advice.named(study_of(results).labels, text)
+    study = study_of(results)
+    text = words(advice.response, store.table(results, needed(study, advice.response)))
+    return advice.named(study.labels, text)
 
 
 def advice_on_study(
@@ -186,7 +219,8 @@ def advice_on_study(
     ConfigurationError
         As `of_study`; or the costs do not fit the study.
     """
-    study, table = study_of(results), store.table(results)
+    study = study_of(results)
+    table = store.table(results, needed(study, response, receiver))
     prices = _prices(study, costs)
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,16 +83,30 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
     )
 
 
-def finished(runs: pd.DataFrame) -> dict[str, Any]:
-    """Fields of a study that has its table of runs."""
+def carried_out(definition: Definition, out: Path) -> study_documents.Study:
+    """A study that has been carried out in a folder."""
+    from ..study import store
+
+    runs = store.table(out, _needed)
+    runs = runs[runs["replicate"] <= definition.replicates]
     failed = runs["error"].dropna()
-    return {
-        "finished": len(runs),
-        "failed": len(failed),
-        "failure": f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}"
-        if len(failed) else None,
-        "receivers": _receivers(runs),
-    }  # fmt: skip
+    return study(
+        definition,
+        out,
+        finished=len(runs),
+        failed=len(failed),
+        failure=f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}" if len(failed) else None,
+        receivers=_receivers(runs),
+    )
+
+
+def _needed(names: Sequence[str]) -> list[str]:
+    """The columns of the table of runs that are looked at."""
+    from ..results.consistency import NEES_COLUMNS
+
+    own = ("point", "replicate", "error", "run_id")
+    responses = (*NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost")
+    return [name for name in names if name in own or name.partition(".")[2] in responses]
 
 
 def _receivers(runs: pd.DataFrame) -> dict[str, Any]:

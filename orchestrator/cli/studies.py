@@ -146,7 +146,9 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
+        from ..study import runner
         from ..study import study as studies
+        from . import contents
 
         settled = studies.load(source)
         if replicates is not None:
@@ -156,17 +158,14 @@ def study(
             told = _what_would_run(settled, out, workers, master, step_timeout)
         else:
             try:
-                runs = settled.run(
-                    out, workers=workers, executor=executor, scheduler=scheduler, master=master,
-                    step_timeout=step_timeout, progress=progress,
+                runner.carry_out(
+                    settled, out, workers=workers, executor=executor, scheduler=scheduler,
+                    master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-    from . import contents
-
-    if not dry_run:
-        told = contents.study(settled, out, **contents.finished(runs))
+            told = contents.carried_out(settled, out)
     if as_json:
         show(told)
     elif dry_run:

@@ -63,7 +63,8 @@ def save(
         There are no runs, or they cannot be analysed so; nothing is written then.
     """
     results = Path(results)
-    study, table = study_of(results), store.table(results)
+    study = study_of(results)
+    table = store.table(results, workflow.needed(study, response, receiver))
     source = _Source(
         study,
         int(table["error"].notna().sum()),

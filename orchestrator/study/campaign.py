@@ -79,6 +79,12 @@ class Campaign:
         return len(self.points) * self.study.replicates
 
     @property
+    def digest(self) -> str:
+        """Hash of all that makes the runs, but their number: point and replicate tell a run."""
+        made_of = [self.study.seeding, self.study.seed, [point.digest for point in self.points]]
+        return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+
+    @property
     def steps(self) -> int:
         """Total number of communication steps."""
         return self.study.replicates * sum(self.weights.values())

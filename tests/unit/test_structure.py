@@ -33,6 +33,7 @@ LONG_FUNCTIONS = {
     "cli.studies.study": _COMMAND,
     "report.study.save": _OPTIONS,
     "simulation.masters.lanes.execute": _OPTIONS,
+    "study.runner.carry_out": _OPTIONS,
     "study.runner.run": _OPTIONS,
 }
 """Functions that are longer, or take more, and why."""
