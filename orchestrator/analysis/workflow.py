@@ -16,18 +16,30 @@ from ..results.consistency import NEES_COLUMNS
 from ..results.responses import RESPONSES, readable, unit_of
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
+from ..study.batch import VALUE
 from ..study.parts import Wanted
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
 from .conditions import of_choices
 from .factorial import Factorial, analyse
+from .general import GeneralFactorial
+from .general import analyse as analyse_levels
 from .options import Error, Transform
+from .sensitivity import Sensitivity
+from .sensitivity import of_table as of_sample
 
 RESPONSE = "absolute_total_rms_m"
 """RMS of the total error, as in the paper."""
+
+
 ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost")
 """Responses of each receiver that a report shows, whatever is analysed."""
+
+
+def default_response(study: Study) -> str:
+    """What is analysed if nobody says."""
+    return RESPONSE if study.model is None else VALUE
 
 
 class Choices(TypedDict, total=False):
@@ -102,6 +114,65 @@ def of_table(
     )
 
 
+def of_grid(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+) -> GeneralFactorial:
+    """Analyse a design of any levels; see `sblcosim.analysis.general.analyse`.
+
+    Conditions are put together first, and receivers that are a factor are one here.
+    """
+    column = column_of(table, response, receiver)
+    chosen = of_choices(study, table, column)
+    return analyse_levels(
+        chosen.table, chosen.factors, chosen.response,
+        order=min(2, len(chosen.factors)) if order is None else order, transform=transform,
+        seeding=study.seeding,
+        levels={name: study.factors[name].values for name in chosen.factors},
+        labels={name: study.labels[name] for name in chosen.factors},
+        units={name: study.units[name] for name in chosen.factors},
+        label=words(column, table, of_all=study.receiver_factor is not None),
+        unit=unit_of(column),
+    )  # fmt: skip
+
+
+def of_space(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    transform: Transform | None = None,
+) -> tuple[Sensitivity, ...]:
+    """Sobol' indices of a response, and of whether its receiver is lost.
+
+    Parameters
+    ----------
+    transform
+        None: the logarithm of what is simulated, and what a function returns as it is.
+    """
+    assert study.sample is not None
+    column = column_of(table, response, receiver)
+    if transform is None:
+        positive = bool((table[column].dropna().to_numpy(np.float64) > 0).all())
+        transform = "log" if study.model is None and positive else "none"
+    if transform == "spread":
+        raise ConfigurationError("transform: must be none or log for a space, got 'spread'")
+    runs = in_choices(study, table, column) if study.conditions else table
+    seeds = study.sample.seeds[runs["point"].to_numpy(np.int64) - 1]
+    if study.conditions and "lost" in runs:
+        runs = runs.rename(columns={"lost": f"{column.partition('.')[0]}.lost"})
+    return tuple(
+        replace(found, label=words(found.response, table))
+        for found in of_sample(study.sample, runs.assign(seed=seeds), column, transform=transform)
+    )
+
+
 FACTORIAL = ("full", "fraction")
 """Kinds of designs that have effects."""
 
@@ -114,13 +185,15 @@ def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) 
     ConfigurationError
         When it chooses: there is no such receiver or response.
     """
-    own = ("point", "replicate", "run_order", "error", *study.factors)
+    own = ("point", "replicate", "run_order", "seed", "error", *study.varied)
 
     def chosen(names: Sequence[str]) -> list[str]:
         column = _named(names, response, receiver)
+        wanted = column.partition(".")[2] if study.receiver_factor is not None else column
         return [
             name for name in names
-            if name in own or name == column or name.partition(".")[2] in ALWAYS
+            if name in own or wanted in (name, name.partition(".")[2])
+            or name.partition(".")[2] in ALWAYS
         ]
 
     return chosen
@@ -177,13 +250,13 @@ def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
     return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
-def words(column: str, table: pd.DataFrame) -> str:
-    """A response for people to read, with its receiver if there are several."""
+def words(column: str, table: pd.DataFrame, *, of_all: bool = False) -> str:
+    """A response for people to read, with its receiver if there are several, but ``of_all``."""
     receiver, _, response = column.partition(".")
     known = RESPONSES.get(response)
     text = readable(response) if known is None else known.words
     several = len({c.partition(".")[0] for c in table.columns if "." in c}) > 1
-    return f"{text} of {receiver}" if several else text
+    return f"{text} of {receiver}" if several and not of_all else text
 
 
 def readable_advice(advice: Advice, results: str | Path) -> Advice:

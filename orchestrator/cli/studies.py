@@ -76,9 +76,10 @@ WhoseOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
 ]
 TransformOption = Annotated[
-    str,
+    str | None,
     typer.Option(
-        metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
+        metavar="none|log|spread",
+        help="Analyse the mean, its logarithm, or the spread [default: none; of a space log].",
     ),
 ]
 ErrorOption = Annotated[
@@ -280,7 +281,7 @@ def analyse(
     order: Annotated[
         int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
-    transform: TransformOption = "none",
+    transform: TransformOption = None,
     error: ErrorOption = "pure",
     practical: Annotated[
         float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
@@ -294,21 +295,23 @@ def analyse(
 ) -> None:
     """Say which factor of a study matters: report, tables and the paper's four pictures.
 
-    The folder gets report.html, which works offline. Of a sweep it has the means at each level.
+    The folder gets report.html, which works offline. Of a sweep it has the means at each level, of
+    a grid the differences of levels, of a space Sobol' indices.
     """
     with waiting("analysing"):
         from .. import artifacts
-        from ..analysis import options, workflow
+        from ..analysis import options
         from ..report import study as reports
 
-        check_choice("transform", transform, get_args(options.Transform))
+        if transform is not None:
+            check_choice("transform", transform, get_args(options.Transform))
         check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
         found = reports.save(
             results,
             out,
-            response or workflow.RESPONSE,
+            response,
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]

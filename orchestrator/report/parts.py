@@ -30,6 +30,8 @@ class Parts:
         Tables to write, by the names of their files.
     runs
         That were analysed.
+    heading
+        Of the tables.
     """
 
     title: str
@@ -40,6 +42,7 @@ class Parts:
     method: Sequence[Block]
     runs: int
     files: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    heading: str = "Numbers"
 
     def write(self, folder: Path) -> None:
         """Write the tables."""

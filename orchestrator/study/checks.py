@@ -59,6 +59,11 @@ def problems(study: Definition) -> Iterator[str]:
                     f"{prefix} keys: must be keys of the scenario in a design of kind "
                     f"{study.design.kind!r}, got {RECEIVERS_KEY}; a grid may have it"
                 )
+            elif study.seeding != "common":
+                yield (
+                    "seeding: must be 'common' with receivers as a factor, as they run on the same "
+                    f"noise, got {study.seeding!r}"
+                )
             continue
         yield from _keys(prefix, name, factor, fixed, owner, study.model is None)
         if study.design.kind == "space" and name in study.factors:
