@@ -10,9 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.analysis import sensitivity
+from sblcosim.analysis import sensitivity, workflow
+from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
+from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
+from sblcosim.report.space import Indices
 from sblcosim.study import again, study
 from sblcosim.study.study import study_of
 
@@ -146,3 +149,34 @@ def test_what_is_wrong_with_a_space_is_said(changes: dict[str, Any], message: st
 def test_what_is_wrong_with_a_function_is_said(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         of_function(**changes)
+
+
+def test_a_space_is_reported(tmp_path: Path) -> None:
+    made = dive(responses=["absolute_total_p95_m"])
+    table = made.run(tmp_path / "out")
+    found = reports.save(tmp_path / "out", tmp_path / "page", "absolute_total_p95_m")
+    assert isinstance(found, Indices)
+    assert found.main.transform == "log"  # of errors, unless told otherwise
+    assert made.sample is not None
+    direct = sensitivity.of_table(made.sample, table, "coupled.absolute_total_p95_m")
+    pd.testing.assert_frame_equal(found.main.indices, direct[0].indices)
+    written = pd.read_csv(tmp_path / "page" / "indices.csv")
+    assert written["factor"].tolist()[:4] == ["gps", "tick", "imu", "seed"]
+    page = (tmp_path / "page" / "report.html").read_text()
+    assert "log-uniform, range 0.01 to 3" in page
+    document = contents.analysis(found, tmp_path, tmp_path)
+    assert [row.factor for row in document.indices[:4]] == ["gps", "tick", "imu", "seed"]
+    with pytest.raises(ConfigurationError, match="practical: must be left out for a design of"):
+        reports.save(tmp_path / "out", tmp_path / "other", practical=1.0)
+    assert not (tmp_path / "other").exists()
+
+
+def test_the_indices_of_a_space_are_those_over_its_conditions(tmp_path: Path) -> None:
+    conditions = {"sea": {"keys": ["platform.beaufort"], "levels": [2, 4]}}
+    made = dive(factors={"gps": GPS, "tick": TICK}, conditions=conditions)
+    table = made.run(tmp_path)
+    assert len(table) == 2 * 16 * 5
+    total = "coupled.absolute_total_rms_m"
+    means = (table[total][:80].to_numpy() + table[total][80:].to_numpy()) / 2
+    found = workflow.of_space(made, table)[0]
+    np.testing.assert_array_equal(found.values, means)
