@@ -241,7 +241,7 @@ def of_table(
 
     lost = f"{response.partition('.')[0]}.lost"
     main = found(response, transform)
-    if lost not in table or lost == response:
+    if lost not in table or lost == response or not table[lost].notna().any():
         return (main,)
     share = float(np.nanmean(values(lost)))
     main = replace(main, lost=share)
