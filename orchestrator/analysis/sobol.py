@@ -145,7 +145,7 @@ def answer(found: SobolIndices, most: int = 3) -> str:
             f"{names}: {'less than 1 %' if largest < 0.01 else f'at most {_percent(largest)}'}"
             f"{' each' if len(rest) > 1 else ''}{of}, interactions included"
         )
-    nothing = found.indices.loc[SEED_FACTOR, "total"] == 0
+    nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
     parts.append(f"{CHANCE} " + ("nothing" if nothing else f"alone {_shares(found, SEED_FACTOR)}"))
     return "; ".join(parts) + "."
 
