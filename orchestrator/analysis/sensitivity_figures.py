@@ -109,8 +109,9 @@ def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> Non
     x = x.astype(np.float64)
     # side by side, where many runs are at the same place
     beside = 0.0 if levels is None else np.random.default_rng(1).uniform(-0.25, 0.25, len(x))
-    panel.plot(x + beside, y, ".", color=look.soft, ms=3, mew=0, alpha=min(0.5, 4000 / len(x)),
-               rasterized=len(x) > RASTER_FROM, label="independent runs")
+    many = len(x) > RASTER_FROM
+    panel.plot(x + beside, y, ".", color=look.soft, ms=3 if many else 5, mew=0, rasterized=many,
+               alpha=min(0.5, 4000 / len(x)), label="independent runs")
     centres, means, errors = conditional_mean(
         x, np.log(y) if found.transform == "log" else y, discrete=levels is not None
     )
