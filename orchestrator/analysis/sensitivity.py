@@ -9,8 +9,8 @@ included. Estimators are Saltelli's of 2010 and Jansen's (A. Saltelli et al., Co
 Intervals are percentiles over bootstrap resamples of whole base rows. The points of a Sobol'
 sequence are more even than independent ones, so for most indices they are wider than need be. In
 simulations of 95 % intervals (`tests/unit/orchestrator/test_sensitivity.py`) they hold the true
-indices in 94 to 100 % of the samples on average, single ones in at least 81 % with 64 base rows, 88 %
-with 128 or 256, and 92 % with 512 or more.
+indices in 94 to 100 % of the samples on average, single ones in at least 81 % with 64 base rows,
+88 % with 128 or 256, and 92 % with 512 or more.
 
 Errors of position have long tails, and a few runs would make all of the variance: the indices are
 those of the logarithm, beside those of whether a run is lost.
