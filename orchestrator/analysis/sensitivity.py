@@ -9,8 +9,8 @@ included. Estimators are Saltelli's of 2010 and Jansen's (A. Saltelli et al., Co
 Intervals are percentiles over bootstrap resamples of whole base rows. The points of a Sobol'
 sequence are more even than independent ones, so for most indices they are wider than need be. In
 simulations of 95 % intervals (`tests/unit/orchestrator/test_sensitivity.py`) they hold the true
-index in 84 to 100 % of the samples: least for a first-order index of 0 and for less than a hundred
-base rows.
+indices in 94 to 100 % of the samples on average, single ones in at least 81 % with 64 base rows,
+88 % with 128 or 256, and 92 % with 512 or more.
 
 Errors of position have long tails, and a few runs would make all of the variance: the indices are
 those of the logarithm, beside those of whether a run is lost.
@@ -32,6 +32,7 @@ from ..errors import ConfigurationError, check_choice, nearest, quoted
 from ..shown import Picture, Shown, folded, page, verbatim
 from ..study.space import LEAST_BASE_ROWS, SEED_FACTOR, Sample
 from . import sobol
+from .bounds import share_bound
 from .sobol import TAIL, Floats, Scale, SobolIndices
 
 if TYPE_CHECKING:
@@ -137,6 +138,8 @@ def indices(
     used: NDArray[np.bool_] = np.asarray(np.isfinite(by_row).all(axis=1))
     y = _checked(by_row[used], response, transform)
     table = _with_intervals(sample.columns, y, confidence, resamples, seed)
+    if np.isin(y, (0.0, 1.0)).all():
+        _bound_the_unchanged(table, y, confidence)
     around = np.sort(((y[:, [0, -1]] - y[:, [0, -1]].mean()) ** 2).ravel())
     tail = float(around[-ceil(TAIL * len(around)):].sum() / around.sum())
     return Sensitivity(response, transform, sample, values, used, table, tail, confidence)
@@ -185,6 +188,17 @@ def _with_intervals(
         low, high = np.quantile(np.vstack(drawn[kind]), ends, axis=0)
         columns |= {name: found[kind], f"{name}_low": low, f"{name}_high": high}
     return pd.DataFrame(columns, index=pd.Index(names, name="factor"))
+
+
+def _bound_the_unchanged(table: pd.DataFrame, y: Floats, confidence: float) -> None:
+    """Upper bounds of factors that have never changed a response of 0 or 1, such as ``lost``.
+
+    No resample has a change either, but n rows without one do not show that there is none. The
+    total index is the share of changes over twice the variance.
+    """
+    unchanged = (y[:, 1:-1] == y[:, :1]).all(axis=0)
+    most = share_bound(0, len(y), (1 - confidence) / 2) / (2 * y[:, [0, -1]].var())
+    table.loc[unchanged, ["first_high", "total_high"]] = most
 
 
 # --- Tables of runs ------------------------------------------------------------------------------
@@ -241,7 +255,7 @@ def of_table(
 
     lost = f"{response.partition('.')[0]}.lost"
     main = found(response, transform)
-    if lost not in table or lost == response:
+    if lost not in table or lost == response or not table[lost].notna().any():
         return (main,)
     share = float(np.nanmean(values(lost)))
     main = replace(main, lost=share)

@@ -17,6 +17,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 from scipy import stats
 
 from ..results.responses import unit_of
+from ..study.distributions import is_number
 from ..study.space import Factor
 from ..style import PLAIN, Theme, ThemeName, new_figure, use
 from .sentences import minus
@@ -99,10 +100,8 @@ def plot_scatter(
 
 def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> None:
     """One factor's points and conditional mean."""
-    # the runs at A and B, in the order of `independent`
-    runs = np.flatnonzero(found.used)[None, :] * found.sample.runs_per_row
-    runs = np.vstack([runs, runs + found.sample.runs_per_row - 1]).ravel()
-    x, y = found.sample.values[factor.name].to_numpy()[runs], found.independent.ravel()
+    runs = found.independent_runs.ravel()
+    x, y = found.sample.values[factor.name].to_numpy()[runs], found.values[runs]
     levels = factor.distribution.levels
     if levels is not None:
         places = {level: float(i) for i, level in enumerate(levels)}
@@ -110,8 +109,9 @@ def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> Non
     x = x.astype(np.float64)
     # side by side, where many runs are at the same place
     beside = 0.0 if levels is None else np.random.default_rng(1).uniform(-0.25, 0.25, len(x))
-    panel.plot(x + beside, y, ".", color=look.soft, ms=3, mew=0, alpha=0.5,
-               rasterized=len(x) > RASTER_FROM, label="independent runs")
+    many = len(x) > RASTER_FROM
+    panel.plot(x + beside, y, ".", color=look.soft, ms=3 if many else 5, mew=0, rasterized=many,
+               alpha=min(0.5, 4000 / len(x)), label="independent runs")
     centres, means, errors = conditional_mean(
         x, np.log(y) if found.transform == "log" else y, discrete=levels is not None
     )
@@ -124,7 +124,7 @@ def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> Non
     panel.errorbar(centres, means, np.abs(ends - means), fmt="o" if levels else "-o", ms=4,
                    capsize=2, elinewidth=1, color=look.receivers[0], label=_mean(found))
     if levels is not None:
-        names = [level if isinstance(level, str) else f"{level:g}" for level in levels]
+        names = [f"{level:g}" if is_number(level) else str(level) for level in levels]
         panel.set_xticks(range(len(levels)), [fill(name, 12) for name in names], **PLAIN)
     elif factor.distribution.logarithmic:
         panel.set_xscale("log")

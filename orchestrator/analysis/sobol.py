@@ -78,9 +78,15 @@ class SobolIndices:
         return int(self.used.sum()) * self.sample.runs_per_row
 
     @property
+    def independent_runs(self) -> NDArray[np.int64]:
+        """The runs at A and at B, from 0; shape (2, base rows used)."""
+        at_a = np.flatnonzero(self.used) * self.sample.runs_per_row
+        return np.array([at_a, at_a + self.sample.runs_per_row - 1])
+
+    @property
     def independent(self) -> Floats:
-        """The response in the independent runs, those at A and B; shape (2, base rows used)."""
-        return self.values.reshape(len(self.used), -1)[self.used][:, [0, -1]].T
+        """The response in the independent runs; shape (2, base rows used)."""
+        return self.values[self.independent_runs]
 
     @property
     def is_flag(self) -> bool:
@@ -139,7 +145,7 @@ def answer(found: SobolIndices, most: int = 3) -> str:
             f"{names}: {'less than 1 %' if largest < 0.01 else f'at most {_percent(largest)}'}"
             f"{' each' if len(rest) > 1 else ''}{of}, interactions included"
         )
-    nothing = found.indices.loc[SEED_FACTOR, "total"] == 0
+    nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
     parts.append(f"{CHANCE} " + ("nothing" if nothing else f"alone {_shares(found, SEED_FACTOR)}"))
     return "; ".join(parts) + "."
 

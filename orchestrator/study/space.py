@@ -33,6 +33,7 @@ SEED_FACTOR = "seed"
 LEAST_BASE_ROWS, MOST_BASE_ROWS = 16, 2**20
 _CELL = 2.0**-30  # of the Sobol' sequence; values are taken in the middle of a cell
 _ENDS = np.array([_CELL / 2, 1 - _CELL / 2])
+_SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
 
 
 # --- Factors -------------------------------------------------------------------------------------
@@ -50,6 +51,7 @@ class Factor:
     step
         Values are rounded to its whole multiples, within the distribution and the bounds. Those at
         the two ends of a range are half as probable as the others. A whole number gives integers.
+        The levels of a choice must be multiples.
     names
         The values of a key that is set by name; only a choice among them can vary it.
     label, unit
@@ -90,11 +92,15 @@ class Factor:
                     yield f"range: must be {bounds}, got {shortened([*given.range])}"
                 else:
                     yield f"range: must be given to keep {given.distribution!r} {bounds}, got {got}"
+            elif self.step is not None and given.levels is not None:
+                for level in given.levels:
+                    if abs(level / self.step - round(level / self.step)) > _SLACK:
+                        yield f"levels: must be whole multiples of {self.step:g}, got {level:g}"
             elif self.step is not None and len({*self.values(_ENDS)}) < 2:
                 yield (
-                    f"{'levels' if given.levels else 'range' if given.range else 'std'}: must hold "
-                    f"two multiples of {self.step:g}, to which values are rounded, got values from "
-                    f"{least:.6g} to {most:.6g}"
+                    f"{'range' if given.range else given.distribution}: must hold two multiples of "
+                    f"{self.step:g}, to which values are rounded, got values from {least:.6g} to "
+                    f"{most:.6g}"
                 )
         elif self.step is not None or (self.low, self.high) != (-math.inf, math.inf):
             yield f"levels: must be numbers, got {quoted(given.levels and given.levels[0])}"
@@ -107,17 +113,13 @@ class Factor:
 
     def values(self, u: Floats) -> NDArray[Any]:
         """Physical values at quantiles, rounded to the step; the shape of `u`."""
-        values = self.distribution.quantiles(u)
-        if self.step is None or not self.numeric:
+        given = self.distribution
+        values = given.quantiles(u)
+        if self.step is None or given.levels is not None:
             return values
-        ends = self.distribution.quantiles(_ENDS)
-        if self.distribution.range is not None:
-            ends = np.array(self.distribution.range)
-        if self.distribution.levels is not None:
-            ends = np.array([min(self.distribution.levels), max(self.distribution.levels)])
-        slack = 1e-9  # of a step: 0.3 / 0.1 is less than 3
-        least = math.ceil(max(float(ends[0]), self.low) / self.step - slack)
-        most = math.floor(min(float(ends[1]), self.high) / self.step + slack)
+        low, high = given.range if given.range is not None else given.quantiles(_ENDS)
+        least = math.ceil(max(low, self.low) / self.step - _SLACK)
+        most = math.floor(min(high, self.high) / self.step + _SLACK)
         whole = np.clip(np.rint(values / self.step), least, max(least, most))
         if self.step == round(self.step):
             return (whole * self.step).astype(np.int64)

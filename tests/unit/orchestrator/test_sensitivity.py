@@ -292,6 +292,20 @@ def test_few_lost_runs_are_too_few() -> None:
     assert "Only" not in indices(drawn, y).text()
 
 
+def test_a_factor_that_has_never_changed_what_is_lost_may_do_so() -> None:
+    drawn = sample(TWO, 64)
+    y = (drawn.values["gps"] > 0.8).to_numpy(np.float64)
+    found = indices(drawn, y, "ekf.lost").indices
+    # nothing in 64 rows: at a risk of 2.5 %, each has had a chance of 1 − 0.025^(1/64)
+    variance = y.reshape(64, -1)[:, [0, -1]].var()
+    for name in ("depth", "seed"):
+        low, total, high = found.loc[name, ["total_low", "total", "total_high"]]
+        assert (low, total) == (0, 0)
+        assert high == pytest.approx((1 - 0.025 ** (1 / 64)) / 2 / variance)
+    assert found.loc["gps", "total_low"] > 0.5
+    assert (indices(drawn, y + 1).indices.loc["depth"] == 0).all()
+
+
 def test_runs_that_a_table_does_not_have_are_missing() -> None:
     drawn = sample(TWO, 64)
     table = table_of(drawn)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
 from pydantic import BaseModel
 from sblcosim.errors import ConfigurationError
-from sblcosim.study.distributions import Distribution, distribution_of
+from sblcosim.study.distributions import Distribution, Kind, distribution_of
 from sblcosim.study.space import Factor, sample
 from scipy import stats
 
@@ -201,11 +202,47 @@ def test_a_sampling_time_in_ms_is_the_number_that_people_write() -> None:
     assert set(np.unique(x)) == {k / 1000 for k in range(100, 2001)}
     given = distribution_of("uniform", range=[0.0004, 0.1])
     assert Factor("T", given, low=0.0001, step=0.001).values(U).min() == 0.001  # and not 0
+    choice = distribution_of("choice", levels=[0.1, 0.3, 2])
+    assert set(Factor("T", choice, step=0.001).values(U)) == {0.1, 0.3, 2}
+    choice = distribution_of("choice", levels=[0.1, 0.3004])
+    assert refused(distribution=choice, step=0.001) == (
+        "levels: must be whole multiples of 0.001, got 0.3004"
+    )
     tiny = distribution_of("uniform", range=[0.0001, 0.0002])
     assert refused(distribution=tiny, step=0.001) == (
         "range: must hold two multiples of 0.001, to which values are rounded, got values from "
         "0.0001 to 0.0002"
     )
+
+
+def test_random_numbers_make_a_distribution_or_a_line() -> None:
+    rng = np.random.default_rng(1)
+    pool = [0, 1, -1, 1e-300, 1e300, 0.1, 2, 5, -0.5, 1e-9, 1 + 1e-12]
+    made, lines = 0, list[str]()
+    for _ in range(2000):
+        kind = rng.choice([*get_args(Kind)])
+        needed = {"uniform": ["range"], "log-uniform": ["range"], "normal": ["mean", "std"],
+                  "log-normal": ["median", "factor"], "triangular": ["range", "mode"],
+                  "choice": ["levels"]}[kind]  # fmt: skip
+        several = ("range", "levels", "weights")
+        names = {*needed, *rng.choice([*Distribution.model_fields][1:], rng.integers(0, 2))}
+        numbers = {
+            name: rng.choice(pool, rng.integers(1, 4)).tolist() if name in several
+            else float(rng.choice(pool)) for name in sorted(names)
+        }
+        step = rng.choice([None, 0.001, 1])
+        try:
+            factor = Factor("x", distribution_of(kind, **numbers), low=-10, high=10, step=step)
+        except ConfigurationError as error:
+            lines.append(str(error))
+            continue
+        made += 1
+        x = factor.values(rng.uniform(2**-31, 1 - 2**-31, 50))
+        assert np.isfinite(x).all(), numbers
+        assert (x >= -10).all(), numbers
+        assert (x <= 10).all(), numbers
+    assert made > 100
+    assert not any("\n" in line for line in lines)
 
 
 # --- Samples -------------------------------------------------------------------------------------
