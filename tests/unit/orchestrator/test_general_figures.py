@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -107,7 +109,7 @@ def test_rows_do_not_overlap(analysis: GeneralFactorial, plot) -> None:
     for panel in panels:
         boxes = [label.get_window_extent() for label in panel.get_yticklabels()] if panel.axison \
             else []
-        for above, below in zip(boxes, boxes[1:], strict=False):
+        for above, below in pairwise(boxes):
             assert above.y0 >= below.y1 - 1
 
 
