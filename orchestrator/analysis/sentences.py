@@ -50,7 +50,8 @@ def summary(
         *([f"and {rest} smaller"] if rest else []),
         *(["open: the interval reaches to both sides of what matters; more runs decide"]
           if "verdict" in shown and (shown["verdict"] == "open").any() else []),
-        *(["", *notes(analysis)] if verbose else left_out(analysis.dropped, analysis.seeding == "common")),
+        *(["", *notes(analysis)] if verbose else
+          left_out(analysis.dropped, analysis.seeding == "common")),
     ]
     return fitted("\n".join(lines), width)
 
