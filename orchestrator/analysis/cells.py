@@ -115,26 +115,11 @@ def cells_of(
     ConfigurationError
         A column or a level is not as it must be, or no runs are left.
     """
-    check_columns(table, factors, response, numbers=False)
-    for name in levels:
-        if name not in factors:
-            raise ConfigurationError(
-                f"levels: must be of the factors, got {name!r}" + nearest(name, factors)
-            )
-    if options.replicate in factors:
-        raise ConfigurationError(f"replicate: must not be a factor, got {options.replicate!r}")
-    coded = {}
-    known: dict[str, tuple[Level, ...]] = {}
-    for name in factors:
-        coded[name], known[name] = _coded(table[name], levels.get(name))
-    values = table[response].to_numpy(np.float64, na_value=np.nan)
-    gone = ~np.isfinite(values)
-    numbers = pd.DataFrame(coded | {response: values})
-    if options.replicate in table:
-        numbers[options.replicate] = table[options.replicate].to_numpy()
+    numbers, known = _numbered(table, factors, response, levels, options)
+    gone = numbers[response].isna().to_numpy()
     if lost in table:
-        gone |= table[lost].to_numpy(np.float64, na_value=0.0) != 0
-    everything = pd.Series(gone).groupby([*coded.values()], sort=True)
+        gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
+    everything = pd.Series(gone).groupby([numbers[name] for name in factors], sort=True)
     data = usable(numbers, factors, response, options)
     dropped = len(table) - len(data)
     logs = options.transform == "none" and bool((data[response] > 0).all())
@@ -166,6 +151,33 @@ def cells_of(
         seen_lost=np.asarray(everything.sum(), np.float64),
         empty=empty,
     )
+
+
+def _numbered(
+    table: pd.DataFrame,
+    factors: tuple[str, ...],
+    response: str,
+    levels: Mapping[str, Sequence[Level]],
+    options: Options,
+) -> tuple[pd.DataFrame, dict[str, tuple[Level, ...]]]:
+    """The table with numbers of levels, NaN for a response that is not finite; and the levels."""
+    check_columns(table, factors, response, numbers=False)
+    for name in levels:
+        if name not in factors:
+            raise ConfigurationError(
+                f"levels: must be of the factors, got {name!r}" + nearest(name, factors)
+            )
+    if options.replicate in factors:
+        raise ConfigurationError(f"replicate: must not be a factor, got {options.replicate!r}")
+    columns = {}
+    known: dict[str, tuple[Level, ...]] = {}
+    for name in factors:
+        columns[name], known[name] = _coded(table[name], levels.get(name))
+    values = table[response].to_numpy(np.float64, na_value=np.nan)
+    numbers = pd.DataFrame(columns | {response: np.where(np.isfinite(values), values, np.nan)})
+    if options.replicate in table:
+        numbers[options.replicate] = table[options.replicate].to_numpy()
+    return numbers, known
 
 
 def _coded(

@@ -81,11 +81,10 @@ def plot_pairs(
             for differs, colour, marker, _ in styles:
                 side = own["differs"].to_numpy(np.bool_) == differs
                 part = own[side]
-                panel.errorbar(
-                    part["difference"], at[side], fmt=marker, ms=5, capsize=3, lw=1.3,
-                    xerr=[part["difference"] - part["low"], part["high"] - part["difference"]],
-                    color=colour, mfc=colour if differs else look.paper,
-                )
+                low, gap, high = part[["low", "difference", "high"]].to_numpy(np.float64).T
+                panel.errorbar(gap, at[side], xerr=[gap - low, high - gap], fmt=marker, ms=5,
+                               capsize=3, lw=1.3, color=colour,
+                               mfc=colour if differs else look.paper)
             some = f", {len(own)} of {len(whole)} pairs" if len(own) < len(whole) else ""
             _title(panel, f"{own['factor'].iloc[0]}{some}")
         _shared(panels, f"Difference of mean {quantity_of(analysis)}")
@@ -104,7 +103,14 @@ def plot_interactions(
 
     Rows are the levels of the factor with more of them, lines those of the other one. Of many pairs
     of factors those with the surest interactions are drawn. Up to 4 lines have intervals.
+
+    Raises
+    ------
+    ValueError
+        There is one factor only.
     """
+    if len(analysis.factors) < 2:
+        raise ValueError("analysis: must be of two factors or more, got one")
     with use(theme) as look:
         both = _surest(analysis)
         rows = [[_name(analysis, down, level) for level in analysis.levels[down]]

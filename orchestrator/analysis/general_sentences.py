@@ -42,7 +42,7 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
         *table(_mean_rows(a), width, ("factor", "level", "mean", "low", "high", "runs", "lost"),
                range(2, 7)),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
-          left_out(a.dropped, a.seeding)),
+          left_out(a.dropped, a.seeding == "common")),
     ]
     return fitted("\n".join(lines), width)
 
@@ -119,7 +119,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
     lines = [f"{a.runs} runs of {a.combinations} combinations of levels; R² {a.r2:.2%}; root of "
              f"the residual mean square {a.rmse:.4g}."]
-    lines += left_out(a.dropped, a.seeding)
+    lines += left_out(a.dropped, a.seeding == "common")
     if a.empty:
         lines.append(f"Levels without a run that counts: {_listed(list(a.empty), ', ')}.")
     lines.append(

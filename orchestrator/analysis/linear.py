@@ -77,7 +77,7 @@ class LinearModel:
         spare = len(self.x) - self.x.shape[1]
         return float((self.cells.runs * off**2).sum()) if spare else 0.0, spare
 
-    def basis(self, term: int, typ: Type) -> Floats:
+    def basis(self, term: int, typ: int) -> Floats:
         """Orthonormal contrasts of the cells' means that are a term's; shape (cells, df).
 
         The sum of squares of the term is that of these contrasts of √runs × mean.

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..layout import fitted, table
 from .model import MAX_LISTED
-from .options import Seeding
 from .ranking import tied_groups
 from .tables import Analysis
 
@@ -51,7 +50,8 @@ def summary(
         *([f"and {rest} smaller"] if rest else []),
         *(["open: the interval reaches to both sides of what matters; more runs decide"]
           if "verdict" in shown and (shown["verdict"] == "open").any() else []),
-        *(["", *notes(analysis)] if verbose else left_out(analysis.dropped, analysis.seeding)),
+        *(["", *notes(analysis)] if verbose else
+          left_out(analysis.dropped, analysis.seeding == "common")),
     ]
     return fitted("\n".join(lines), width)
 
@@ -185,11 +185,11 @@ def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
     return f"{sign}{rounded(row.effect)}{unit}", f"{rounded(row.low)} to {rounded(row.high)}"
 
 
-def left_out(dropped: int, seeding: Seeding) -> list[str]:
+def left_out(dropped: int, common: bool) -> list[str]:
     """The number of runs that did not count, if there are any."""
     if not dropped:
         return []
-    why = ", or an incomplete replicate" if seeding == "common" else ""
+    why = ", or an incomplete replicate" if common else ""
     return [f"{dropped} runs are left out: no finite response{why}."]
 
 
@@ -210,7 +210,7 @@ def notes(analysis: Analysis) -> list[str]:
         f"{a.runs} {'values' if a.transform == 'spread' else 'runs'} at {points} points, "
         f"{len(a.effects)} terms; {how}."
     ]
-    lines += left_out(a.dropped, a.seeding)
+    lines += left_out(a.dropped, a.seeding == "common")
     if np.isfinite(a.r2_adjusted):
         predicted = f", predicted {a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else ""
         lines.append(f"R² {a.r2:.2%}, adjusted {a.r2_adjusted:.2%}{predicted}; "

@@ -25,13 +25,13 @@ import pandas as pd
 from scipy import stats
 
 from .cells import Cells
-from .linear import LinearModel, Type
+from .linear import LinearModel
 from .model import Floats, term_name
 
 ANOVA_COLUMNS = ["df", "sum_sq", "mean_sq", "F", "p"]
 
 
-def anova_table(model: LinearModel, typ: Type) -> pd.DataFrame:
+def anova_table(model: LinearModel, typ: int) -> pd.DataFrame:
     """One row per term, then replicates, residual with its parts, and total.
 
     With common random numbers each term has a column ``epsilon``, Greenhouse and Geisser's factor

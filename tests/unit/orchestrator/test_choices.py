@@ -16,7 +16,16 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import artifacts, calibrate, style
-from sblcosim.analysis import advice, factorial, sensitivity, sensitivity_figures, sweep, workflow
+from sblcosim.analysis import (
+    advice,
+    factorial,
+    general,
+    general_figures,
+    sensitivity,
+    sensitivity_figures,
+    sweep,
+    workflow,
+)
 from sblcosim.analysis import figures as effect_figures
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
@@ -36,6 +45,7 @@ RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"])
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
 FOUND = factorial.analyse(RUNS, "ab", "y")
+GENERAL = general.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
@@ -127,6 +137,16 @@ CALLS |= {
     "analysis.sensitivity_figures.plot_scatter theme": partial(
         sensitivity_figures.plot_scatter, SHARES
     ),
+}
+CALLS |= {
+    f"{where}.{name} theme": partial(getattr(module, name), *given)
+    for name in ("plot_means", "plot_interactions", "plot_pairs")
+    for where, module, given in (("analysis.general_figures", general_figures, (GENERAL,)),
+                                 ("analysis.general.GeneralFactorial", GENERAL, ()))
+}
+CALLS |= {
+    f"analysis.general.analyse {name}": partial(general.analyse, RUNS, "ab", "y")
+    for name in ("typ", "transform", "seeding")
 }
 ELSEWHERE = {
     "analysis.sensitivity.of_table transform": "analysis.sensitivity.indices",
