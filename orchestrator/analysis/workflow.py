@@ -114,13 +114,13 @@ def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) 
     ConfigurationError
         When it chooses: there is no such receiver or response.
     """
-    own = ("point", "replicate", "run_order", "error", *study.factors)
+    own = ("point", "replicate", "run_order", "error", *study.varied)
 
     def chosen(names: Sequence[str]) -> list[str]:
-        column = _named(names, response, receiver)
+        asked = _named(names, response, receiver).partition(".")[2]  # of all, to compare them
         return [
             name for name in names
-            if name in own or name == column or name.partition(".")[2] in ALWAYS
+            if name in own or name.partition(".")[2] in (*ALWAYS, asked)
         ]
 
     return chosen
