@@ -247,9 +247,11 @@ def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """The points without those that others hide, if there are many."""
     if len(x) <= MOST_DOTS:
         return x, y
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
     cell = np.zeros(len(x), np.int64)
     for values in (x, y):
-        place = (values - values.min()) * (CELLS / max(np.ptp(values), np.finfo(float).tiny))
+        place = (values - values.min()) / (np.ptp(values) or 1.0) * CELLS
         cell = cell * (CELLS + 1) + place.astype(np.int64)
     first = ~pd.Index(cell).duplicated()
     return x[first], y[first]

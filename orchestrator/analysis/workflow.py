@@ -163,13 +163,14 @@ def of_space(
         transform = "log" if study.model is None and positive else "none"
     if transform == "spread":
         raise ConfigurationError("transform: must be none or log for a space, got 'spread'")
-    runs = in_choices(study, table, column) if study.conditions else table
-    seeds = study.sample.seeds[runs["point"].to_numpy(np.int64) - 1]
-    if study.conditions and "lost" in runs:
-        runs = runs.rename(columns={"lost": f"{column.partition('.')[0]}.lost"})
+    runs = table
+    if study.conditions:  # which share the seeds of the sample
+        lost = {"lost": f"{column.partition('.')[0]}.lost"}
+        runs = in_choices(study, table, column).rename(columns=lost)
+        runs["seed"] = study.sample.seeds[runs["point"].to_numpy(np.int64) - 1]
     return tuple(
         replace(found, label=words(found.response, table))
-        for found in of_sample(study.sample, runs.assign(seed=seeds), column, transform=transform)
+        for found in of_sample(study.sample, runs, column, transform=transform)
     )
 
 
@@ -188,12 +189,10 @@ def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) 
     own = ("point", "replicate", "run_order", "seed", "error", *study.varied)
 
     def chosen(names: Sequence[str]) -> list[str]:
-        column = _named(names, response, receiver)
-        wanted = column.partition(".")[2] if study.receiver_factor is not None else column
+        asked = _named(names, response, receiver).partition(".")[2]  # of all, to compare them
         return [
             name for name in names
-            if name in own or wanted in (name, name.partition(".")[2])
-            or name.partition(".")[2] in ALWAYS
+            if name in own or name.partition(".")[2] in (*ALWAYS, asked)
         ]
 
     return chosen

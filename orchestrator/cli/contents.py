@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..report.means import Means
     from ..report.space import Indices
     from ..simulation.plan import Plan
+    from ..study.parts import Parts
     from ..study.study import Study as Definition
     from .document import Part
 
@@ -86,11 +87,11 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
     )
 
 
-def carried_out(definition: Definition, out: Path) -> study_documents.Study:
-    """A study that has been carried out in a folder."""
-    from ..study import store
+def carried_out(definition: Definition, out: Path, there: Parts) -> study_documents.Study:
+    """A study that has been carried out in a folder; `there` is what has been found in it."""
+    from ..study import parts
 
-    runs = store.table(out, _needed)
+    runs = parts.table(there, _needed)
     runs = runs[runs["replicate"] <= definition.replicates]
     failed = runs["error"].dropna()
     return study(

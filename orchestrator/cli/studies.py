@@ -159,14 +159,14 @@ def study(
             told = _what_would_run(settled, out, workers, master, step_timeout)
         else:
             try:
-                runner.carry_out(
+                there = runner.carry_out(
                     settled, out, workers=workers, executor=executor, scheduler=scheduler,
                     master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-            told = contents.carried_out(settled, out)
+            told = contents.carried_out(settled, out, there)
     if as_json:
         show(told)
     elif dry_run:

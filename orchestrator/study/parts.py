@@ -81,14 +81,19 @@ def looked_through(folder: Path, table: Mapping[str, Any]) -> tuple[Parts, list[
     paths = sorted(p for p in (folder / PARTS).glob("*.parquet") if not p.name.startswith("."))
     with ThreadPoolExecutor() as pool:
         sound = dict(zip(paths, pool.map(is_intact, paths), strict=True))
-        good = tuple(path for path in paths if sound[path])
-        inside = frozenset(table.get("parts", ()))
-        if not inside <= {path.name for path in good} or (
-            _sha256(folder / RUNS) != table.get("sha256")
-        ):
-            inside = frozenset()
+    good = tuple(path for path in paths if sound[path])
     damaged = [path for path in paths if not sound[path] and path.exists()]
-    return Parts(folder, good, inside), damaged
+    inside = frozenset(table.get("parts", ()))
+    stands = inside <= {path.name for path in good} and _is_as(folder / RUNS, table.get("sha256"))
+    return Parts(folder, good, inside if stands else frozenset()), damaged
+
+
+def _is_as(path: Path, sha256: str | None) -> bool:
+    """Whether a file has a hash; False if it cannot be read."""
+    try:
+        return sha256 is not None and _sha256(path) == sha256
+    except ConfigurationError:
+        return False
 
 
 def is_intact(path: Path) -> bool:

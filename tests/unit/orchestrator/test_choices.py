@@ -154,6 +154,8 @@ ELSEWHERE = {
     "analysis.workflow.of_study error": "analysis.workflow.of_table",
     "report.study.save error": "report.factorial.find",
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
+    "analysis.workflow.of_grid transform": "analysis.general.analyse",
+    "analysis.workflow.of_space transform": "analysis.sensitivity.indices",
     "report.study.save transform": "report.factorial.find",
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",

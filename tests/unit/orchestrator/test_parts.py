@@ -157,6 +157,12 @@ def test_a_table_that_is_not_as_it_was_written_stands_for_nothing(out: Path, who
     assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
+def test_a_table_that_cannot_be_read_is_not_needed(out: Path, whole: Path) -> None:
+    (out / "runs.parquet").unlink()
+    (out / "runs.parquet").mkdir()
+    pd.testing.assert_frame_equal(store.table(out), store.table(whole), check_exact=True)
+
+
 def test_a_damaged_part_counts_as_missing_although_its_runs_are_in_the_table(out: Path) -> None:
     flip(stored(out)[2], 9999)
     asked = campaign.prepare(small())
