@@ -13,7 +13,9 @@ freedom (Psychometrika 24, 1959, 95–112).
 The intervals of the differences between the levels of a factor hold all at once, by Bonferroni's
 inequality: each of m pairs is at 1 − α/m. Other than Tukey's and Games and Howell's intervals this
 supposes neither equal variances, nor equal numbers of runs, nor independent means; for four levels
-it costs 3 % in width.
+it costs 3 % in width. As any by t, they are too short for runs that are both skewed and unequally
+spread: log-normal runs with σ = 1 and spreads of 1 : 2 : 4 : 8, 20 a level, are held in 86 % of the
+experiments instead of 95 %. What is said of such runs is in `general_sentences.warnings`.
 """
 
 from __future__ import annotations
