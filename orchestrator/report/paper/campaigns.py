@@ -1,7 +1,7 @@
 """The campaigns behind `sblcosim paper`: which studies, points and sessions are run, and where.
 
-The paper's three factorial studies, the favourable point of each scenario, and the sessions of its
-Table 2. Each campaign is a study with a folder of its own.
+The paper's three factorial studies, the same ranges as spaces, the favourable point of each
+scenario, and the sessions of its Table 2. Each campaign is a study with a folder of its own.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ...simulation.record import Record
 from ...study import parts, runner, store
 from ...study import study as studies
 from ...study.study import Study
+from .ranges import spaces
 
 Progress = Callable[[float, str], None]
 """Takes the share that is done, and a word for what is being done."""
@@ -69,7 +70,7 @@ def all_campaigns(quick: bool = False) -> dict[str, Study]:
             "design": {"kind": "single"}, "seed": 40001 + 1000 * i,
             "replicates": QUICK_SESSION_RUNS if quick else SESSION_RUNS,
         })
-    return all_studies
+    return all_studies | spaces(quick, SCENARIOS)
 
 
 def favourable_in_words() -> str:

@@ -14,12 +14,14 @@ import pandas as pd
 from scipy import stats
 
 from ...analysis.ranking import ranking
+from ...analysis.sensitivity import Sensitivity
 from ...results.definitions import AXES
 from ...study.study import Study
 from .. import factorial
 from ..factorial import Findings
 from ..formats import number, span
 from ..page import Table
+from . import ranges
 from .campaigns import SCENARIOS, SESSIONS, Progress
 
 PRACTICAL = 0.5
@@ -57,6 +59,7 @@ class Numbers:
     findings: Mapping[int, Findings]
     points: Mapping[int, pd.DataFrame]
     sessions: Mapping[str, pd.DataFrame]
+    indices: Mapping[int, tuple[Sensitivity, ...]]
 
 
 def analyse(
@@ -75,6 +78,7 @@ def analyse(
         findings,
         {n: tables[f"favourable-{n}"] for n in SCENARIOS},
         {name: tables[f"harbour-{name}"] for name in SESSIONS},
+        {n: ranges.indices(studies[f"ranges-{n}"], tables[f"ranges-{n}"]) for n in SCENARIOS},
     )
 
 

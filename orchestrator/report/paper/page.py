@@ -26,6 +26,7 @@ from ..common import DEFINITIONS, method, reproduce, seeding
 from ..formats import minus
 from ..page import Block, Page, Picture, Section, Table, Text, render
 from ..study import REPORT
+from . import ranges
 from .campaigns import (
     FAVOURABLE,
     PAGES,
@@ -286,6 +287,8 @@ def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Sectio
         Section(f"Table {table}: average errors", f"table-{table}", _errors(n, material.numbers),
                 folded=True),
         *_figures(n, material, drawings),
+        Section("Over the whole ranges of Table 3: Sobol' indices", f"ranges-{n}",
+                ranges.blocks(material.numbers.indices[n], findings), folded=True),
         Section(f"Scenario {n} in full", f"full-{n}", beyond, folded=True),
     ]
     return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(findings), sections)
@@ -389,3 +392,5 @@ def _write(
             for name in ("effects", "anova"):
                 table = getattr(findings.data, name).reset_index()
                 artifacts.write_table(table, part, f"scenario-{n}-{name}")
+            main = numbers.indices[n][0].indices.reset_index()
+            artifacts.write_table(main, part, f"scenario-{n}-indices")
