@@ -30,6 +30,7 @@ from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Scenario, Source
+from ..scenario.scenario import load as load_scenario
 from ..scenario.sources import file_of
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.user_code import PythonSource
@@ -115,6 +116,16 @@ class Tournament(Shown):
     def answer(self) -> str:
         """Which receiver is best, in a sentence or two."""
         return str(words.answer(self))
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for each receiver that has failed in all runs of a scenario."""
+        mine = self.levels[self.levels["response"] == self.response]
+        silent = mine[(mine["failed"] == mine["runs"]) & (mine["scenario"] != ALL)]
+        return [
+            f"{row.receiver}: must give estimates in {row.scenario}, got none in {row.runs} runs"
+            for row in silent.itertuples()
+        ]
 
     def level(self, place: str, receiver: str, response: str | None = None) -> Any:
         """A row of `levels`; by default of the response that is compared."""
@@ -308,31 +319,31 @@ def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
             f"response: must be the name of a response or FILE.py:FUNCTION, got {quoted(response)}"
             f"{nearest(response, RESPONSES)}"
         )
-    if response in _SIGNED or not (unit_of(response) or response in _RATES):
+    if response not in lesser():
         raise ConfigurationError(
             f"response: must be one of which less is better, such as {RESPONSE}, got {response!r}"
         )
     return response, response if response in ON_REQUEST else None
 
 
+def lesser() -> dict[str, str]:
+    """The responses of which less is better, each in words."""
+    return {
+        name: it.words for name, it in RESPONSES.items()
+        if name not in _SIGNED and (it.unit or name in _RATES)
+    }  # fmt: skip
+
+
 def study_of(
     scenario: Any, receivers: Any, fixed: Mapping[str, Any], about: Mapping[str, Any]
 ) -> Study:
     """Runs of a scenario as it is, as a study without factors."""
-    if isinstance(scenario, Scenario):
-        source: Any = scenario.given()
-    else:
-        source = str(scenario) if isinstance(scenario, Path) else scenario
+    settled = load_scenario(scenario, fixed.items())
     one = isinstance(receivers, str | Path) or callable(receivers)
-    chosen = [receivers] if one else list(receivers)
-    label = source.get("name", "scenario") if isinstance(source, Mapping) else Path(source).stem
-    return load_study(
-        {
-            **about, "name": label, "scenario": source, "fixed": dict(fixed),
-            "design": {"kind": "single"},
-        },
-        receivers=chosen,
-    )  # fmt: skip
+    tables = {
+        **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
+    }  # fmt: skip
+    return load_study(tables, receivers=[receivers] if one else list(receivers))
 
 
 def _origin(source: Source) -> Any:

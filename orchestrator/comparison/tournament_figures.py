@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ..results.catalogue import Job
 from ..results.drawing import short
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 
 ROW, ABOVE = 0.27, 0.75
 """Height of a receiver, and of what is above and below the receivers of a place [inch]."""
-REACH = 12.0
-"""Values farther away than so many times the median distance are drawn at the edge."""
+REACH, FAR = 12.0, 4.0
+"""Differences of more than so many times their median, and of the best one's mean, are drawn at the
+edge."""
 _MARKS = {
     "worse": ("s", "worse than the best"), "cannot tell": ("o", "cannot tell"),
     "equal": ("D", "equal for practical purposes"), "better": ("^", "better here"),
@@ -54,12 +56,14 @@ class Panel:
     verdicts: tuple[str, ...]
 
 
-def job(it: Tournament) -> Job:
-    """The figure, ready to be drawn."""
-    return Job("comparison", plot_tournament, shown(it))
+def job(it: Tournament, name: str = "comparison", differences: bool = True) -> Job:
+    """The figure, ready to be drawn; without differences, of the runs alone."""
+    return Job(name, plot_tournament, shown(it, differences))
 
 
-def shown(it: Tournament) -> tuple[list[Panel], str, str, float | None]:
+def shown(
+    it: Tournament, differences: bool = True
+) -> tuple[list[Panel], str, str, float | None]:
     """What the figure shows: panels, response and its unit, practical difference."""
     runs = {name: it.table[it.table["scenario"] == name] for name in it.places if name != ALL}
     values = by_place(runs, it.response)
@@ -70,7 +74,9 @@ def shown(it: Tournament) -> tuple[list[Panel], str, str, float | None]:
         spread = [
             [*np.percentile(y, (5, 25, 75, 95)), y.mean()] if len(y) else [np.nan] * 5 for y in good
         ]
-        rows = [row for row in rows_of(it, place, it.response) if row.one == names[0]]
+        rows = [
+            row for row in rows_of(it, place, it.response) if differences and row.one == names[0]
+        ]
         flipped = {"better": "worse", "worse": "better"}
         panels.append(Panel(
             place, tuple(names), np.array(spread).reshape(-1, 5),
@@ -113,11 +119,13 @@ def plot_tournament(
             if both:
                 _difference(axes[sides * i + 1], panel, look, unit, practical)
         drawn = {verdict for panel in panels for verdict in panel.verdicts}
-        handles = [
+        handles: list[Any] = [
             Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
                    **_look(word, look))
             for word in _MARKS if word in drawn
         ]  # fmt: skip
+        if both and practical is not None:
+            handles.append(Patch(color=look.grid, label="does not matter"))
         if handles and own:
             axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=2)  # type: ignore[union-attr]
         elif handles:
@@ -152,7 +160,7 @@ def _spread(ax: Axes, panel: Panel, look: Theme, label: str) -> None:
     if len(ends) and ends.max() > 50 * ends.min():
         ax.set_xscale("log")
     else:
-        ax.set_xlim(left=min(0.0, float(ends.min()) if len(ends) == 0 else 0.0))
+        ax.set_xlim(left=0.0)
     ax.set_title(panel.place, loc="left", fontweight="bold")
     ax.set_xlabel(f"{label}, 5 to 95 % of runs", fontsize=SMALL)
 
@@ -167,14 +175,15 @@ def _difference(
     ax.axvline(0.0, color=look.ink, lw=1.0)
     means = np.abs(panel.difference[:, 0])
     known = means[np.isfinite(means)]
-    edge = REACH * float(np.median(known)) if len(known) and np.median(known) > 0 else np.inf
+    best = abs(float(panel.spread[0, -1]))
+    edge = max(REACH * float(np.median(known)), FAR * best) if len(known) and best > 0 else np.inf
     for y, ((mean, low, high), verdict) in enumerate(
         zip(panel.difference, panel.verdicts, strict=True), 1
     ):
         style = _look(verdict, look)
-        inner, outer = max(low, -edge), min(high, edge)
         if not np.isnan(low):
-            ax.plot([inner, outer], [y, y], color=style["color"], lw=style["lw"])
+            ends = np.clip([low, high], -edge, edge)
+            ax.plot(ends, [y, y], color=style["color"], lw=style["lw"])
         beyond = abs(mean) > edge
         mark = _MARKS[verdict][0] if not beyond else ">" if mean > 0 else "<"
         at = np.clip(mean, -edge, edge)

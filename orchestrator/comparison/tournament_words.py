@@ -130,7 +130,7 @@ def notes(it: Tournament) -> Iterator[str]:
     """What must be known beside the answer: lost and failed runs, tails, too few runs."""
     for place in (place for place in it.places if place != ALL):
         for receiver in in_place(it, place):
-            yield from _beside(it, place, receiver)
+            yield from beside(it, place, receiver)
         for row in rows_of(it, place, it.response):
             if row.verdict == "better" and row.wins < row.runs / 2:
                 yield (
@@ -138,9 +138,10 @@ def notes(it: Tournament) -> Iterator[str]:
                     f"runs: in {row.wins} of {row.runs}"
                 )
     yield from _too_few(it)
+    yield from unbounded(it)
 
 
-def _beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
+def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
     """What must be known beside the mean of a receiver."""
     row = it.level(place, receiver)
     if row["failed"]:
@@ -183,6 +184,12 @@ def _too_few(it: Tournament) -> Iterator[str]:
                 f"{least - runs} more, so that all {len(it.differences)} together hold against "
                 f"bad runs of {100 * share:.3g} %"
             )
+
+
+def unbounded(it: Tournament) -> Iterator[str]:
+    """What there are too few runs for, of each receiver."""
+    runs = int(it.settings["runs"])
+    share = it.settings["contamination"]
     least = least_runs(share, ALPHA / 2)
     if runs < least:
         yield f"no interval of a mean from {runs} runs: {least} are needed, {least - runs} more"
@@ -202,9 +209,9 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
     lines = [it.answer, *notes(it)]
     for place in sorted(it.places, key=lambda place: place != ALL):
         lines += ["", f"{place}: {it.settings['runs']} runs"]
-        lines += table(_levels(it, place), width, _heads(it), range(1, 5))
+        lines += levels(it, place, width)
         if verbose:
-            lines += ["", *table(_spreads(it, place), width, _SPREADS, range(1, 7))]
+            lines += ["", *spreads(it, place, width)]
             lines += [
                 f"  {name}: {COVARIANCES[_frame(it)]} "
                 f"{it.level(place, name)['covariance_words']}"
@@ -230,8 +237,19 @@ def _frame(it: Tournament) -> str:
 def _heads(it: Tournament) -> tuple[str, ...]:
     unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
     first = words_of(it.response).removesuffix(" total error")
+    update = ("update",) if it.update_s else ()
     return ("", f"{first}{unit}", "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
-            "update")  # fmt: skip
+            *update)  # fmt: skip
+
+
+def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of receivers."""
+    return table(_levels(it, place), width, _heads(it), range(1, 5))
+
+
+def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of the spread between the runs."""
+    return table(_spreads(it, place), width, _SPREADS, range(1, 7))
 
 
 def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
@@ -246,7 +264,7 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
             f"{rounded(100 * row['lost'] / whole, 2)} %",
             _covariance(row),
-            _update(it, place, receiver),
+            *((_update(it, place, receiver),) if it.update_s else ()),
         )
 
 
@@ -274,7 +292,7 @@ def _update(it: Tournament, place: str, receiver: str) -> str:
     return f"~ {rounded(mean * factor, 2)} {unit}"
 
 
-_SPREADS = ("", "95 % of the mean", "std", "least", "median", "most", "lost, 95 %")
+_SPREADS = ("", "mean, 95 %", "std", "least", "median", "most", "lost, 95 %")
 
 
 def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
