@@ -2,7 +2,8 @@
 
 Of our own receivers it is measured where they are fastest to compare with each other: their engine
 for one lane, one thread. Others are called by the masters that run them, with all that this costs.
-The least of several measurements counts, as other work on the machine only ever adds time.
+The least of several measurements counts, as other work on the machine only ever adds time; where
+all runs in this process, it is its own processor time, which other processes hardly change.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..scenario.sources import choose
 from ..simulation import execution
 from ..simulation.masters import lanes, lanes_driver
 from ..simulation.plan import Plan
+from ..simulation.process import strangers
 from ..simulation.resolve import resolve
 from ..simulation.system import System
 from ..study.campaign import receivers_of, resolved
@@ -29,6 +31,7 @@ ENOUGH_S = 0.03
 TIMES = 5
 """Number of measurements, unless each takes longer than `PATIENCE_S`."""
 PATIENCE_S = 1.0
+Clock = Callable[[], float]
 
 
 def update_seconds(study: Study) -> dict[str, float | None]:
@@ -66,8 +69,11 @@ def _in_lanes(plan: Plan, without: Plan, label: str) -> float | None:
         return lanes.execute(which, seeds, lanes=1, threads=1)
 
     updates = run(plan, 1).sums[label][:, lanes_driver.SUMS.index("updates")].sum()
-    runs = max(1, round(ENOUGH_S / _seconds(lambda: run(plan, 1))))
-    return _less(lambda: run(plan, runs), lambda: run(without, runs), float(updates) * runs)
+    clock = time.process_time
+    runs = max(1, round(ENOUGH_S / max(_seconds(lambda: run(plan, 1), clock), 1e-6)))
+    return _less(
+        lambda: run(plan, runs), lambda: run(without, runs), float(updates) * runs, clock
+    )
 
 
 def _called(plan: Plan, without: Plan) -> float | None:
@@ -76,23 +82,24 @@ def _called(plan: Plan, without: Plan) -> float | None:
         record = execution.execute(which, record=counts or None)
         return float(sum(record.values[name][-1] for name in counts))
 
-    return _less(lambda: run(plan), lambda: run(without), run(plan))
+    clock = time.perf_counter if strangers(plan) else time.process_time
+    return _less(lambda: run(plan), lambda: run(without), run(plan), clock)
 
 
 def _less(
-    whole: Callable[[], object], rest: Callable[[], object], updates: float
+    whole: Callable[[], object], rest: Callable[[], object], updates: float, clock: Clock
 ) -> float | None:
     """Least time of one less that of the other, by update."""
     times = []
     for _ in range(TIMES):
-        times.append((_seconds(whole), _seconds(rest)))
+        times.append((_seconds(whole, clock), _seconds(rest, clock)))
         if times[-1][0] > PATIENCE_S:
             break
     own = min(one for one, _ in times) - min(other for _, other in times)
     return own / updates if own > 0 and updates > 0 else None
 
 
-def _seconds(what: Callable[[], object]) -> float:
-    started = time.perf_counter()
+def _seconds(what: Callable[[], object], clock: Clock) -> float:
+    started = clock()
     what()
-    return time.perf_counter() - started
+    return clock() - started

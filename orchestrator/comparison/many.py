@@ -18,7 +18,8 @@ from ..results.result import Result
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
 from . import tournament_words
-from .tournament import RESPONSE, Tournament, compare, figures, receivers_in
+from .evaluation import receivers_in
+from .tournament import RESPONSE, Tournament, compare, figures
 
 if TYPE_CHECKING:
     from ..scenario.overrides import Changes

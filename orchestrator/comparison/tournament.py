@@ -11,20 +11,17 @@ all scenarios, the observation of a seed is the mean over the scenarios.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 from sblcosim.fmus.files import sha256_of
 
 from .. import artifacts
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
 from ..lazy import Module
-from ..results.consistency import NEES_COLUMNS, Verdict, of_runs
 from ..results.definitions import AXES, FRAMES
 from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
@@ -38,15 +35,8 @@ from ..study import runner
 from ..study.study import Study
 from ..study.study import load as load_study
 from . import cost
-from .statistics import (
-    CONTAMINATION,
-    Difference,
-    Floats,
-    Level,
-    difference,
-    level,
-    share_interval,
-)
+from .evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
+from .statistics import CONTAMINATION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,16 +49,10 @@ figures = Module("sblcosim.comparison.tournament_figures")
 
 RESPONSE = "absolute_total_rms_m"
 """What is compared by default."""
-PERCENTILE = "absolute_total_p95_m"
-"""What is compared beside it."""
-ALL = "all scenarios"
-"""Where the observations are means over the scenarios."""
 RUNS = 200
 """Default number of runs."""
 _SIGNED = {f"{frame}_{axis}_mean_m" for frame in FRAMES for axis in AXES}
 _RATES = ("lost", "broken", "inconsistent")
-Values = Mapping[str, Mapping[str, Floats]]
-"""Responses by place and receiver, shape (runs,)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -358,9 +342,6 @@ def _keys(overrides: Any) -> dict[str, Any]:
     return {".".join(path): value for path, value in pairs(overrides)}
 
 
-# --- From the runs to what is said of them -------------------------------------------------------
-
-
 def evaluate(
     runs: Mapping[str, pd.DataFrame],
     settings: Mapping[str, Any],
@@ -377,105 +358,16 @@ def evaluate(
     """
     responses = tuple(dict.fromkeys((settings["response"], PERCENTILE)))
     values = {response: by_place(runs, response) for response in responses}
-    ranked = tuple(_ranked(values[responses[0]]))
+    order = tuple(ranked(values[responses[0]]))
     places = tuple(values[responses[0]])
     return Tournament(
         settings,
-        ranked,
+        order,
         places,
         pd.concat([t.assign(scenario=name) for name, t in runs.items()], ignore_index=True).pipe(
             lambda t: t[["scenario", *(c for c in t.columns if c != "scenario")]]
         ),
-        pd.DataFrame(_levels(runs, values, ranked, settings)),
-        _differences(values, ranked, settings),
+        pd.DataFrame(levels(runs, values, order, settings)),
+        differences(values, order, settings),
         update_s or {},
     )
-
-
-def receivers_in(table: pd.DataFrame) -> list[str]:
-    """Labels of the receivers in a table of runs."""
-    return [c.removesuffix(".lost") for c in table.columns if c.endswith(".lost")]
-
-
-def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[str, Floats]]:
-    """A column by scenario and receiver; with several scenarios the mean over them, too."""
-    values = {
-        name: {
-            receiver: table[f"{receiver}.{response}"].to_numpy(np.float64, na_value=np.nan)
-            for receiver in receivers_in(table)
-        }
-        for name, table in runs.items()
-    }
-    if len(values) > 1:
-        first, *others = values.values()
-        common = [receiver for receiver in first if all(receiver in other for other in others)]
-        values[ALL] = {r: np.mean([mine[r] for mine in values.values()], axis=0) for r in common}
-    return values
-
-
-def _ranked(values: Values) -> Iterator[str]:
-    """Receivers by their failures and their mean over all scenarios; then those of some only."""
-    last = [*values.values()][-1]
-
-    def rank(receiver: str) -> tuple[int, float]:
-        y = last[receiver]
-        good = y[np.isfinite(y)]
-        return int((~np.isfinite(y)).sum()), float(good.mean()) if len(good) else 0.0
-
-    yield from sorted(last, key=rank)
-    others = dict.fromkeys(receiver for mine in values.values() for receiver in mine)
-    yield from (receiver for receiver in others if receiver not in last)
-
-
-def _levels(
-    runs: Mapping[str, pd.DataFrame],
-    values: Mapping[str, Values],
-    ranked: Sequence[str],
-    settings: Mapping[str, Any],
-) -> Iterator[dict[str, Any]]:
-    frame = "own_relative" if settings["response"].startswith("own_relative") else "absolute"
-    nees, lost = by_place(runs, NEES_COLUMNS[frame]), by_place(runs, "lost")
-    for place in lost:
-        for receiver in (r for r in ranked if r in lost[place]):
-            verdict = of_runs(nees[place][receiver])
-            count = round(sum(
-                float(np.nansum(mine[receiver])) for name, mine in lost.items()
-                if name == place or (place == ALL and name != ALL)
-            ))  # fmt: skip
-            for response, mine in values.items():
-                found = level(mine[place][receiver], settings["contamination"])
-                yield _row(place, receiver, response, found, count, verdict)
-
-
-def _row(
-    place: str, receiver: str, response: str, found: Level, lost: int, verdict: Verdict
-) -> dict[str, Any]:
-    ends = (np.nan, np.nan) if place == ALL else share_interval(lost, found.runs)
-    return {
-        "scenario": place, "receiver": receiver, "response": response, **found.to_json(),
-        "lost": lost, "lost_low": ends[0], "lost_high": ends[1], "covariance": verdict.verdict,
-        "covariance_factor": verdict.factor, "covariance_words": str(verdict),
-        "nees_runs": verdict.runs,
-    }  # fmt: skip
-
-
-def _differences(
-    values: Mapping[str, Values], ranked: Sequence[str], settings: Mapping[str, Any]
-) -> pd.DataFrame:
-    asked = [
-        (response, place, one, other)
-        for response, mine in values.items()
-        for place in mine
-        for one, other in combinations([r for r in ranked if r in mine[place]], 2)
-    ]
-    rows = []
-    for response, place, one, other in asked:
-        alike = unit_of(response) == unit_of(settings["response"])
-        found = difference(
-            values[response][place][one], values[response][place][other], len(asked),
-            settings["practical"] if alike else None, settings["contamination"],
-        )  # fmt: skip
-        where = {"scenario": place, "response": response, "one": one, "other": other}
-        rows.append({**where, **found.to_json()})
-    columns = ["scenario", "response", "one", "other", *Difference.__dataclass_fields__]
-    return pd.DataFrame(rows, columns=columns).astype({"runs_needed": "Int64"})

@@ -15,8 +15,8 @@ from ..results.catalogue import Job
 from ..results.drawing import short
 from ..results.responses import unit_of
 from ..style import SMALL, Theme, ThemeName, new_figure, use
+from .evaluation import ALL, by_place
 from .statistics import Floats
-from .tournament import ALL, by_place
 from .tournament_words import in_place, rows_of, words_of
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from ..analysis.sentences import rounded
 from ..layout import fitted, table
 from ..results.consistency import COVARIANCES
 from ..results.responses import RESPONSES, readable, unit_of
+from .evaluation import ALL, PERCENTILE
 from .statistics import ALPHA, SHARE, least_runs
-from .tournament import ALL, PERCENTILE
 
 if TYPE_CHECKING:
     from .tournament import Tournament
@@ -166,10 +166,11 @@ def _example(it: Tournament, place: str, receiver: str) -> str:
 
 
 def _tail(place: str, receiver: str, row: Any, unit: str) -> str:
+    median, mean = size(row["median"], unit), size(row["mean"], unit)
     return (
-        f"{place}: {receiver} is heavy-tailed: the worst {row['tail_runs']} of {row['runs']} runs make "
-        f"{100 * row['tail']:.0f} % of the spread about the median, {size(row['median'], unit)}; the mean "
-        f"is {size(row['mean'], unit)}"
+        f"{place}: {receiver} is heavy-tailed: the worst {row['tail_runs']} of {row['runs']} runs "
+        f"make {100 * row['tail']:.0f} % of the spread about the median, {median}; the mean is "
+        f"{mean}"
     )
 
 
