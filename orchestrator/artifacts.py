@@ -58,9 +58,9 @@ def draft(
 ) -> Iterator[Draft]:
     """A new folder that gets its final name only when its contents are complete.
 
-    Write into ``Draft.folder``; a folder in it must be one of these, too. At the end the manifest is added, with the software versions and
-    the list of files, and the folder is renamed. On an error or Ctrl-C it is removed; the remains
-    of a killed process are removed by the next one.
+    Write into ``Draft.folder``; a folder in it must be one of these, too. At the end the manifest
+    is added, with the software versions and the list of files, and the folder is renamed. On an
+    error or Ctrl-C it is removed; the remains of a killed process are removed by the next one.
     An existing empty folder is kept, and receives the files when they are complete.
 
     Parameters

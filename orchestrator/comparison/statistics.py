@@ -123,7 +123,7 @@ def level(values: Floats, contamination: float = CONTAMINATION) -> Level:
     ranked = np.append(y, np.full(failed, inf))
     within, upper = percentile_bound(ranked, SHARE, ALPHA) if n else (nan, inf)
     if not len(y):
-        return Level(n, failed, *[nan] * 7, within, upper, nan, 0)
+        return Level(n, failed, nan, nan, nan, nan, nan, nan, nan, within, upper, nan, 0)
     mean, low, high = mean_interval(np.where(np.isfinite(values), values, inf), ALPHA / 2)
     if n < least_runs(contamination, ALPHA / 2):
         low = high = nan
@@ -258,5 +258,5 @@ def rounded_up(number: float) -> int:
     """A number of runs with two digits that mean something, rounded up."""
     if number < 1:
         return 1
-    unit = 10 ** max(floor(log10(number)) - 1, 0)
+    unit: int = 10 ** max(floor(log10(number)) - 1, 0)
     return ceil(number / unit - TOLERANCE) * unit

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ROW, ABOVE = 0.27, 0.75
 """Height of a receiver, and of what is above and below the receivers of a place [inch]."""
-REACH, FAR = 12.0, 4.0
+REACH, FAR = 6.0, 1.5
 """Differences of more than so many times their median, and of the best one's mean, are drawn at the
 edge."""
 _MARKS = {
@@ -127,7 +127,7 @@ def plot_tournament(
         if both and practical is not None:
             handles.append(Patch(color=look.grid, label="does not matter"))
         if handles and own:
-            axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=2)  # type: ignore[union-attr]
+            axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=2)
         elif handles:
             axes[1].legend(handles=handles)
     return axes
@@ -190,8 +190,8 @@ def _difference(
         ax.plot(at, y, ls="", marker=mark, color=style["color"], mfc=style["mfc"], ms=style["ms"],
                 zorder=4)
         if beyond:
-            ax.annotate(f"{mean:.3g} ", (at, y), fontsize=SMALL, ha="right" if mean > 0 else "left",
-                        va="bottom")
+            ax.annotate(f"{mean:.3g}", (at, y), (0, 3), textcoords="offset points", fontsize=SMALL,
+                        ha="right" if mean > 0 else "left", va="bottom")
     ax.margins(x=0.06)
     of = f" [{unit}]" if unit else ""
     ax.set_xlabel(f"less that of {short(panel.receivers[0])}{of}, 95 % all at once", fontsize=SMALL)
