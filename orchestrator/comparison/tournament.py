@@ -28,7 +28,7 @@ from ..results.user_responses import of_file, of_function
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Scenario, Source
 from ..scenario.scenario import load as load_scenario
-from ..scenario.sources import file_of
+from ..scenario.sources import file_of, known_source
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.user_code import PythonSource
 from ..study import runner
@@ -266,7 +266,7 @@ def compare(
         ))  # fmt: skip
     settings = {
         "scenarios": [study.base.given() for study in studies],
-        "receivers": [_origin(source) for source in studies[0].receivers],
+        "receivers": [_origin(known_source(it)) for it in studies[0].receivers],
         "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
         "practical": practical, "contamination": contamination,
     }  # fmt: skip

@@ -31,7 +31,6 @@ import sblcosim
 
 class Never(sblcosim.Receiver):
     def update(self, samples):
-        print("here")
         return None
 
 
@@ -65,8 +64,8 @@ def noise(seed: int, mean: float, std: float = 0.05) -> Any:
 def made_up(**settings: Any) -> Tournament:
     """Two scenarios: `a` is better than `b` in the first, and `c` is no different from `a`."""
     common = noise(1, 1.0, 0.3)
-    near = {"a": common, "b": common + noise(2, 0.2), "c": common + noise(3, 0.0)}
-    far = {"a": 3 + common, "b": 3 + common - noise(4, 0.1), "c": 3 + common + noise(5, 0.0)}
+    near = {"a": common, "b": common + noise(2, 0.2), "c": common + noise(3, 0.006)}
+    far = {"a": 3 + common, "b": 3 + common - noise(4, 0.1), "c": 3 + common + noise(5, 0.006)}
     return evaluate({"near": runs_of(near), "far": runs_of(far)}, {**SETTINGS, **settings})
 
 
@@ -80,7 +79,7 @@ def test_the_answer_says_who_is_better_who_is_equal_and_where_it_is_not_so() -> 
     it = made_up(practical=0.03)
     assert verdicts(it, "near")["a b"] == "better"
     assert verdicts(it, "far")["a b"] == "worse"
-    assert verdicts(it, ALL)["a c"] == "equal" == verdicts(it, "near", PERCENTILE)["a c"]
+    assert verdicts(it, ALL)["a c"] == "equal" == verdicts(it, "near")["a c"]
     assert it.answer.startswith("a is better than b, by 0.0")
     assert "; a and c are equal within 0.0300 m. RMS total error, mean of 200 runs" in it.answer
     assert "In far, b is better than a and b is better than c." in it.answer
@@ -98,7 +97,7 @@ def test_over_all_scenarios_a_seed_counts_by_its_mean_difference() -> None:
     assert row["mean"] == pytest.approx(per_seed.mean(), rel=1e-12)
     assert row["wins"] == (per_seed < 0).sum()
     assert row["runs"] == RUNS  # seeds: the scenarios of one seed are not independent
-    assert row["least"] == 160  # ln(0.05 / 36) / ln(0.95): 3 pairs, 3 places, 2 responses
+    assert row["least"] == 129  # ln(0.05 / 36) / ln(0.95): 3 pairs, 3 places, 2 responses
     assert len(it.differences) == 18
     nees = it.table.pivot(index="seed", columns="scenario")["a.nees_position"].mean(axis=1)
     assert it.level(ALL, "a")["covariance_words"] == str(of_runs(nees))
@@ -139,7 +138,7 @@ def test_a_lost_receiver_does_not_win_by_its_other_runs() -> None:
 def test_a_single_receiver_gets_a_table_without_differences() -> None:
     it = evaluate({"x": runs_of({"a": noise(1, 1.0)})}, SETTINGS)
     assert it.differences.empty
-    assert it.answer == "RMS total error, mean of 200 runs in x: a 0.999 m."
+    assert it.answer == "RMS total error, mean of 200 runs in x: a 0.996 m."
     assert "difference" not in it.text()
     assert len(it.plot().axes) == 1
 
@@ -151,9 +150,7 @@ def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
     it = evaluate(few, {**SETTINGS, "runs": 10})
     assert set(it.differences["verdict"]) == {"cannot tell"}
     said = it.text()
-    assert "no interval of a difference from 10 runs: 128 are needed, 118 more" in said or (
-        "no interval of a difference from 10 runs: 129 are needed, 119 more" in said
-    )
+    assert "no interval of a difference from 10 runs: 129 are needed, 119 more" in said
     assert "no interval of a mean from 10 runs: 72 are needed, 62 more" in said
     assert "no bound for 95 % of the runs from 10: 59 are needed, 49 more" in said
 
