@@ -92,9 +92,9 @@ def _best(it: Tournament, place: str, best: str, unit: str) -> str:
         names = [row.other for row in better]
         than = "all others" if len(names) == len(rows) > 1 else listed(names)
         parts.append(
-            f"{best} is better than {than}, by {size(-least.mean, unit)} "
-            f"({span(-least.high, -least.low, unit)}) "
-            + ("than the next" if len(names) > 1 else "on average")
+            f"{best} is better than {than}: {size(-least.mean, unit)} "
+            f"({span(-least.high, -least.low, unit)}) less"
+            + (f" than {least.other}" if len(names) > 1 else "")
         )
     if equal:
         within = size(float(it.settings["practical"]), unit)
