@@ -183,11 +183,9 @@ def run_many(
             "runs: must be left out for an SSP package, which has seeds of its own, got "
             f"{runs!r}"
         )
-    if isinstance(receiver, Mapping):
-        raise ConfigurationError("receiver: must be a sequence with runs, got a mapping")
     settled = load(scenario, overrides)
     comparison = compare(
-        [settled], () if receiver is None else receiver, runs=runs, seed=settled.seed,
+        settled, receiver, runs=runs, seed=settled.seed,
         workers=workers, master=master, step_timeout=step_timeout, timed=False,
         progress=None if progress is None else lambda share, _: progress(0.9 * share),
     )  # fmt: skip

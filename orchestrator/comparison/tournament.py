@@ -26,7 +26,7 @@ from ..results.definitions import AXES, FRAMES
 from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
 from ..scenario.overrides import pairs
-from ..scenario.scenario import Scenario, Source
+from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
 from ..scenario.sources import file_of, known_source
 from ..shown import Picture, Shown, page, verbatim
@@ -51,6 +51,7 @@ RESPONSE = "absolute_total_rms_m"
 """What is compared by default."""
 RUNS = 200
 """Default number of runs."""
+AnyScenario = str | Path | Scenario | Mapping[str, Any]
 _SIGNED = {f"{frame}_{axis}_mean_m" for frame in FRAMES for axis in AXES}
 _RATES = ("lost", "broken", "inconsistent")
 
@@ -189,8 +190,8 @@ class Tournament(Shown):
 
 
 def compare(
-    scenarios: str | Path | Scenario | Sequence[str | Path | Scenario | Mapping[str, Any]],
-    receivers: Source | Sequence[Source] = (),
+    scenarios: AnyScenario | Sequence[AnyScenario],
+    receivers: Receivers = (),
     *,
     runs: int = RUNS,
     response: str | Callable[..., Any] = RESPONSE,
@@ -212,7 +213,7 @@ def compare(
     scenarios
         Names, files, tables or objects, as for `sblcosim.run`.
     receivers
-        As for `sblcosim.run`; none: that of each scenario.
+        As for `sblcosim.run`, without labels; none: that of each scenario.
     runs
         Number of seeds, at least 2.
     response
@@ -251,6 +252,8 @@ def compare(
         "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
     }  # fmt: skip
     studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    if not studies:
+        raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]
     for it in names:
         if names.count(it) > 1 or it == ALL:
@@ -322,7 +325,10 @@ def study_of(
     scenario: Any, receivers: Any, fixed: Mapping[str, Any], about: Mapping[str, Any]
 ) -> Study:
     """Runs of a scenario as it is, as a study without factors."""
+    if isinstance(receivers, Mapping):
+        raise ConfigurationError("receivers: must be a sequence of receivers, got a mapping")
     settled = load_scenario(scenario, fixed.items())
+    receivers = () if receivers is None else receivers
     one = isinstance(receivers, str | Path) or callable(receivers)
     tables = {
         **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},

@@ -105,7 +105,7 @@ def plot_tournament(
         own = axes is None
         if axes is None:
             heights = [ABOVE + ROW * len(panel.receivers) for panel in panels]
-            figure = new_figure(7.2, sum(heights) + 0.45)
+            figure = new_figure(7.2, sum(heights) + 0.6)
             grid = figure.subplots(
                 len(panels), 2 if both else 1, squeeze=False, height_ratios=heights, sharey="row"
             )
@@ -120,17 +120,23 @@ def plot_tournament(
                 _difference(axes[sides * i + 1], panel, look, unit, practical)
         drawn = {verdict for panel in panels for verdict in panel.verdicts}
         handles: list[Any] = [
-            Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
+            Line2D([], [], marker="o", ls="", label="mean of the runs", **_mean(look)),
+            Line2D([], [], color=look.receivers[1], lw=5, label="middle half of the runs"),
+            *(Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
                    **_look(word, look))
-            for word in _MARKS if word in drawn
+            for word in _MARKS if word in drawn),
         ]  # fmt: skip
         if both and practical is not None:
             handles.append(Patch(color=look.grid, label="does not matter"))
-        if handles and own:
-            axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=2)
-        elif handles:
-            axes[1].legend(handles=handles)
+        if own:
+            axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=3)
+        else:
+            axes[-1].legend(handles=handles)
     return axes
+
+
+def _mean(look: Theme) -> dict[str, Any]:
+    return {"ms": 5.0, "mew": 1.2, "mfc": look.paper, "mec": look.ink}
 
 
 def _look(verdict: str, look: Theme) -> dict[str, Any]:
@@ -155,7 +161,7 @@ def _spread(ax: Axes, panel: Panel, look: Theme, label: str) -> None:
     for y, (low, first, third, high, mean) in enumerate(panel.spread):
         ax.plot([low, high], [y, y], color=look.ink, lw=0.9, solid_capstyle="butt")
         ax.plot([first, third], [y, y], color=look.receivers[1], lw=5, solid_capstyle="butt")
-        ax.plot(mean, y, "o", ms=5, mfc=look.paper, mec=look.ink, mew=1.2, zorder=4)
+        ax.plot(mean, y, "o", zorder=4, **_mean(look))
     ends = panel.spread[np.isfinite(panel.spread) & (panel.spread > 0)]
     if len(ends) and ends.max() > 50 * ends.min():
         ax.set_xscale("log")
