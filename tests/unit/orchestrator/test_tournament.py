@@ -266,7 +266,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "signed": ({"response": "absolute_x_mean_m"}, "response: must be one of which less is better"),
     "scenario": ({"scenarios": ["harbour"]}, "scenario: must be a TOML file or one of "),
     "none": ({"scenarios": []}, "scenarios: must be at least one, got none"),
-    "labels": ({"receivers": {"a": "ekf"}}, "receivers: must be a sequence of receivers, got a map"),
+    "labels": ({"receivers": {"a": "ekf"}}, "receivers: must be a sequence of receivers, got a "),
     "twice": ({"scenarios": ["harbour-square"] * 2}, "scenarios: must have different names, got "),
     "settling": ({"settling_s": 1e6}, ".*settling_time_s: must be less than the length of the ru"),
     "key": ({"overrides": ["platform.arm=1"]}, r"override platform.arm: \[platform\] has no key"),
