@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
@@ -160,9 +161,11 @@ def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
 
 
 def _example(it: Tournament, place: str, receiver: str) -> str:
+    """A run in which a receiver has failed, with its own message if that was kept."""
     mine = it.table[(it.table["scenario"] == place) & it.table[f"{receiver}.{it.response}"].isna()]
-    errors = mine["error"].dropna()
-    return f", e.g. with seed {mine['seed'].iloc[0]}: {errors.iloc[0]}" if len(errors) else ""
+    own = mine[mine["error"].astype(str).str.contains(rf"\b{re.escape(receiver)}\b")]
+    first = (own if len(own) else mine).iloc[0]
+    return f", e.g. with seed {first['seed']}" + (f": {first['error']}" if len(own) else "")
 
 
 def _tail(place: str, receiver: str, row: Any, unit: str) -> str:

@@ -54,7 +54,7 @@ def runs_of(errors: dict[str, Any], lost: dict[str, Any] | None = None) -> pd.Da
             f"{name}.own_relative_nees_position": np.nan,
         }  # fmt: skip
     failed = np.any([np.isnan(y) for y in errors.values()], axis=0)
-    return pd.DataFrame(columns).assign(error=np.where(failed, "it gave up", None))
+    return pd.DataFrame(columns).assign(error=np.where(failed, "failing: it gave up", None))
 
 
 def noise(seed: int, mean: float, std: float = 0.05) -> Any:
@@ -131,7 +131,9 @@ def test_a_lost_receiver_does_not_win_by_its_other_runs() -> None:
     assert "x: lossy was lost in 10 of 200 runs, 2.42 to 9.00 % of all with 95 % confidence" in said
     assert "x: lossy is heavy-tailed: the worst 10 of 200 runs make 100 % of the spread" in said
     assert "x: failing failed in 10 of 200 runs, which count as worse than any other, e.g." in said
-    assert "with seed 4: it gave up" in said
+    assert "with seed 4: failing: it gave up" in said
+    other = evaluate({"x": it.table.assign(error="another: silent")}, it.settings).text()
+    assert ", e.g. with seed 4\n" in other
     assert "good is better than lossy on average, but not in most runs: in 10 of 200" in said
 
 
