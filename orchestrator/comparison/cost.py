@@ -28,6 +28,8 @@ from ..study.study import Study
 
 ENOUGH_S = 0.03
 """Duration of a measurement that clocks and interrupts do not spoil [s]."""
+MOST_RUNS = 256
+"""Number of runs of a measurement where the clock is too coarse for a single one."""
 TIMES = 5
 """Number of measurements, unless each takes longer than `PATIENCE_S`."""
 PATIENCE_S = 1.0
@@ -70,7 +72,8 @@ def _in_lanes(plan: Plan, without: Plan, label: str) -> float | None:
 
     updates = run(plan, 1).sums[label][:, lanes_driver.SUMS.index("updates")].sum()
     clock = time.process_time
-    runs = max(1, round(ENOUGH_S / max(_seconds(lambda: run(plan, 1), clock), 1e-6)))
+    one = _seconds(lambda: run(plan, 1), clock)
+    runs = max(1, round(ENOUGH_S / max(one, ENOUGH_S / MOST_RUNS)))
     return _less(
         lambda: run(plan, runs), lambda: run(without, runs), float(updates) * runs, clock
     )

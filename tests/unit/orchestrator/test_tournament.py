@@ -216,14 +216,27 @@ def test_equal_questions_give_equal_files_on_any_number_of_workers(
     assert real.update_s["harbour-square"].keys() == {"ekf", "sequential"}
 
 
-def test_the_time_of_an_update_is_about_what_it_is_in_the_engine() -> None:
+def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    original = cost.lanes.execute
+
+    def execute(plan: Any, *arguments: Any, **options: Any) -> Any:
+        now[0] += len(plan.components) ** 2  # seconds
+        return original(plan, *arguments, **options)
+
+    monkeypatch.setattr(cost.lanes, "execute", execute)
+    monkeypatch.setattr(cost.time, "process_time", lambda: now[0])
     study = load_study({
         "scenario": "harbour-square", "design": {"kind": "single"}, "receivers": ["ekf", "coupled"],
+        "fixed": {"time.duration_s": 5.0},
     })  # fmt: skip
-    found = cost.update_seconds(study)
-    assert found["ekf"] is not None
-    assert found["coupled"] is not None
-    assert 1e-9 < found["ekf"] < found["coupled"] < 1e-3  # it has five times the instructions
+    updates = sblcosim.run("harbour-square", "ekf", SHORT).record.values["ekf.update_count"][-1]
+    assert cost.update_seconds(study)["ekf"] == pytest.approx((16 - 9) / updates)
+    now[0] = 0.0
+    monkeypatch.setattr(cost.time, "process_time", lambda: 0.0)  # a clock too coarse to tell
+    assert cost.update_seconds(study) == {"ekf": None, "coupled": None}
 
 
 def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path: Path) -> None:
