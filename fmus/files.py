@@ -175,7 +175,7 @@ def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
     try:
         yield path
     finally:
-        _remove(path)
+        remove(path)
         _release(path, handle)
 
 
@@ -220,7 +220,7 @@ _GUARD = threading.Lock()
 def _end(path: Path, handle: int | None, owner: int) -> None:
     if os.getpid() != owner:  # a forked process uses its parent's
         return
-    _remove(path)
+    remove(path)
     _release(path, handle)
 
 
@@ -270,7 +270,7 @@ def _sweep(path: Path) -> bool:
     if back and os.path.basename(back) == back and not os.path.lexists(path.with_name(back)):
         with suppress(OSError):
             path.rename(path.with_name(back))
-    _remove(path)
+    remove(path)
     _release(path, handle)
     return True
 
@@ -300,7 +300,8 @@ def _lock(handle: int) -> bool | None:
     return True
 
 
-def _remove(path: Path) -> None:
+def remove(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it, if it is there."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:

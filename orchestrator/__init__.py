@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
+    from .comparison.many import run_many
+    from .comparison.tournament import compare
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
@@ -45,6 +47,7 @@ __all__ = [
     "Variable",
     "__version__",
     "analysis",
+    "compare",
     "export_fmu",
     "export_ssp",
     "limits",
@@ -52,6 +55,7 @@ __all__ = [
     "receivers",
     "research",
     "run",
+    "run_many",
     "scenarios",
     "smooth",
     "studies",
@@ -77,6 +81,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "Variable": "models.declaration",
             "__version__": "",
             "analysis": "",
+            "compare": "comparison.tournament",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",
             "limits": "",
@@ -84,6 +89,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "receivers": "listings",
             "research": "",
             "run": "api",
+            "run_many": "comparison.many",
             "scenarios": "listings",
             "smooth": "estimation.after",
             "studies": "listings",

@@ -58,9 +58,9 @@ def draft(
 ) -> Iterator[Draft]:
     """A new folder that gets its final name only when its contents are complete.
 
-    Write into ``Draft.folder``. At the end the manifest is added, with the software versions and
-    the list of files, and the folder is renamed. On an error or Ctrl-C it is removed; the remains
-    of a killed process are removed by the next one.
+    Write into ``Draft.folder``; a folder in it must be one of these, too. At the end the manifest
+    is added, with the software versions and the list of files, and the folder is renamed. On an
+    error or Ctrl-C it is removed; the remains of a killed process are removed by the next one.
     An existing empty folder is kept, and receives the files when they are complete.
 
     Parameters
@@ -109,7 +109,7 @@ def _finish(part: Path, manifest: Mapping[str, Any]) -> None:
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     (part / MANIFEST).write_text(text, "utf-8")
     with ThreadPoolExecutor() as pool:  # a disk syncs many files as fast as one
-        list(pool.map(files.sync_file, part.iterdir()))
+        list(pool.map(files.sync_file, (file for file in part.rglob("*") if file.is_file())))
 
 
 def _fill(path: Path, part: Path) -> bool:
@@ -124,7 +124,7 @@ def _fill(path: Path, part: Path) -> bool:
             moved.append(name)
     except BaseException:
         for name in moved:
-            (path / name).unlink(missing_ok=True)
+            files.remove(path / name)
         raise
     files.sync_folder(path)
     return False
@@ -191,7 +191,7 @@ def _empty(path: Path) -> None:
     if before is None or all((path / name).exists() for name in before["files"]):
         return
     for name in (*before["files"], MANIFEST):
-        (path / name).unlink(missing_ok=True)
+        files.remove(path / name)
 
 
 def check(
@@ -259,6 +259,9 @@ def _refuse_foreign(path: Path) -> None:
         raise ConfigurationError(
             f"{path}: must be empty or hold nothing but an earlier result, got {foreign[0]!r} in it"
         )
+    for name in present - {MANIFEST}:
+        if os.path.isdir(path / name):  # a result within a result
+            _refuse_foreign(path / name)
 
 
 def _manifest_of(path: Path) -> dict[str, Any] | None:

@@ -45,6 +45,13 @@ def receivers(incomplete: str) -> Offers:
     return starting(((name, it.description) for name, it in RECEIVERS.items()), incomplete)
 
 
+def responses(incomplete: str) -> Offers:
+    """Offer the responses of which less is better."""
+    from ..comparison.tournament import lesser
+
+    return starting(lesser().items(), incomplete)
+
+
 def components(incomplete: str) -> Offers:
     """Offer our components."""
     from sblcosim.models import COMPONENTS

@@ -10,6 +10,7 @@ from pydantic import Field, create_model
 from ..scenario.json_schema import Plainly
 from .document import Claimed, Document, Entry, Number, Part
 from .study_documents import Advice, Analysis, Studies, Study
+from .tournament_documents import Comparison, Runs
 
 Frame = Literal["absolute", "relative", "own_relative"]
 Axis = Literal["x", "y", "z", "total"]
@@ -289,6 +290,8 @@ class Conformance(Document):
 
 DOCUMENTS: Mapping[str, type[Document]] = {
     "run": Run,
+    "runs": Runs,
+    "compare": Comparison,
     "smooth": Smoothed,
     "replay": Run,
     "plan": Plan,
@@ -303,6 +306,8 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "conformance": Conformance,
 }
 """By command."""
+COMMANDS: Mapping[str, str] = {it: it for it in DOCUMENTS} | {"runs": "run --runs N"}
+"""What prints a document."""
 
 
 def schema(command: str) -> dict[str, Any]:
@@ -311,5 +316,5 @@ def schema(command: str) -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **content,
-        "title": f"sblcosim {command} --json",
+        "title": f"sblcosim {COMMANDS[command]} --json",
     }

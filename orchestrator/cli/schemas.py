@@ -20,9 +20,10 @@ _FILES: Mapping[str, str] = {
 
 def _names() -> dict[str, str]:
     """The schemas, each with what it is for."""
-    from .documents import DOCUMENTS
+    from .documents import COMMANDS
 
-    printed = {f"{it}.json": f"what 'sblcosim {it} --json' prints" for it in DOCUMENTS}
+    printed = {f"{it}.json": f"what 'sblcosim {that} --json' prints"
+               for it, that in COMMANDS.items()}  # fmt: skip
     return {**_FILES, **printed}
 
 

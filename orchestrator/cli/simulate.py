@@ -72,6 +72,10 @@ def run(
     ] = None,
     step_timeout: StepTimeoutOption = None,
     no_figures: NoFiguresOption = False,
+    runs: Annotated[
+        int | None,
+        numeric("--runs", int, "N", "So many, each with the next seed: mean and spread.", low=2),
+    ] = None,
 ) -> None:
     """Simulate a scenario, or an SSP package, and write its results.
 
@@ -82,9 +86,28 @@ def run(
     'sblcosim export ssp' has written, or the step given for OMSimulator or the Open Simulation
     Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
     the folder has the record and the manifest.
+
+    With --runs N, prints mean and spread of each receiver over N runs; the folder has their tables,
+    and a typical and the worst run in folders of their own.
     """
     from ..results.artist import forked_artist
 
+    if runs is not None:
+        settled, name = _settled(scenario, receiver, set_, fmi, seed)
+        wanted, other = destination(out, Path("runs", f"{name}-{runs}-runs"), force)
+        with waiting() as progress, redirect_stdout(sys.stderr):
+            from .. import artifacts
+            from ..comparison.many import run_many
+
+            artifacts.check(wanted, other=other)
+            many = run_many(
+                settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
+                master=master, step_timeout=step_timeout, progress=progress,
+            )  # fmt: skip
+            folder = many.save(wanted, drawn=not no_figures, other=other)
+        report(many, folder, wanted, "runs", as_json, verbose)
+        refuse_silence(many)
+        return
     # What a user's code prints is no part of the result.
     with (
         forked_artist(not no_figures) as artist,

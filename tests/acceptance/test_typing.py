@@ -52,6 +52,9 @@ result = sblcosim.run("a", {"mine": Mine})
 result.plot_path(theme="dark").figure.savefig("path.png")
 result.plot_errors().axes[0].set_title("mine")
 result.to_xarray()["error"].sel(axis="x").mean("epoch")
+found = sblcosim.compare(["a", "b.toml"], ["ekf", Mine], overrides={"time.duration_s": 5.0})
+found.plot(theme="dark").savefig(found.answer)
+sblcosim.run_many("a", runs=20).drawn["typical"].plot_path()
 '''
 BAD = '''
 import sblcosim

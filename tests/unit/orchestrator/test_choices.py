@@ -27,6 +27,7 @@ from sblcosim.analysis import (
     workflow,
 )
 from sblcosim.analysis import figures as effect_figures
+from sblcosim.comparison import many, tournament, tournament_figures
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
@@ -54,6 +55,13 @@ CALIBRATED = calibrate.CalibrationResult(
     {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
     pd.DataFrame({"distance_m": [0.0, 1.0], "mean_m": [0.0, 1.0], "std_m": [0.0, 0.0]}),
 )
+COMPARED = tournament.evaluate(
+    {"x": pd.DataFrame({
+        f"ekf.{name}": [1.0, 2.0]
+        for name in (tournament.RESPONSE, "absolute_total_p95_m", "nees_position", "lost")
+    })},
+    {"response": tournament.RESPONSE, "practical": None, "contamination": 0.05},
+)  # fmt: skip
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
     [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
@@ -95,6 +103,14 @@ CALLS: dict[str, Any] = {
     "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
     "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
     "calibrate.calibrate fmi": calibrate.calibrate,
+    "comparison.tournament.Tournament.plot theme": COMPARED.plot,
+    "comparison.tournament.Tournament.save theme": partial(COMPARED.save, "nowhere"),
+    "comparison.tournament.Tournament.save other": partial(COMPARED.save, "nowhere"),
+    "comparison.tournament_figures.plot_tournament theme": partial(
+        tournament_figures.plot_tournament, *tournament_figures.shown(COMPARED)
+    ),
+    "comparison.many.Many.save theme": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
+    "comparison.many.Many.save other": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
     "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),

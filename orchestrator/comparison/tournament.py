@@ -1,0 +1,379 @@
+"""A tournament: receivers side by side on the same noise, in one scenario or several.
+
+In each run of a scenario all receivers get the same samples; run k of every scenario has the k-th
+seed. What is compared is a response of a run, such as the RMS of its total error, in which less is
+better; runs in which a receiver is lost count like any other, and their share stands beside. Over
+all scenarios, the observation of a seed is the mean over the scenarios.
+
+>>> import sblcosim                                                       # doctest: +SKIP
+>>> print(sblcosim.compare(["harbour-square"], ["ekf", "coupled"]))  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from sblcosim.fmus.files import sha256_of
+
+from .. import artifacts
+from ..errors import ConfigurationError, instance, nearest, quoted, shortened
+from ..lazy import Module
+from ..results.definitions import AXES, FRAMES
+from ..results.responses import ON_REQUEST, RESPONSES, unit_of
+from ..results.user_responses import of_file, of_function
+from ..scenario.overrides import pairs
+from ..scenario.scenario import Receivers, Scenario, Source
+from ..scenario.scenario import load as load_scenario
+from ..scenario.sources import file_of, known_source
+from ..shown import Picture, Shown, page, verbatim
+from ..simulation.user_code import PythonSource
+from ..study import runner
+from ..study.study import Study
+from ..study.study import load as load_study
+from . import cost
+from .evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
+from .statistics import CONTAMINATION
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..scenario.overrides import Changes
+    from ..style import ThemeName
+
+words = Module("sblcosim.comparison.tournament_words")
+figures = Module("sblcosim.comparison.tournament_figures")
+
+RESPONSE = "absolute_total_rms_m"
+"""What is compared by default."""
+RUNS = 200
+"""Default number of runs."""
+AnyScenario = str | Path | Scenario | Mapping[str, Any]
+_SIGNED = {f"{frame}_{axis}_mean_m" for frame in FRAMES for axis in AXES}
+_RATES = ("lost", "broken", "inconsistent")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tournament(Shown):
+    """Who is better, where, by how much, and how sure that is. Made by `compare`.
+
+    Attributes
+    ----------
+    settings
+        What was asked: scenarios as they were run, receivers, ``runs``, ``seed``, ``settling_s``,
+        ``response``, ``practical``, ``contamination``.
+    receivers
+        Labels, the best one on average first.
+    places
+        Names of the scenarios, and `ALL` if there are several.
+    table
+        One row per scenario and run: ``scenario``, and the columns of a study's table.
+    levels
+        One row per place, receiver and response: the fields of
+        `sblcosim.comparison.statistics.Level`, the number of ``lost`` runs and the 95 % interval of
+        their share (Clopper and Pearson's; of one scenario), and what the runs say of the
+        covariance (`sblcosim.results.consistency`).
+    differences
+        One row per place, response and pair of receivers: the fields of
+        `sblcosim.comparison.statistics.Difference`, which all hold at once.
+    update_s
+        Time of an update [s] by scenario and receiver, measured here and only roughly the same
+        the next time: in no file. None where it cannot be told.
+    """
+
+    settings: Mapping[str, Any]
+    receivers: tuple[str, ...]
+    places: tuple[str, ...]
+    table: pd.DataFrame
+    levels: pd.DataFrame
+    differences: pd.DataFrame
+    update_s: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+
+    @property
+    def response(self) -> str:
+        """Column that is compared."""
+        return str(self.settings["response"])
+
+    @property
+    def answer(self) -> str:
+        """Which receiver is best, in a sentence or two."""
+        return str(words.answer(self))
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for each receiver that has failed in all runs of a scenario."""
+        mine = self.levels[self.levels["response"] == self.response]
+        silent = mine[(mine["failed"] == mine["runs"]) & (mine["scenario"] != ALL)]
+        return [
+            f"{row.receiver}: must give estimates in {row.scenario}, got none in {row.runs} runs"
+            for row in silent.itertuples()
+        ]
+
+    def level(self, place: str, receiver: str, response: str | None = None) -> Any:
+        """A row of `levels`; by default of the response that is compared."""
+        it = self.levels
+        mine = (it["scenario"] == place) & (it["receiver"] == receiver)
+        return it[mine & (it["response"] == (response or self.response))].iloc[0]
+
+    def plot(self, axes: Sequence[Axes] | None = None, theme: ThemeName = "light") -> Picture:
+        """Means and paired differences; see `tournament_figures.plot_tournament`."""
+        return Picture(figures.plot_tournament(*figures.shown(self), axes, theme), axes)
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the tables.
+
+        Parameters
+        ----------
+        verbose
+            With all percentiles and intervals, and what the numbers mean.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        return str(words.text(self, verbose, width))
+
+    def save(
+        self,
+        directory: str | Path,
+        *,
+        drawn: bool = True,
+        theme: ThemeName = "light",
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write tables, figure and manifest into a folder; see `sblcosim.Result.save`.
+
+        Equal runs give equal files.
+        """
+        from .. import style
+
+        style.named(theme)
+        with artifacts.draft(directory, self.manifest(), other) as draft:
+            for name in ("table", "levels", "differences"):
+                file = "runs" if name == "table" else name
+                artifacts.write_table(getattr(self, name), draft.folder, file)
+            if drawn:
+                figures.job(self).save(draft.folder, theme)
+        return Path(directory).with_name(draft.path.name)
+
+    def manifest(self) -> dict[str, Any]:
+        """What was compared, as plain data."""
+        plain: dict[str, Any] = artifacts.plain({"comparison": self.settings})
+        return plain
+
+    def to_json(self) -> dict[str, Any]:
+        """Answer and tables as plain data; missing numbers are None."""
+        settings = {k: v for k, v in self.settings.items() if k not in ("scenarios", "receivers")}
+        plain: dict[str, Any] = artifacts.plain(
+            {
+                "answer": self.answer,
+                "scenarios": [place for place in self.places if place != ALL],
+                "receivers": self.receivers,
+                **settings,
+                "unit": unit_of(self.response),
+                "levels": self.levels.to_dict(orient="records"),
+                "differences": self.differences.to_dict(orient="records"),
+                "update_s": self.update_s,
+            }
+        )
+        return plain
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _gist(self) -> str:
+        return f"of {', '.join(self.receivers)}: {self.answer}"
+
+    def _repr_html_(self) -> str:
+        return page("Comparison", verbatim(str(self)))
+
+
+def compare(
+    scenarios: AnyScenario | Sequence[AnyScenario],
+    receivers: Receivers = (),
+    *,
+    runs: int = RUNS,
+    response: str | Callable[..., Any] = RESPONSE,
+    settling_s: float = 0.0,
+    practical: float | None = None,
+    overrides: Changes = (),
+    seed: int | None = None,
+    contamination: float = CONTAMINATION,
+    workers: int | None = None,
+    master: str | None = None,
+    step_timeout: float | None = None,
+    timed: bool = True,
+    progress: Callable[[float, str], None] | None = None,
+) -> Tournament:
+    """Let receivers run on the same noise, and say which is better.
+
+    Parameters
+    ----------
+    scenarios
+        Names, files, tables or objects, as for `sblcosim.run`.
+    receivers
+        As for `sblcosim.run`, without labels; none: that of each scenario.
+    runs
+        Number of seeds, at least 2.
+    response
+        What is compared, less is better: one of `sblcosim.results.responses.RESPONSES`, a function
+        of a `sblcosim.results.responses.Run`, or ``"file.py:function"``.
+    settling_s
+        Errors count from this time after the start [s].
+    practical
+        Differences below it do not matter [unit of the response]; None: nothing is called equal.
+    overrides
+        Keys to change in all scenarios.
+    seed
+        Seed of the first run; the others follow. None: 1.
+    contamination
+        Share of bad runs that a mean is to hold against.
+    workers, master, step_timeout
+        As for `sblcosim.study.runner.run`.
+    timed
+        Measure the time of an update, too.
+    progress
+        Called with the completed share, 0 to 1, and what is being done.
+
+    Raises
+    ------
+    ConfigurationError
+        A scenario, receiver or argument is invalid.
+    """
+    check(runs, practical, contamination)
+    several = (scenarios,) if isinstance(scenarios, str | Path | Scenario | Mapping) else scenarios
+    name, asked = response_of(response)
+    keys = _keys(overrides)
+    first = keys.pop("seed", None) if seed is None else seed
+    keys.pop("seed", None)
+    about = {
+        "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
+        "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
+    }  # fmt: skip
+    studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    if not studies:
+        raise ConfigurationError("scenarios: must be at least one, got none")
+    names = [study.base.name for study in studies]
+    for it in names:
+        if names.count(it) > 1 or it == ALL:
+            raise ConfigurationError(f"scenarios: must have different names, got {it!r} twice")
+    tables = []
+    for i, study in enumerate(studies):
+        def told(share: float, i: int = i) -> None:
+            if progress is not None:
+                progress((i + share) / len(studies), f"simulating {names[i]}")
+
+        tables.append(runner.simulated(
+            study, workers=workers, master=master, step_timeout=step_timeout, progress=told
+        ))  # fmt: skip
+    settings = {
+        "scenarios": [study.base.given() for study in studies],
+        "receivers": [_origin(known_source(it)) for it in studies[0].receivers],
+        "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
+        "practical": practical, "contamination": contamination,
+    }  # fmt: skip
+    told_s = {study.base.name: cost.update_seconds(study) for study in studies} if timed else {}
+    return evaluate(dict(zip(names, tables, strict=True)), settings, told_s)
+
+
+def check(runs: int, practical: float | None, contamination: float) -> None:
+    """Refuse numbers that nothing can be said with."""
+    if isinstance(runs, bool) or not isinstance(runs, int) or runs < 2:
+        raise ConfigurationError(f"runs: must be a whole number of at least 2, got {runs!r}")
+    if practical is not None and not 0 < practical < float("inf"):
+        raise ConfigurationError(f"practical: must be more than 0 and finite, got {practical!r}")
+    if not 0 < contamination < 1:
+        raise ConfigurationError(
+            f"contamination: must be a share between 0 and 1, got {contamination!r}"
+        )
+
+
+def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
+    """Column of a response, and what a study must be asked for; None: it is always there."""
+    if not isinstance(response, str):
+        if not callable(response):
+            raise ConfigurationError(
+                f"response: must be a name or a function, got {shortened(instance(response))}"
+            )
+        found = of_function(response)
+        return found.name, found
+    if ":" in response:
+        found = of_file(response, Path.cwd())
+        return found.name, found
+    if response not in RESPONSES:
+        raise ConfigurationError(
+            f"response: must be the name of a response or FILE.py:FUNCTION, got {quoted(response)}"
+            f"{nearest(response, RESPONSES)}"
+        )
+    if response not in lesser():
+        raise ConfigurationError(
+            f"response: must be one of which less is better, such as {RESPONSE}, got {response!r}"
+        )
+    return response, response if response in ON_REQUEST else None
+
+
+def lesser() -> dict[str, str]:
+    """The responses of which less is better, each in words."""
+    return {
+        name: it.words for name, it in RESPONSES.items()
+        if name not in _SIGNED and (it.unit or name in _RATES)
+    }  # fmt: skip
+
+
+def study_of(
+    scenario: Any, receivers: Any, fixed: Mapping[str, Any], about: Mapping[str, Any]
+) -> Study:
+    """Runs of a scenario as it is, as a study without factors."""
+    if isinstance(receivers, Mapping):
+        raise ConfigurationError("receivers: must be a sequence of receivers, got a mapping")
+    settled = load_scenario(scenario, fixed.items())
+    receivers = () if receivers is None else receivers
+    one = isinstance(receivers, str | Path) or callable(receivers)
+    tables = {
+        **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
+    }  # fmt: skip
+    return load_study(tables, receivers=[receivers] if one else list(receivers))
+
+
+def _origin(source: Source) -> Any:
+    """A receiver for the manifest; independent of file paths."""
+    file = file_of(source)
+    if isinstance(source, PythonSource):
+        return {"python": source.__qualname__, "sha256": source.sha256}
+    return source if file is None else {"fmu": Path(file).name, "sha256": sha256_of(Path(file))}
+
+
+def _keys(overrides: Any) -> dict[str, Any]:
+    return {".".join(path): value for path, value in pairs(overrides)}
+
+
+def evaluate(
+    runs: Mapping[str, pd.DataFrame],
+    settings: Mapping[str, Any],
+    update_s: Mapping[str, Mapping[str, float | None]] | None = None,
+) -> Tournament:
+    """Compare runs that are there.
+
+    Parameters
+    ----------
+    runs
+        By scenario, as `sblcosim.study.runner.simulated` returns them: of the same seeds.
+    settings
+        As in `Tournament`: ``response``, ``practical`` and ``contamination`` are used.
+    """
+    responses = tuple(dict.fromkeys((settings["response"], PERCENTILE)))
+    values = {response: by_place(runs, response) for response in responses}
+    order = tuple(ranked(values[responses[0]]))
+    places = tuple(values[responses[0]])
+    return Tournament(
+        settings,
+        order,
+        places,
+        pd.concat([t.assign(scenario=name) for name, t in runs.items()], ignore_index=True).pipe(
+            lambda t: t[["scenario", *(c for c in t.columns if c != "scenario")]]
+        ),
+        pd.DataFrame(levels(runs, values, order, settings)),
+        differences(values, order, settings),
+        update_s or {},
+    )

@@ -1,0 +1,321 @@
+"""A tournament in words: who is better, the tables, and what the numbers mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from math import isfinite, isnan
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from ..analysis.sentences import rounded
+from ..layout import fitted, table
+from ..results.consistency import COVARIANCES
+from ..results.responses import RESPONSES, readable, unit_of
+from .evaluation import ALL, PERCENTILE
+from .statistics import ALPHA, SHARE, least_runs
+
+if TYPE_CHECKING:
+    from .tournament import Tournament
+
+_NAMED = 4
+"""More receivers or scenarios than that are counted, not listed."""
+_NOTES = (
+    "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. The "
+    "mean is over the runs, lost ones included; over all scenarios it is of the seeds' means.",
+    "95 % in a run: what 95 % of the estimates of a run are within, mean over the runs. 95 % of "
+    "runs: what is compared is below it in 95 % of the runs, an upper bound by order statistics.",
+    "Lost: the RMS error in the last quarter exceeds the distance to the platform. Update: time of "
+    "an update, of our receivers in their engine for one simulation; only roughly so.",
+)
+
+
+def words_of(response: str) -> str:
+    """A response for sentences."""
+    return RESPONSES[response].words if response in RESPONSES else readable(response)
+
+
+def size(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return f"{rounded(value)} {unit}".rstrip()
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """An interval, or a dash."""
+    return "–" if isnan(low) else f"{rounded(low)} to {size(high, unit)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a sentence."""
+    if len(names) > _NAMED:
+        return f"{', '.join(names[:_NAMED - 1])} and {len(names) - _NAMED + 1} more"
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def in_place(it: Tournament, place: str) -> list[str]:
+    """The receivers that were in a place, the best one on average first."""
+    there = set(it.levels.loc[it.levels["scenario"] == place, "receiver"])
+    return [receiver for receiver in it.receivers if receiver in there]
+
+
+def rows_of(it: Tournament, place: str, response: str) -> list[Any]:
+    """The differences of a place."""
+    mine = (it.differences["scenario"] == place) & (it.differences["response"] == response)
+    return list(it.differences[mine].itertuples(index=False))
+
+
+# --- The answer ----------------------------------------------------------------------------------
+
+
+def answer(it: Tournament) -> str:
+    """Which receiver is best, and where it is not."""
+    place, response = it.places[-1], it.response
+    unit = unit_of(response)
+    names = in_place(it, place)
+    where = f"over {len(it.places) - 1} scenarios" if place == ALL else f"in {place}"
+    means = ", ".join(f"{name} {size(it.level(place, name)['mean'], unit)}" for name in names)
+    runs = it.level(place, names[0])["runs"] if names else 0
+    said = f"{words_of(response)}, mean of {runs} runs {where}: {means}."
+    if len(names) < 2:
+        return said if names else "No receiver was in all scenarios, so none is best over all."
+    return " ".join([_best(it, place, names[0], unit), said, *_exceptions(it)])
+
+
+def _best(it: Tournament, place: str, best: str, unit: str) -> str:
+    rows = [row for row in rows_of(it, place, it.response) if row.one == best]
+    groups = {word: [row for row in rows if row.verdict == word] for word in
+              ("better", "equal", "cannot tell", "worse")}  # fmt: skip
+    better, equal, open_, worse = groups.values()
+    parts = []
+    if better:
+        least = min(better, key=lambda row: -row.mean)
+        names = [row.other for row in better]
+        than = "all others" if len(names) == len(rows) > 1 else listed(names)
+        parts.append(
+            f"{best} is better than {than}: {size(-least.mean, unit)} "
+            f"({span(-least.high, -least.low, unit)}) less"
+            + (f" than {least.other}" if len(names) > 1 else "")
+        )
+    if equal:
+        within = size(float(it.settings["practical"]), unit)
+        parts.append(f"{best} and {listed([row.other for row in equal])} are equal within {within}")
+    if open_:
+        needed = [row.runs_needed for row in open_]
+        about = (
+            f"; about {max(needed):,} runs would" if all(map(pd.notna, needed)) else ""
+        )
+        parts.append(
+            f"whether {best} is better than {listed([row.other for row in open_])}, "
+            f"{open_[0].runs} runs cannot tell{about}"
+        )
+    if worse:
+        parts.append(f"{best} is worse than {listed([row.other for row in worse])}")
+    text = "; ".join(parts)
+    return f"{text[:1].upper() if text.startswith('whether') else text[:1]}{text[1:]}."
+
+
+def _exceptions(it: Tournament) -> Iterator[str]:
+    """Where a receiver is surely better than one that is better on average."""
+    for place in it.places:
+        found = [row for row in rows_of(it, place, it.response) if row.verdict == "worse"]
+        if found and place != ALL:
+            pairs = [f"{row.other} is better than {row.one}" for row in found]
+            yield f"In {place}, {listed(pairs)}."
+
+
+# --- What stands beside --------------------------------------------------------------------------
+
+
+def notes(it: Tournament) -> Iterator[str]:
+    """What must be known beside the answer: lost and failed runs, tails, too few runs."""
+    for place in (place for place in it.places if place != ALL):
+        for receiver in in_place(it, place):
+            yield from beside(it, place, receiver)
+        for row in rows_of(it, place, it.response):
+            if row.verdict == "better" and row.wins < row.runs / 2:
+                yield (
+                    f"{place}: {row.one} is better than {row.other} on average, but not in most "
+                    f"runs: in {row.wins} of {row.runs}"
+                )
+    yield from _too_few(it)
+    yield from unbounded(it)
+
+
+def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
+    """What must be known beside the mean of a receiver."""
+    row = it.level(place, receiver)
+    if row["failed"]:
+        yield (
+            f"{place}: {receiver} failed in {row['failed']} of {row['runs']} runs, which "
+            f"count as worse than any other{_example(it, place, receiver)}"
+        )
+    if row["lost"]:
+        interval = span(100 * row["lost_low"], 100 * row["lost_high"], "%")
+        yield (
+            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {interval} of "
+            "all with 95 % confidence"
+        )
+    if row["heavy_tailed"]:
+        yield _tail(place, receiver, row, unit_of(it.response))
+
+
+def _example(it: Tournament, place: str, receiver: str) -> str:
+    """A run in which a receiver has failed, with its own message if that was kept."""
+    mine = it.table[(it.table["scenario"] == place) & it.table[f"{receiver}.{it.response}"].isna()]
+    own = mine[mine["error"].astype(str).str.contains(rf"\b{re.escape(receiver)}\b")]
+    first = (own if len(own) else mine).iloc[0]
+    return f", e.g. with seed {first['seed']}" + (f": {first['error']}" if len(own) else "")
+
+
+def _tail(place: str, receiver: str, row: Any, unit: str) -> str:
+    median, mean = size(row["median"], unit), size(row["mean"], unit)
+    return (
+        f"{place}: {receiver} is heavy-tailed: the worst {row['tail_runs']} of {row['runs']} runs "
+        f"make {100 * row['tail']:.0f} % of the spread about the median, {median}; the mean is "
+        f"{mean}"
+    )
+
+
+def _too_few(it: Tournament) -> Iterator[str]:
+    runs = int(it.settings["runs"])
+    share = it.settings["contamination"]
+    if len(it.differences):
+        least = int(it.differences["least"].max())
+        if runs < least:
+            yield (
+                f"no interval of a difference from {runs} runs: {least} are needed, "
+                f"{least - runs} more, so that all {len(it.differences)} together hold against "
+                f"bad runs of {100 * share:.3g} %"
+            )
+
+
+def unbounded(it: Tournament) -> Iterator[str]:
+    """What there are too few runs for, of each receiver."""
+    runs = int(it.settings["runs"])
+    share = it.settings["contamination"]
+    least = least_runs(share, ALPHA / 2)
+    if runs < least:
+        yield f"no interval of a mean from {runs} runs: {least} are needed, {least - runs} more"
+    least = least_runs(1 - SHARE, ALPHA)
+    if runs < least:
+        yield (
+            f"no bound for {100 * SHARE:g} % of the runs from {runs}: {least} are needed, "
+            f"{least - runs} more"
+        )
+
+
+# --- Tables --------------------------------------------------------------------------------------
+
+
+def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str:
+    """The answer, what stands beside it, and a table for each place."""
+    lines = [it.answer, *notes(it)]
+    for place in sorted(it.places, key=lambda place: place != ALL):
+        lines += ["", f"{place}: {it.settings['runs']} runs"]
+        lines += levels(it, place, width)
+        if verbose:
+            lines += ["", *spreads(it, place, width)]
+            lines += [
+                f"  {name}: {COVARIANCES[_frame(it)]} "
+                f"{it.level(place, name)['covariance_words']}"
+                for name in in_place(it, place) if it.level(place, name)["nees_runs"]
+            ]  # fmt: skip
+        responses = dict.fromkeys((it.response, PERCENTILE)) if verbose else (it.response,)
+        for response in responses:
+            rows = [*_differences(it, place, response)]
+            if rows:
+                unit = unit_of(response)
+                head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
+                        "mean", "95 %, all at once", "better in", "")  # fmt: skip
+                lines += ["", *table(rows, width, head, (1, 2, 3))]
+    if verbose:
+        lines += ["", *_NOTES]
+    return fitted("\n".join(lines), width)
+
+
+def _frame(it: Tournament) -> str:
+    return "own_relative" if it.response.startswith("own_relative") else "absolute"
+
+
+def _heads(it: Tournament) -> tuple[str, ...]:
+    unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
+    first = words_of(it.response).removesuffix(" total error")
+    update = ("update",) if it.update_s else ()
+    return ("", f"{first}{unit}", "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
+            *update)  # fmt: skip
+
+
+def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of receivers."""
+    return table(_levels(it, place), width, _heads(it), range(1, 5))
+
+
+def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
+    """The lines of the table of the spread between the runs."""
+    return table(_spreads(it, place), width, _SPREADS, range(1, 7))
+
+
+def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
+    for receiver in in_place(it, place):
+        row, beside = it.level(place, receiver), it.level(place, receiver, PERCENTILE)
+        upper = row["within_upper"]
+        whole = row["runs"] * (len(it.places) - 1 if place == ALL else 1)
+        yield (
+            receiver,
+            rounded(row["mean"]),
+            rounded(beside["mean"]),
+            f"≤ {rounded(upper)}" if isfinite(upper) else "–",
+            f"{rounded(100 * row['lost'] / whole, 2)} %",
+            _covariance(row),
+            *((_update(it, place, receiver),) if it.update_s else ()),
+        )
+
+
+def _covariance(row: Any) -> str:
+    if not row["nees_runs"]:
+        return "none"
+    if row["covariance"] in ("optimistic", "pessimistic"):
+        factor = row["covariance_factor"]
+        return f"{row['covariance']} ×{max(factor, 1 / factor):.3g}"
+    return str(row["covariance"])
+
+
+_TIMES = ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
+
+
+def _update(it: Tournament, place: str, receiver: str) -> str:
+    told = [
+        mine.get(receiver) for name, mine in it.update_s.items() if place in (name, ALL)
+    ]
+    known = [seconds for seconds in told if seconds is not None]
+    if not known or len(known) < len(told):
+        return "–"
+    mean = sum(known) / len(known)
+    factor, unit = next((f, u) for f, u in _TIMES if mean * f >= 1 or u == "ns")
+    return f"~ {rounded(mean * factor, 2)} {unit}"
+
+
+_SPREADS = ("", "mean, 95 %", "std", "least", "median", "most", "lost, 95 %")
+
+
+def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
+    for receiver in in_place(it, place):
+        row = it.level(place, receiver)
+        yield (
+            receiver,
+            span(row["low"], row["high"]),
+            *(rounded(row[name]) for name in ("std", "least", "median", "most")),
+            span(100 * row["lost_low"], 100 * row["lost_high"], "%"),
+        )
+
+
+def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
+    for row in rows_of(it, place, response):
+        said = row.verdict
+        if said == "cannot tell" and pd.notna(row.runs_needed):
+            said += f"; about {row.runs_needed:,} runs would"
+        yield (
+            f"{row.one} − {row.other}", rounded(row.mean), span(row.low, row.high),
+            f"{row.wins} of {row.runs}", said,
+        )  # fmt: skip

@@ -1,0 +1,399 @@
+"""Tournaments: who is said to be better, from runs that were made up and from real ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+import sblcosim.cli
+from sblcosim.comparison import cost, many, tournament, tournament_figures
+from sblcosim.comparison.evaluation import ALL, PERCENTILE
+from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
+from sblcosim.errors import ConfigurationError
+from sblcosim.results.consistency import of_runs
+from sblcosim.study.study import load as load_study
+from typer.testing import CliRunner, Result
+
+RUNS = 200
+SETTINGS = {
+    "scenarios": [], "receivers": [], "runs": RUNS, "seed": 1, "settling_s": 0.0,
+    "response": RESPONSE, "practical": None, "contamination": 0.05,
+}  # fmt: skip
+SHORT = {"time.duration_s": 5.0}
+NEVER = """
+import sblcosim
+
+
+class Never(sblcosim.Receiver):
+    def update(self, samples):
+        return None
+
+
+class Fix(sblcosim.Receiver):
+    def update(self, samples):
+        here = self.fix(samples)
+        return None if here is None else sblcosim.Estimate(samples[-1].epoch, here)
+"""
+
+
+def runs_of(errors: dict[str, Any], lost: dict[str, Any] | None = None) -> pd.DataFrame:
+    """A table of runs, from the RMS errors of its receivers."""
+    columns: dict[str, Any] = {"point": 1, "replicate": np.arange(RUNS) + 1,
+                               "seed": np.arange(RUNS) + 1}  # fmt: skip
+    random = np.random.default_rng(1)
+    for name, y in errors.items():
+        columns |= {
+            f"{name}.{RESPONSE}": y, f"{name}.{PERCENTILE}": 1.7 * y,
+            f"{name}.lost": np.isnan(y) if lost is None else lost.get(name, False),
+            f"{name}.nees_position": 3 * random.chisquare(30, RUNS) / 30,
+            f"{name}.own_relative_nees_position": np.nan,
+        }  # fmt: skip
+    failed = np.any([np.isnan(y) for y in errors.values()], axis=0)
+    return pd.DataFrame(columns).assign(error=np.where(failed, "failing: it gave up", None))
+
+
+def noise(seed: int, mean: float, std: float = 0.05) -> Any:
+    return np.random.default_rng(seed).normal(mean, std, RUNS)
+
+
+def made_up(**settings: Any) -> Tournament:
+    """Two scenarios: `a` is better than `b` in the first, and `c` is no different from `a`."""
+    common = noise(1, 1.0, 0.3)
+    near = {"a": common, "b": common + noise(2, 0.2), "c": common + noise(3, 0.006)}
+    far = {"a": 3 + common, "b": 3 + common - noise(4, 0.1), "c": 3 + common + noise(5, 0.006)}
+    return evaluate({"near": runs_of(near), "far": runs_of(far)}, {**SETTINGS, **settings})
+
+
+def verdicts(it: Tournament, place: str, response: str = RESPONSE) -> dict[str, str]:
+    mine = it.differences
+    mine = mine[(mine["scenario"] == place) & (mine["response"] == response)]
+    return {f"{row.one} {row.other}": row.verdict for row in mine.itertuples()}
+
+
+def test_the_answer_says_who_is_better_who_is_equal_and_where_it_is_not_so() -> None:
+    it = made_up(practical=0.03)
+    assert verdicts(it, "near")["a b"] == "better"
+    assert verdicts(it, "far")["a b"] == "worse"
+    assert verdicts(it, ALL)["a c"] == "equal" == verdicts(it, "near")["a c"]
+    assert it.answer.startswith("a is better than b: 0.0")
+    assert "; a and c are equal within 0.0300 m. RMS total error, mean of 200 runs" in it.answer
+    assert "In far, b is better than a and b is better than c." in it.answer
+    open_ = made_up()
+    assert verdicts(open_, ALL)["a c"] == "cannot tell"
+    assert "; whether a is better than c, 200 runs cannot tell" in open_.answer
+
+
+def test_over_all_scenarios_a_seed_counts_by_its_mean_difference() -> None:
+    it = made_up()
+    table = it.table.pivot(index="seed", columns="scenario")
+    per_seed = (table[f"a.{RESPONSE}"] - table[f"b.{RESPONSE}"]).mean(axis=1)
+    mine = it.differences
+    row = mine[(mine["scenario"] == ALL) & (mine["one"] == "a") & (mine["other"] == "b")].iloc[0]
+    assert row["mean"] == pytest.approx(per_seed.mean(), rel=1e-12)
+    assert row["wins"] == (per_seed < 0).sum()
+    assert row["runs"] == RUNS  # seeds: the scenarios of one seed are not independent
+    assert row["least"] == 129  # ln(0.05 / 36) / ln(0.95): 3 pairs, 3 places, 2 responses
+    assert len(it.differences) == 18
+    nees = it.table.pivot(index="seed", columns="scenario")["a.nees_position"].mean(axis=1)
+    assert it.level(ALL, "a")["covariance_words"] == str(of_runs(nees))
+
+
+def test_the_order_of_the_receivers_changes_nothing() -> None:
+    it = made_up()
+    turned = [c for name in "cba" for c in it.table.columns if c.startswith(f"{name}.")]
+    others = [c for c in it.table.columns if "." not in c and c != "scenario"]
+    runs = {name: it.table[it.table["scenario"] == name][[*others, *turned]].reset_index(drop=True)
+            for name in ("near", "far")}  # fmt: skip
+    again = evaluate(runs, it.settings)
+    assert again.answer == it.answer
+    pd.testing.assert_frame_equal(again.differences, it.differences)
+
+
+def test_a_lost_receiver_does_not_win_by_its_other_runs() -> None:
+    bad = np.arange(RUNS) % 20 == 3
+    good = noise(1, 1.0)
+    lossy = np.where(bad, 500.0, good - 0.2)
+    failing = np.where(bad, np.nan, good - 0.2)
+    it = evaluate(
+        {"x": runs_of({"good": good, "lossy": lossy, "failing": failing}, {"lossy": bad})},
+        {**SETTINGS, "practical": 0.5},
+    )
+    assert it.receivers == ("good", "lossy", "failing")
+    found = verdicts(it, "x")
+    assert found["good lossy"] == "better"
+    assert found["good failing"] == "cannot tell"  # and surely not worse
+    said = it.text()
+    assert "x: lossy was lost in 10 of 200 runs, 2.42 to 9.00 % of all with 95 % confidence" in said
+    assert "x: lossy is heavy-tailed: the worst 10 of 200 runs make 100 % of the spread" in said
+    assert "x: failing failed in 10 of 200 runs, which count as worse than any other, e.g." in said
+    assert "with seed 4: failing: it gave up" in said
+    other = evaluate({"x": it.table.assign(error="another: silent")}, it.settings).text()
+    assert ", e.g. with seed 4\n" in other
+    assert "good is better than lossy on average, but not in most runs: in 10 of 200" in said
+
+
+def test_a_single_receiver_gets_a_table_without_differences() -> None:
+    it = evaluate({"x": runs_of({"a": noise(1, 1.0)})}, SETTINGS)
+    assert it.differences.empty
+    assert it.answer == "RMS total error, mean of 200 runs in x: a 0.996 m."
+    assert "difference" not in it.text()
+    assert len(it.plot().axes) == 1
+
+
+def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
+    few = {name: table.head(10) for name, table in (
+        (name, made_up().table.query("scenario == @name")) for name in ("near", "far")
+    )}  # fmt: skip
+    it = evaluate(few, {**SETTINGS, "runs": 10})
+    assert set(it.differences["verdict"]) == {"cannot tell"}
+    said = it.text()
+    assert "no interval of a difference from 10 runs: 129 are needed, 119 more" in said
+    assert "no interval of a mean from 10 runs: 72 are needed, 62 more" in said
+    assert "no bound for 95 % of the runs from 10: 59 are needed, 49 more" in said
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_figure_has_a_row_for_each_receiver_and_no_small_text(theme: Any) -> None:
+    from matplotlib.text import Text
+
+    axes = made_up(practical=0.03).plot(theme=theme).axes
+    assert len(axes) == 6
+    assert [t.get_text() for t in axes[0].get_yticklabels()] == ["a", "c", "b"]
+    texts = [t for t in axes[0].figure.findobj(Text) if t.get_text()]
+    assert min(t.get_fontsize() for t in texts) >= 8
+    left, right = axes[:2]
+    assert left.get_xlabel() == "RMS total error [m], 5 to 95 % of runs"
+    assert right.get_xlabel() == "less that of a [m], 95 % all at once"
+    panels = tournament_figures.shown(made_up(practical=0.03))[0]
+    with pytest.raises(ValueError, match="axes: must be 6 axes, got 1"):
+        tournament_figures.plot_tournament(panels, "x", "m", axes=[left])
+
+
+# --- Real runs -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def real() -> Tournament:
+    return sblcosim.compare(
+        ["paper-scenario-1", "harbour-square"], ["ekf", "sequential"], runs=6, seed=5,
+        settling_s=1.0, overrides=SHORT, workers=1,
+    )  # fmt: skip
+
+
+def test_all_receivers_have_the_noise_of_a_single_run(real: Tournament) -> None:
+    table = real.table[real.table["scenario"] == "paper-scenario-1"]
+    assert table["seed"].tolist() == [5, 6, 7, 8, 9, 10]
+    run = sblcosim.run("paper-scenario-1", ["ekf", "sequential"], SHORT | {"seed": 7})
+    for receiver in ("ekf", "sequential"):
+        late = run.estimates[receiver].query("epoch_s >= 1")["error_total_m"]
+        found = table.loc[table["seed"] == 7, f"{receiver}.{RESPONSE}"].iloc[0]
+        assert found == pytest.approx(float(np.sqrt((late**2).mean())), rel=1e-12)
+    alone = sblcosim.compare("paper-scenario-1", "ekf", runs=6, seed=5, settling_s=1.0,
+                             overrides=SHORT, timed=False)  # fmt: skip
+    assert alone.table[f"ekf.{RESPONSE}"].tolist() == table[f"ekf.{RESPONSE}"].tolist()
+
+
+def test_equal_questions_give_equal_files_on_any_number_of_workers(
+    real: Tournament, tmp_path: Path
+) -> None:
+    again = sblcosim.compare(
+        ["paper-scenario-1", "harbour-square"], ["ekf", "sequential"], runs=6, seed=5,
+        settling_s=1.0, overrides=[*(f"{k}={v}" for k, v in SHORT.items())], workers=2,
+    )  # fmt: skip
+    one, other = real.save(tmp_path / "one"), again.save(tmp_path / "other")
+    names = sorted(file.name for file in one.iterdir())
+    assert names == sorted(
+        [f"{name}.{kind}" for name in ("runs", "levels", "differences") for kind in
+         ("csv", "parquet")] + ["comparison.png", "comparison.svg", "manifest.json"]
+    )
+    for name in names:
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    assert real.update_s["harbour-square"].keys() == {"ekf", "sequential"}
+
+
+def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    original = cost.lanes.execute
+
+    def execute(plan: Any, *arguments: Any, **options: Any) -> Any:
+        now[0] += len(plan.components) ** 2  # seconds
+        return original(plan, *arguments, **options)
+
+    monkeypatch.setattr(cost.lanes, "execute", execute)
+    monkeypatch.setattr(cost.time, "process_time", lambda: now[0])
+    study = load_study({
+        "scenario": "harbour-square", "design": {"kind": "single"}, "receivers": ["ekf", "coupled"],
+        "fixed": {"time.duration_s": 5.0},
+    })  # fmt: skip
+    updates = sblcosim.run("harbour-square", "ekf", SHORT).record.values["ekf.update_count"][-1]
+    assert cost.update_seconds(study)["ekf"] == pytest.approx((16 - 9) / updates)
+    now[0] = 0.0
+    monkeypatch.setattr(cost.time, "process_time", lambda: 0.0)  # a clock too coarse to tell
+    assert cost.update_seconds(study) == {"ekf": None, "coupled": None}
+
+
+def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(NEVER)
+    it = sblcosim.compare(
+        "harbour-square", ["ekf", f"{tmp_path}/own.py:Fix", f"{tmp_path}/own.py:Never"],
+        runs=2, overrides=SHORT,
+    )  # fmt: skip
+    assert it.receivers[-1] == "Never"
+    assert it.problems == ["Never: must give estimates in harbour-square, got none in 2 runs"]
+    assert it.update_s["harbour-square"]["Never"] is None
+    assert np.isfinite(it.level("harbour-square", "Fix")["mean"])
+    assert it.manifest()["comparison"]["receivers"][1]["python"] == "own.py:Fix"
+    assert str(tmp_path) not in json.dumps(it.manifest())
+
+
+def test_a_response_of_the_user_is_compared(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "def first_epoch_s(run):\n    return run.used.epoch_s[0]\n"
+    )
+    it = sblcosim.compare("harbour-square", ["ekf", "sequential"], runs=2, overrides=SHORT,
+                          response=f"{tmp_path}/mine.py:first_epoch_s", timed=False)  # fmt: skip
+    assert it.response == "first_epoch_s"
+    assert set(it.differences["response"]) == {"first_epoch_s", PERCENTILE}
+
+
+def test_the_receiver_of_each_scenario_runs_where_none_is_asked_for() -> None:
+    it = sblcosim.compare(["paper-scenario-1", "realistic-dive"], runs=2, overrides=SHORT,
+                          timed=False)  # fmt: skip
+    assert it.differences.empty
+    there = set(zip(it.levels["scenario"], it.levels["receiver"], strict=True))
+    assert {("paper-scenario-1", "ekf"), ("realistic-dive", "coupled")} <= there or len(there) == 3
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "runs": ({"runs": 1}, "runs: must be a whole number of at least 2, got 1"),
+    "practical": ({"practical": 0}, "practical: must be more than 0 and finite, got 0"),
+    "contamination": ({"contamination": 1.0}, "contamination: must be a share between 0 and 1, "),
+    "receiver": ({"receivers": ["copled"]}, "receiver: must be .*; did you mean 'coupled'?"),
+    "response": ({"response": "absolute_total_rms"}, "response: .*; did you mean 'absolute_total"),
+    "more is better": ({"response": "availability"}, "response: must be one of which less is bett"),
+    "signed": ({"response": "absolute_x_mean_m"}, "response: must be one of which less is better"),
+    "scenario": ({"scenarios": ["harbour"]}, "scenario: must be a TOML file or one of "),
+    "none": ({"scenarios": []}, "scenarios: must be at least one, got none"),
+    "labels": ({"receivers": {"a": "ekf"}}, "receivers: must be a sequence of receivers, got a "),
+    "twice": ({"scenarios": ["harbour-square"] * 2}, "scenarios: must have different names, got "),
+    "settling": ({"settling_s": 1e6}, ".*settling_time_s: must be less than the length of the ru"),
+    "key": ({"overrides": ["platform.arm=1"]}, r"override platform.arm: \[platform\] has no key"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_one_line(case: str) -> None:
+    given, words = WRONG[case]
+    with pytest.raises(ConfigurationError, match=words.replace("?", r"\?")) as caught:
+        sblcosim.compare(**{"scenarios": ["harbour-square"], "receivers": ["ekf"]} | given)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_response_of_which_less_is_better_can_be_asked_for() -> None:
+    for name in tournament.lesser():
+        assert tournament.response_of(name)[0] == name
+    assert {"absolute_total_p95_m", "lost", "first_fix_s"} <= set(tournament.lesser())
+    assert not {"availability", "nis", "absolute_x_mean_m"} & set(tournament.lesser())
+
+
+# --- Many runs of one scenario -------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def several() -> many.Many:
+    return sblcosim.run_many(
+        "harbour-square", ["ekf", "coupled"], SHORT | {"seed": 11}, runs=6, workers=1
+    )
+
+
+def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many) -> None:
+    table = several.runs.table
+    assert table["seed"].tolist() == [11, 12, 13, 14, 15, 16]
+    ranked = table.sort_values(f"ekf.{RESPONSE}")["seed"].tolist()
+    assert several.drawn_seeds == {"typical": ranked[2], "worst": ranked[-1]}
+    for which, result in several.drawn.items():
+        row = table[table["seed"] == several.drawn_seeds[which]].iloc[0]
+        for receiver in ("ekf", "coupled"):
+            reached = result.errors.loc[(receiver, "absolute", "total"), "rms_m"]
+            assert reached == pytest.approx(row[f"{receiver}.{RESPONSE}"], rel=1e-12)
+    assert f"worst run: seed {ranked[-1]}, " in several.text()
+    found = several.runs.level("harbour-square", "coupled")
+    column = table[f"coupled.{RESPONSE}"]
+    assert [found[k] for k in ("mean", "std", "median", "least", "most")] == pytest.approx(
+        [column.mean(), column.std(), column.median(), column.min(), column.max()]
+    )
+
+
+def test_many_runs_are_a_folder_with_two_results_that_is_replaced_whole(
+    several: many.Many, tmp_path: Path
+) -> None:
+    folder = several.save(tmp_path / "m", drawn=False)
+    assert {"runs.csv", "levels.csv", "typical", "worst", "manifest.json"} <= {
+        file.name for file in folder.iterdir()
+    }
+    for which in ("typical", "worst"):
+        about = json.loads((folder / which / "manifest.json").read_text())
+        assert about["seeds"]["acoustics"] == several.drawn_seeds[which]
+    assert several.save(tmp_path / "m", drawn=False) == folder
+    (tmp_path / "empty").mkdir()
+    several.save(tmp_path / "empty", drawn=False)
+    assert (tmp_path / "empty" / "worst" / "record.csv").is_file()
+    (folder / "worst" / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigurationError, match=r"worst: must be empty .*got 'mine.txt' in it"):
+        several.save(tmp_path / "m", drawn=False, other="replace")
+    assert (folder / "worst" / "mine.txt").read_text() == "mine"
+
+
+def test_a_receiver_that_never_answers_leaves_nothing_to_draw(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(NEVER)
+    found = sblcosim.run_many("harbour-square", f"{tmp_path}/own.py:Never", SHORT, runs=2)
+    assert (found.drawn, found.drawn_seeds) == ({}, {})
+    assert found.problems == ["Never: must give estimates in harbour-square, got none in 2 runs"]
+
+
+# --- The commands --------------------------------------------------------------------------------
+
+
+def cli(*arguments: object) -> Result:
+    return CliRunner().invoke(
+        sblcosim.cli.app, [str(a) for a in arguments], catch_exceptions=False
+    )
+
+
+def test_the_commands_write_and_say_what_the_functions_do(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(NEVER)
+    short = ("--set", "time.duration_s=5", "--no-figures")
+    done = cli("compare", "harbour-square", "paper-scenario-1", "--receiver", "ekf", "--receiver",
+               "sequential", "--runs", 2, *short, "--out", tmp_path / "c")  # fmt: skip
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.startswith("Whether ")
+    assert f"written to {tmp_path / 'c'}" in done.stdout
+    again = cli("compare", "harbour-square", "--runs", 3, *short, "--out", tmp_path / "c")
+    assert again.exit_code == 2
+    assert again.stderr.startswith(f"error: {tmp_path / 'c'}: must be empty or hold the result of ")
+    silent = cli("compare", "harbour-square", "--receiver", f"{tmp_path}/own.py:Never", "--runs",
+                 2, *short, "--out", tmp_path / "n", "--json")  # fmt: skip
+    assert silent.exit_code == 1
+    assert json.loads(silent.stdout)["levels"][0]["failed"] == 2
+    last = silent.stderr.splitlines()[-1]
+    assert last == "error: Never: must give estimates in harbour-square, got none in 2 runs"
+    runs = cli("run", "harbour-square", "--runs", 3, "--seed", 4, *short, "--out", tmp_path / "r")
+    assert runs.stdout.startswith("harbour-square: 3 runs, seeds from 4\n")
+    assert (tmp_path / "r" / "typical" / "record.csv").is_file()
+
+
+@pytest.mark.parametrize("given", ["1", "0", "x"])
+def test_fewer_than_two_runs_are_refused(given: str) -> None:
+    for command in ("compare", "run"):
+        done = cli(command, "harbour-square", "--runs", given)
+        assert done.exit_code == 2
+        assert done.stderr == (
+            f"error: --runs: must be a whole number of at least 2, got {given!r}\n"
+        )
