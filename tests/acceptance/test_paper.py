@@ -255,6 +255,24 @@ def test_every_table_of_the_paper_has_its_place(tree: Any, number: int) -> None:
     assert len(words(section)) > 200  # why they differ
 
 
+@pytest.mark.parametrize("n", paper.SCENARIOS)
+def test_the_ranges_of_table_3_have_indices_beside_the_effects(
+    tree: Any, found: dict[int, Factorial], n: int
+) -> None:
+    """The modern answer to the paper's question: which source of error explains the variance."""
+    section = part(tree, f"ranges-{n}")
+    head, *rows = ([words(cell) for cell in row] for row in section.find(".//table").iter("tr"))
+    shown = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
+    labels = found[n].labels
+    assert {*shown} == {*labels.values(), "chance (the seed)"}
+    totals = {name: float(shown[label]["Total index"]) for name, label in labels.items()}
+    assert max(totals, key=lambda name: totals[name]) in ("gps", "baseline")
+    assert totals["gps"] + totals["baseline"] > 0.6
+    for name, label in labels.items():
+        effect = shown[label]["Effect, low to high [m]"].replace("−", "-")
+        assert float(effect) == pytest.approx(found[n].effects.loc[name, "effect"], rel=0.01)
+
+
 @pytest.mark.parametrize("number", [9, *range(11, 31)])
 def test_every_figure_of_the_paper_has_its_place(tree: Any, number: int) -> None:
     section = part(tree, f"place-figure-{number}")
