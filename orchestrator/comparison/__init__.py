@@ -1,0 +1,1 @@
+"""Paired runs: what an error comes from, and which receiver is better."""
