@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
+    from .comparison.budget import budget
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
@@ -45,6 +46,7 @@ __all__ = [
     "Variable",
     "__version__",
     "analysis",
+    "budget",
     "export_fmu",
     "export_ssp",
     "limits",
@@ -77,6 +79,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "Variable": "models.declaration",
             "__version__": "",
             "analysis": "",
+            "budget": "comparison.budget",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",
             "limits": "",

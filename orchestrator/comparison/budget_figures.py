@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 
 from ..style import PLAIN, ThemeName, new_figure, use
 from .budget_result import FRAMES, REMAINDER, Budget, bars
-from .sources import SOURCES
 
 _NARROW = 5.0
-"""Width of a figure [inch] below which its text is wrapped sooner."""
+"""Width of a figure [inch] below which the names of the sources are wrapped sooner."""
+_CHARACTERS = 12.0
+"""Of a title or label, per inch."""
 
 
 def plot_budget(
@@ -27,11 +28,13 @@ def plot_budget(
     rows = budget.of(frame).loc[names]
     bound = not np.isnan(rows["bound_share"]).all()
     with use(theme, ax) as look:
+        own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 1.5 + 0.42 * len(names)).add_subplot()
-            ax.figure.set_layout_engine("constrained")
-        width = ax.figure.get_figwidth()
-        narrow = width < _NARROW
+            ax = new_figure(6.4, 1.6 + 0.42 * len(names)).add_subplot()
+        inches = ax.figure.bbox.width / ax.figure.dpi
+        labels = [fill(budget.label(name), 26 if inches > _NARROW else 16) for name in names]
+        beside = max(len(line) for label in labels for line in label.split("\n"))
+        across = max(round(_CHARACTERS * (inches - 0.3)) - beside, 12)
         y = np.arange(len(names))[::-1].astype(float)
         high = 0.38 if bound else 0.6
         share, low, top = (100 * rows[k].to_numpy() for k in ("share", "share_low", "share_high"))
@@ -45,23 +48,18 @@ def plot_budget(
                     color=look.receivers[1], edgecolor=look.paper, label=budget.bound_kind)
         ax.axvline(0, color=look.ink, lw=0.8)
         ax.axhline(0.5, color=look.soft, lw=0.8, ls=(0, (3, 2)))
-        ax.set_yticks(y, [fill(_label(budget, name), 16 if narrow else 26) for name in names],
-                      **PLAIN)
+        ax.set_yticks(y, labels, **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         does = "is made better" if budget.better else "is switched off"
-        ax.set_xlabel(fill(f"Share of the mean square that goes when it alone {does} [%]",
-                           34 if narrow else 80))
+        ax.set_xlabel(fill(f"Share of the mean square that goes when it alone {does} [%]", across))
         rms = f"{budget.of(frame)['rms_m'].iloc[0]:.2f} m RMS"
         error = "" if frame == "absolute" else f", {FRAMES[frame]}"
-        ax.set_title(fill(f"{budget.receiver} in {budget.scenario}: {rms}{error}",
-                          40 if narrow else 70), loc="left", **PLAIN)
+        title = f"{budget.receiver} in {budget.scenario}: {rms}{error}"
+        ax.set_title(fill(title, across), loc="left")
         ax.margins(y=0.02)
-        if bound:
-            ax.legend(loc="lower right" if share[-1] < 0 else "best")
+        if bound and own:
+            ax.figure.legend(loc="outside lower center", ncols=2)
+        elif bound:
+            ax.legend(loc="best", frameon=True, facecolor=look.paper, edgecolor="none")
     return ax
-
-
-def _label(budget: Budget, name: str) -> str:
-    better = SOURCES[name].better if budget.better and name in SOURCES else ""
-    return f"{name} → {better}" if better else name

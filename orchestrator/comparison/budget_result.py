@@ -28,6 +28,7 @@ FRAMES: Mapping[str, str] = {
 }
 """Frames that a receiver and a bound have in common, and what is said of their errors."""
 ALL, NONE, REMAINDER = "all", "what is left", "does not add up"
+"""Names of the rows that are no sources."""
 _NAMED = 4
 """Sources that the sentence names at most."""
 _LEAST = 0.02
@@ -110,20 +111,26 @@ class Budget(Shown):
         rows = self.of(frame)
         found = rows[rows["kind"] == "source"]
         named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
-        whole = rows.loc[ALL, "rms_m"]
-        told = f"{self.receiver}, {layout.meters(float(whole))} RMS"
+        whole = _meters(rows["rms_m"].to_dict()[ALL])
         if named.empty:
-            return f"{told}: no error stands out of {self.runs} runs"
+            return f"{self.receiver}, {whole} RMS: no error stands out of {self.runs} runs"
         names = [
-            f"{SOURCES[name].words}{f' ({SOURCES[name].better})' if self.better else ''}"
-            for name in named.index
+            self.label(name) if self.better else SOURCES[name].words
+            for name in named.index.astype(str)
         ]
         shares = [_percent(share) for share in named["share"]]
-        rms = layout.meters(float(named["rms_m"].iloc[0]))
-        does = "with a better one" if self.better else "without"
-        others = "".join(f"{', ' if i else '; '}{name} {share}"
-                         for i, (name, share) in enumerate(zip(names[1:], shares[1:], strict=True)))
-        return f"{told}: {shares[0]} of the mean square is {names[0]} ({rms} {does}){others}"
+        others = [f"{name} {share}" for name, share in zip(names[1:], shares[1:], strict=True)]
+        first = f"{shares[0]} of the mean square is {names[0]}"
+        if self.better:
+            first = f"{names[0]} takes away {shares[0]} of the mean square"
+        rms = _meters(named["rms_m"].iloc[0])
+        rest = f"; {', '.join(others)}" if others else ""
+        return f"{self.receiver}: {first}: {whole} → {rms} RMS{rest}"
+
+    def label(self, source: str) -> str:
+        """A row's name, with what is better."""
+        better = SOURCES[source].better if self.better and source in SOURCES else ""
+        return f"{source} → {better}" if better else source
 
     def text(
         self, frame: str = "absolute", *, verbose: bool = False, width: int | None = None
@@ -139,34 +146,41 @@ class Budget(Shown):
         width
             Columns of the terminal; None: lines are not wrapped.
         """
-        lines = [f"{self.answer(frame)}.", "", *self._rows(frame, width), ""]
-        notes = [*self._notes(), *(self._method() if verbose else ())]
+        notes = [*self._notes(frame), *(self._method() if verbose else ())]
+        about = "" if frame == "absolute" else f"Of the error {FRAMES[frame]}. "
+        lines = [f"{about}{self.answer(frame)}.", "", *self._rows(frame, width)]
+        lines += [""] if notes else []
         fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
         return "\n".join([fitted[0], *lines[1:], *fitted[1:]])
 
     def _rows(self, frame: str, width: int | None) -> Iterator[str]:
         done = "better" if self.better else "off"
-        head = [f"{FRAMES[frame]} error" if frame == "absolute" else "relative error",
-                f"{done}: RMS", "share", "95 %", "alone: RMS", "share"]
+        head = [done, "share", f"{100 * CONFIDENCE:.0f} %", "RMS", "alone", "RMS"]
         bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
         if bound:
-            head += [f"{self.bound_kind}: RMS", "share"]
+            head += [self.bound_kind, "RMS"]
         body = []
         for name, row in self.of(frame).iterrows():
-            better = SOURCES[str(name)].better if self.better and name in SOURCES else ""
             cells = [
-                f"{name} → {better}" if better else str(name),
-                _meters(row["rms_m"]), _percent(row["share"]),
-                _interval(row["share_low"], row["share_high"]),
-                _meters(row["alone_rms_m"]), _percent(row["alone_share"]),
+                self.label(str(name)),
+                _percent(row["share"]), _interval(row["share_low"], row["share_high"]),
+                _meters(row["rms_m"]), _percent(row["alone_share"]), _meters(row["alone_rms_m"]),
             ]
             if bound:
-                cells += [_meters(row["bound_rms_m"]), _percent(row["bound_share"])]
+                cells += [_percent(row["bound_share"]), _meters(row["bound_rms_m"])]
             body.append(cells)
         return layout.table(body, width, head, range(1, len(head)))
 
-    def _notes(self) -> Iterator[str]:
+    def _notes(self, frame: str) -> Iterator[str]:
         """What must be known to read the numbers."""
+        rows = self.of(frame)
+        worse = rows.index[(rows["kind"] == "source") & (rows["share_high"] < -_LEAST)]
+        if len(worse):
+            hint = "" if self.untold else "; compare --untold"
+            yield (
+                f"the error grows without {', '.join(worse)}: some errors cancel, or the receiver "
+                f"believes its model too much then{hint}"
+            )
         if self.untold:
             yield "untold: the receiver assumes what it does with all errors"
         elif self.given:
@@ -194,7 +208,7 @@ class Budget(Shown):
             f"alone: what it adds when all others are {done}"
         )
         yield (
-            f"{CONFIDENCE:.0%} intervals by a studentised bootstrap of whole seeds; "
+            f"{100 * CONFIDENCE:.0f} % intervals by a studentised bootstrap of whole seeds; "
             f"{REMAINDER}: the whole without the shares and what is left, as errors interact"
         )
         if self.bound_runs:
@@ -272,7 +286,9 @@ class Budget(Shown):
 
 
 def _percent(share: float) -> str:
-    return "" if np.isnan(share) else f"{100 * share:.0f} %".replace("-", "−").replace("−0 %", "0 %")
+    if np.isnan(share):
+        return ""
+    return f"{round(100 * share) + 0:.0f} %".replace("-", "−")
 
 
 def _interval(low: float, high: float) -> str:
@@ -282,7 +298,9 @@ def _interval(low: float, high: float) -> str:
 
 
 def _meters(rms: float) -> str:
-    return "" if np.isnan(rms) else f"{rms:.2f} m"
+    if np.isnan(rms):
+        return ""
+    return f"{rms:.1e} m" if rms >= 1e4 else f"{rms:.{2 if rms >= 0.0995 else 3}f} m"
 
 
 def bars(budget: Budget, frame: str) -> Sequence[str]:

@@ -37,8 +37,9 @@ from ..errors import ConfigurationError, nearest, quoted
 from ..scenario.scenario import Scenario
 from ..scenario.schema import preset, rows
 
-FLOOR = 1e-3
-"""Standard deviation [m] of ranges and depth readings that are switched off."""
+FLOOR = 0.01
+"""Standard deviation [m] of ranges and depth readings that are switched off. A diver moves so far
+while the sound travels: told of less, a receiver believes its model too much."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ SOURCES: Mapping[str, Source] = {
         Source(
             "tilt", "the tilt",
             tuple(_imu("tilt", _grade("imu_grade", "tactical", ("platform.imu_tilt_bias_deg",)))),
-            "tactical grade",
+            "tactical",
         ),
         Source(
             "IMU alignment", "the alignment of the IMU",
@@ -138,7 +139,7 @@ SOURCES: Mapping[str, Source] = {
                 Part(_keys("acoustics", "clock_", ("drift_std_s_s",))),
                 Part(_keys("acoustics", "clock_", ("sync_age_s",)), 0.0),
             ),
-            "set to 0.05 m",
+            "0.05 m",
         ),
         Source(
             "processing delay", "the processing delay",
