@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ from ..scenario.scenario import Scenario, load
 BOUND_RUNS = 3
 """Runs over which a bound is averaged: it hardly depends on them."""
 _RECEIVER = "multilateration"
+_ALONG = re.compile(r"_amplitude_|loss_probability")
+"""Keys that change a path, or what is received."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ def bounds(
 ) -> Bound | None:
     """What is possible with each switch; None where the surroundings are not ours.
 
-    It is averaged over the first runs, from the first fix of three ranges on.
+    It is averaged over the first runs, from the first fix of three ranges on. Errors that change
+    neither paths nor what is received are looked at along the same run.
 
     Parameters
     ----------
@@ -58,9 +62,13 @@ def bounds(
     found: dict[str, list[Possible | None]] = {name: [] for name in switches}
     for one in range(seed, seed + BOUND_RUNS):
         q = None if stochastic else acceleration_psd
+        results: dict[str, Result | None] = {}
         for name, overrides in switches.items():
             scenario = load(base.given(), {**overrides, "seed": one}.items())
-            result = _run(scenario)
+            along = repr(sorted((k, v) for k, v in overrides.items() if _ALONG.search(k)))
+            if along not in results:
+                results[along] = _run(scenario)
+            result = results[along]
             if result is None:
                 return None
             epochs = result.record.estimates(_RECEIVER).epoch_ns

@@ -110,6 +110,7 @@ def _imu(axis: str, better: float) -> Iterator[Part]:
         yield Part(_keys("platform", start, (end,)))
 
 
+_OF_BITS = ("acoustics.packet_resolution_m", "acoustics.packet_angle_resolution_deg")
 _AMPLITUDES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg",
                "surge_amplitude_m", "sway_amplitude_m", "heave_amplitude_m")
 
@@ -163,10 +164,7 @@ SOURCES: Mapping[str, Source] = {
         Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
         Source(
             "rounding", "the rounding of packets",
-            (
-                Part(("acoustics.packet_resolution_m",)),
-                Part(("acoustics.packet_angle_resolution_deg",)),
-            ),
+            tuple(Part((key,)) for key in _OF_BITS),
         ),
         Source(
             "depth sensor", "the depth sensor",
@@ -256,6 +254,8 @@ def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]
     changes: dict[str, Any] = {}
     for part in source.parts:
         changes |= _reduced(scenario, part, part.better if better else part.off)
+    if any(key in _OF_BITS for key in changes) and scenario.acoustics.packet_bits:
+        changes["acoustics.packet_bits"] = None  # they do not hold what is not rounded
     return changes
 
 
@@ -268,7 +268,7 @@ def _reduced(scenario: Scenario, part: Part, level: float | None) -> dict[str, A
         return {}
     size = hypot(*(v - about for value in values.values() for v in _flat(value)))
     level *= about if part.relative else 1.0
-    if size <= level:
+    if size <= level * (1 + 1e-9):
         return {}
     changes = {}
     for key, value in values.items():
