@@ -238,7 +238,7 @@ def test_what_the_scenario_says_the_receiver_is_told_of() -> None:
     gps, clock = (abs(given.of().loc[name, "rms_m"] / _found().of().loc[name, "rms_m"] - 1)
                   for name in ("GPS", "clock"))
     assert gps < 1e-9
-    assert clock > 0.01
+    assert clock > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -268,8 +268,8 @@ def test_the_bound_of_a_drawn_motion_is_one() -> None:
 
 def test_q_is_that_of_the_receiver_then_of_the_path() -> None:
     assert _found().acceleration_psd == pytest.approx(0.003)
-    circle = {"target": {"trajectory": "circle"}, "time": {"duration_s": 30.0, "sampling_time_s": 1.0}}
-
+    circle = {"target": {"trajectory": "circle"},
+              "time": {"duration_s": 30.0, "sampling_time_s": 1.0}}
     paths = [limits.reference(r.record, r.scenario).acceleration_psd
              for r in (sblcosim.run(circle, "multilateration", {"seed": n}) for n in (1, 2, 3))]
     found = sblcosim.budget(circle, "ekf", runs=30)
@@ -284,16 +284,16 @@ def test_q_is_that_of_the_receiver_then_of_the_path() -> None:
 
 @pytest.mark.parametrize("kind", ["chi-square", "log-normal"])
 def test_intervals_cover_the_share_of_skewed_runs(kind: str) -> None:
-    """Of 400 samples of 40 runs 95 % should; 92.5 % are 2.3 standard deviations less."""
+    """Of 300 samples of 40 runs 95 % should; 92 % are 2.4 standard deviations less."""
     rng = np.random.default_rng(5)
     draw = {"chi-square": lambda: rng.chisquare(1, 40),
             "log-normal": lambda: np.exp(rng.normal(0, 1, 40))}[kind]
     inside = 0
-    for sample in range(400):
+    for sample in range(300):
         a, b = 1.2 * draw(), 0.8 * draw()
         _, (low,), (high,) = shares(a[:, None], a + b, sample)
         inside += low <= 0.6 <= high
-    assert 0.925 <= inside / 400 <= 0.985
+    assert 0.92 <= inside / 300 <= 0.985
 
 
 def test_intervals_are_paired() -> None:

@@ -18,6 +18,7 @@ import sblcosim
 from sblcosim import artifacts, calibrate, style
 from sblcosim.analysis import advice, factorial, sweep, workflow
 from sblcosim.analysis import figures as effect_figures
+from sblcosim.comparison import budget_figures, budget_result
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
@@ -44,6 +45,12 @@ CALIBRATED = calibrate.CalibrationResult(
     {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
     pd.DataFrame({"distance_m": [0.0, 1.0], "mean_m": [0.0, 1.0], "std_m": [0.0, 0.0]}),
 )
+BUDGET = budget_result.Budget(
+    "x", "ekf", pd.DataFrame({"frame": ["absolute"], "source": ["does not add up"]}).assign(
+        kind="remainder", **dict.fromkeys(("rms_m", "share", "share_low", "share_high",
+                                           "bound_share", "bound_rms_m"), 0.0),
+    ), 30, 0, 1, False, False, 0.0, 3, "reference", 0.003,
+)  # fmt: skip
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
 
@@ -81,6 +88,8 @@ CALLS: dict[str, Any] = {
     "calibrate.CalibrationResult.save other": partial(CALIBRATED.save, "nowhere"),
     "calibrate.CalibrationResult.save theme": partial(CALIBRATED.save, "nowhere"),
     "calibrate.calibrate fmi": calibrate.calibrate,
+    "comparison.budget_figures.plot_budget theme": partial(budget_figures.plot_budget, BUDGET),
+    "comparison.budget_result.Budget.plot theme": BUDGET.plot,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
     "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
@@ -121,6 +130,8 @@ ELSEWHERE = {
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
     "results.catalogue.drawing theme": "results.catalogue.Job.axes",
+    "comparison.budget_result.Budget.save theme": "comparison.budget_result.Budget.plot",
+    "comparison.budget_result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
 }
