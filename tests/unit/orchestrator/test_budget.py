@@ -41,6 +41,11 @@ def _found(name: str = DIVE, **options: Any) -> Budget:
     return sblcosim.budget(name, None, changes.items(), runs=RUNS, **options)
 
 
+@cache
+def _quick(**options: Any) -> Budget:
+    return sblcosim.budget(PAPER, None, {"time.duration_s": 10.0}, runs=30, **options)
+
+
 # --- What is switched ----------------------------------------------------------------------------
 
 
@@ -205,20 +210,16 @@ def test_a_single_error_makes_all_of_it() -> None:
 
 
 def test_workers_and_repetition_do_not_matter() -> None:
-    one, again = (
-        sblcosim.budget("harbour-square", None, {"time.duration_s": 30.0}, runs=30,
-                        workers=n).table for n in (1, 2)
-    )
+    one, again = (_quick(workers=n).table for n in (1, 2))
     pd.testing.assert_frame_equal(one, again, check_exact=True)
 
 
 def test_another_seed_is_another_draw() -> None:
-    a, b = (sblcosim.budget(PAPER, None, {"time.duration_s": 10.0, **given}, runs=30, seed=seed)
-            for given, seed in (({}, 1000), ({"seed": 1000}, None)))
+    given = {"time.duration_s": 10.0, "seed": 1000}
+    a, b = _quick(seed=1000), sblcosim.budget(PAPER, None, given.items(), runs=30)
     assert a.seed == b.seed == 1000
     pd.testing.assert_frame_equal(a.table, b.table)
-    assert a.of().loc[ALL, "rms_m"] != sblcosim.budget(
-        PAPER, None, {"time.duration_s": 10.0}, runs=30).of().loc[ALL, "rms_m"]
+    assert a.of().loc[ALL, "rms_m"] != _quick(workers=1).of().loc[ALL, "rms_m"]
 
 
 def test_the_receiver_is_told_unless_it_is_not() -> None:
@@ -243,7 +244,7 @@ def test_what_the_scenario_says_the_receiver_is_told_of() -> None:
 
 @pytest.mark.parametrize(
     ("name", "better"), [("gps-buoys", False), ("harbour-lbl", False), ("harbour-lbl", True),
-                         ("harbour-random", False)],
+                         ("harbour-random", True)],
 )
 def test_budgets_of_other_systems(name: str, better: bool) -> None:
     found = sblcosim.budget(name, None, {"time.duration_s": 40.0}, better=better, runs=30)
@@ -284,16 +285,16 @@ def test_q_is_that_of_the_receiver_then_of_the_path() -> None:
 
 @pytest.mark.parametrize("kind", ["chi-square", "log-normal"])
 def test_intervals_cover_the_share_of_skewed_runs(kind: str) -> None:
-    """Of 300 samples of 40 runs 95 % should; 92 % are 2.4 standard deviations less."""
+    """Of 200 samples of 40 runs 95 % should; 91 % are 2.6 standard deviations less."""
     rng = np.random.default_rng(5)
     draw = {"chi-square": lambda: rng.chisquare(1, 40),
             "log-normal": lambda: np.exp(rng.normal(0, 1, 40))}[kind]
     inside = 0
-    for sample in range(300):
+    for sample in range(200):
         a, b = 1.2 * draw(), 0.8 * draw()
         _, (low,), (high,) = shares(a[:, None], a + b, sample)
         inside += low <= 0.6 <= high
-    assert 0.92 <= inside / 300 <= 0.985
+    assert 0.91 <= inside / 200 <= 0.99
 
 
 def test_intervals_are_paired() -> None:
@@ -340,7 +341,7 @@ def test_the_text_fits_a_terminal(width: int) -> None:
 
 
 def test_an_error_that_grows_is_told() -> None:
-    found = sblcosim.budget("harbour-lbl", runs=30)
+    found = sblcosim.budget("harbour-lbl", None, {"time.duration_s": 200.0}, runs=30)
     assert found.of().loc["range noise", "share_high"] < 0
     assert "the error grows without range noise" in found.text()
 
@@ -383,7 +384,7 @@ def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
 
 
 def test_a_receiver_without_a_relative_position_has_one_frame() -> None:
-    found = sblcosim.budget("harbour-square", "ekf", {"time.duration_s": 30.0}, runs=30)
+    found = _quick(workers=1)
     assert set(found.table["frame"]) == {"absolute"}
     with pytest.raises(ConfigurationError, match=r"^frame: must be absolute for ekf, got"):
         found.of("own_relative")
@@ -431,13 +432,12 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
     )
     only = sources.switched(load(PAPER), ("GPS", "heading", "tilt", "depth sensor"))
     only |= {"time.duration_s": 5.0, "acoustics.range_std_m": 1.0}
-    found = sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=60)
-    assert 0 < found.dropped < 30
-    assert found.runs == 60 - found.dropped
+    found = sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=45)
+    assert 0 < found.dropped <= 15
+    assert found.runs == 45 - found.dropped
     assert "a run of theirs failed" in found.text()
-    only["acoustics.range_std_m"] = 3.0
     with pytest.raises(ConfigurationError, match="must do at least 30 runs with every switch, got"):
-        sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=40)
+        sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=30)
 
 
 # --- What is refused -----------------------------------------------------------------------------
