@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
+    from .comparison.budget import budget
     from .comparison.many import run_many
     from .comparison.tournament import compare
     from .errors import ConfigurationError, FmuError, SblcosimError
@@ -47,6 +48,7 @@ __all__ = [
     "Variable",
     "__version__",
     "analysis",
+    "budget",
     "compare",
     "export_fmu",
     "export_ssp",
@@ -81,6 +83,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "Variable": "models.declaration",
             "__version__": "",
             "analysis": "",
+            "budget": "comparison.budget",
             "compare": "comparison.tournament",
             "export_fmu": "export.container",
             "export_ssp": "export.ssp",

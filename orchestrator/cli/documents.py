@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, create_model
 
 from ..scenario.json_schema import Plainly
+from .budget_documents import Budget
 from .document import Claimed, Document, Entry, Number, Part
 from .study_documents import Advice, Analysis, Studies, Study
 from .tournament_documents import Comparison, Runs
@@ -301,6 +302,7 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "study": Study,
     "analyse": Analysis,
     "advise": Advice,
+    "budget": Budget,
     "studies": Studies,
     "check": Check,
     "conformance": Conformance,

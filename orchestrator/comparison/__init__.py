@@ -1,1 +1,1 @@
-"""Paired runs: what an error comes from, which receiver is better."""
+"""Paired runs: what an error comes from, and which receiver is better."""

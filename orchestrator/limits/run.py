@@ -96,7 +96,11 @@ def reference(
 
 
 def of_run(
-    record: Record, scenario: Any, fmus: Mapping[str, Any], estimates_ns: Integers
+    record: Record,
+    scenario: Any,
+    fmus: Mapping[str, Any],
+    estimates_ns: Integers,
+    acceleration_psd: float | None = None,
 ) -> Limits | None:
     """`reference` of a run, if its target, platform and acoustics are our own.
 
@@ -106,6 +110,8 @@ def of_run(
         Components that are FMUs.
     estimates_ns
         Epochs of all estimates [ns].
+    acceleration_psd
+        As of `reference`.
     """
     ours = isinstance(scenario, Scenario) and all(
         name in fmus and getattr(scenario, name).fmu is None for name in CORE_COMPONENTS
@@ -119,7 +125,9 @@ def of_run(
     own = scenario.acoustics.packet_content == "own_beacon" or (
         scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
     )
-    return reference(record, scenario, own_beacon=own, at_ns=at)
+    return reference(
+        record, scenario, acceleration_psd=acceleration_psd, own_beacon=own, at_ns=at
+    )
 
 
 def psd_of(record: Record, scenario: Scenario) -> float:

@@ -109,7 +109,7 @@ def test_ctrl_c_says_how_to_go_on_and_nothing_is_done_twice(made: dict[str, Any]
     _, err, code = made["interrupted"]
     assert code == 130
     match = re.fullmatch(
-        r"interrupted; (\d+) of 20850 runs are in paper; go on with: sblcosim paper\n", err
+        r"interrupted; (\d+) of 28530 runs are in paper; go on with: sblcosim paper\n", err
     )
     assert match is not None, err
     assert int(match[1]) >= 6400
@@ -265,7 +265,10 @@ def test_the_ranges_of_table_3_have_indices_beside_the_effects(
     shown = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
     labels = found[n].labels
     assert {*shown} == {*labels.values(), "chance (the seed)"}
-    totals = {name: float(shown[label]["Total index"]) for name, label in labels.items()}
+    totals = {
+        name: float(shown[label]["Total index"].replace("−", "-"))
+        for name, label in labels.items()
+    }
     assert max(totals, key=lambda name: totals[name]) in ("gps", "baseline")
     assert totals["gps"] + totals["baseline"] > 0.6
     for name, label in labels.items():

@@ -104,7 +104,9 @@ def test_anything_typed_gives_a_result_or_a_line(
     "advise results --costs costs.toml --limit 2 --response X", "paper --out X", "build X",
     "build ekf --out X", "check X", "check DEEP", "conformance X",
     "conformance ekf2.fmu --check X", "export ssp X", "export ssp scenario.toml --out X",
-    "export fmu X", "export X",
+    "export fmu X", "export X", "budget X", "budget scenario.toml --with X",
+    "budget scenario.toml --out X",
+    "budget scenario.toml --frame X", "budget scenario.toml --receiver X",
 ])  # fmt: skip
 def test_long_values_are_shortened(inputs: Inputs, tmp_path: Path, line: str) -> None:
     words = [word.replace("X", LONG).replace("DEEP", DEEP) for word in line.split()]

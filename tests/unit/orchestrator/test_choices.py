@@ -27,7 +27,13 @@ from sblcosim.analysis import (
     workflow,
 )
 from sblcosim.analysis import figures as effect_figures
-from sblcosim.comparison import many, tournament, tournament_figures
+from sblcosim.comparison import (
+    budget_figures,
+    budget_result,
+    many,
+    tournament,
+    tournament_figures,
+)
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
 from sblcosim.models.declaration import Variable
@@ -61,6 +67,12 @@ COMPARED = tournament.evaluate(
         for name in (tournament.RESPONSE, "absolute_total_p95_m", "nees_position", "lost")
     })},
     {"response": tournament.RESPONSE, "practical": None, "contamination": 0.05},
+)  # fmt: skip
+BUDGET = budget_result.Budget(
+    "x", "ekf", pd.DataFrame({"frame": ["absolute"], "source": ["does not add up"]}).assign(
+        kind="remainder", **dict.fromkeys(("rms_m", "share", "share_low", "share_high",
+                                           "bound_share", "bound_rms_m"), 0.0),
+    ), 30, 0, 1, False, False, 0.0, 3, "reference", 0.003,
 )  # fmt: skip
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
@@ -111,6 +123,8 @@ CALLS: dict[str, Any] = {
     ),
     "comparison.many.Many.save theme": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
     "comparison.many.Many.save other": partial(many.Many(COMPARED, {}, {}).save, "nowhere"),
+    "comparison.budget_figures.plot_budget theme": partial(budget_figures.plot_budget, BUDGET),
+    "comparison.budget_result.Budget.plot theme": BUDGET.plot,
     "style.use theme": lambda theme: style.use(theme).__enter__(),
     "style.named theme": style.named,
     "analysis.sweep.plot_means theme": partial(sweep.plot_means, MEANS),
@@ -176,6 +190,8 @@ ELSEWHERE = {
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
     "results.catalogue.drawing theme": "results.catalogue.Job.axes",
+    "comparison.budget_result.Budget.save theme": "comparison.budget_result.Budget.plot",
+    "comparison.budget_result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
 }

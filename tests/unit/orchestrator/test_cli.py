@@ -311,6 +311,7 @@ NUMBERS = {
     "study": "--replicates --workers",
     "analyse": "--order --practical",
     "advise": "--limit --percentile --confidence",
+    "budget": "--runs --workers --seed",
     "paper": "--practical --workers",
     "build": "--fmi",
     "conformance": "--timeout",

@@ -93,6 +93,9 @@ CASES: dict[str, Callable[[Path], tuple[Any, ...]]] = {
         "advise", at / "s", "--costs", at / "costs.toml", "--limit", "1", "--response",
         "absolute_total_rms_m",
     ),
+    "budget": lambda at: (
+        "budget", "paper-scenario-1", *SHORT, "--runs", "30", "--out", at / "budget",
+    ),
     "check": lambda at: ("check", build("platform")),
     "conformance": lambda at: ("conformance", build("target"), "--check", "description"),
 }  # fmt: skip

@@ -91,6 +91,8 @@ COMMANDS = [
     ["study", "s.toml", "--verbose"],
     ["analyse", "studies/s", "--verbose", "--practical", "1"],
     ["advise", "studies/s", "--costs", "costs.toml", "--verbose"],
+    ["budget", "paper-scenario-1", "--verbose", "--runs", "30", "--no-figures", "--better",
+     "--set", "time.duration_s=5", "--with", "GPS+heading+range-noise"],
     ["conformance", "fmus/fmi2/target.fmu", "--check", "description"],
     ["check", "fmus/fmi2/ekf.fmu"],
     ["new", "mine.toml"],

@@ -1,0 +1,526 @@
+"""Budgets of errors: what is switched, what a share is, how sure it is, and what is printed."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from jsonschema import Draft202012Validator
+from matplotlib.text import Text
+from sblcosim import limits, style
+from sblcosim.cli.base import app
+from sblcosim.cli.documents import schema
+from sblcosim.comparison import budget as budgets
+from sblcosim.comparison import sources
+from sblcosim.comparison.budget_bound import bounds
+from sblcosim.comparison.budget_result import ALL, NONE, REMAINDER, Budget
+from sblcosim.comparison.shares import shares
+from sblcosim.errors import ConfigurationError
+from sblcosim.models import COMPONENTS
+from sblcosim.scenario.scenario import load, shipped
+from sblcosim.scenario.wiring import connect
+from typer.testing import CliRunner
+
+DIVE, PAPER = "realistic-dive", "paper-scenario-1"
+NO_GPS = {"platform.gps_horizontal_std_m": 0.0, "platform.gps_horizontal_markov_std_m": 0.0}
+SHORT = {"time.duration_s": 60.0}
+RUNS = 30
+
+
+@cache
+def _found(name: str = DIVE, **options: Any) -> Budget:
+    changes = SHORT | dict(options.pop("changes", ()))
+    return sblcosim.budget(name, None, changes.items(), runs=RUNS, **options)
+
+
+@cache
+def _quick(**options: Any) -> Budget:
+    return sblcosim.budget(PAPER, None, {"time.duration_s": 10.0}, runs=30, **options)
+
+
+# --- What is switched ----------------------------------------------------------------------------
+
+
+def test_all_keys_of_sources_are_there_and_in_one_source_each() -> None:
+    keys = [key for s in sources.SOURCES.values() for part in s.parts for key in part.keys]
+    assert len(keys) == len(set(keys))
+    known = {f"{name}.{v.key}" for name in ("target", "platform", "acoustics")
+             for v in COMPONENTS[name].of("parameter")}
+    assert set(keys) <= known
+    assert {part.about for s in sources.SOURCES.values() for part in s.parts} - {""} <= known
+
+
+def test_no_error_of_a_sensor_is_forgotten() -> None:
+    """Whatever is named as an error is in a source; the rest says how errors vary in time."""
+    keys = {key for s in sources.SOURCES.values() for part in s.parts for key in part.keys}
+    error = re.compile(r"_(std|bias|drift|step|offset|error|probability|resolution|amplitude|"
+                       r"coefficient|misalignment)(_|$)")
+    no_error = {
+        "target.initial_position_std_m", "target.initial_velocity_std_m_s",  # the motion
+        "platform.imu_step_time_s", "platform.imu_temperature_offset_K",
+    }
+    named = {f"{name}.{v.key}" for name in ("target", "platform", "acoustics")
+             for v in COMPONENTS[name].of("parameter") if error.search(v.key)}
+    assert named - no_error <= keys
+
+
+PRESETS = {
+    "platform.gps_grade": "standalone", "platform.imu_grade": "consumer", "platform.beaufort": 3,
+    "acoustics.clock_grade": "crystal", "acoustics.clock_sync_age_s": 600.0,
+    "platform.imu_heading_turn_on_std_deg": 2.0, "acoustics.packet_bits": 120,
+    "acoustics.processing_delay_s": 1e-3, "acoustics.processing_delay_correction_s": 4e-4,
+    "platform.mounting_error_m": [[0.1, 0.0, 0.0], [0.0, 0.0, 0.1]] * 2,
+    "platform.mounting_std_m": 0.02, "platform.imu_misalignment_deg": [1.0, 0.0, 2.0],
+    "platform.gps_antenna_offset_m": [0.1, 0.2, 0.0], "platform.imu_heading_step_deg": 4.0,
+    "target.depth_bias_std_m": 0.1,
+}
+
+
+@pytest.mark.parametrize("better", [False, True])
+@pytest.mark.parametrize("name", [*shipped(), "presets"])
+def test_what_is_switched_is_gone(name: str, better: bool) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        base = load(DIVE, PRESETS.items()) if name == "presets" else load(name)
+        there = sources.of_scenario(base, better)
+        after = load(base.given(), sources.switched(base, there, better).items())
+    if name == "presets" and not better:
+        assert there == tuple(sources.SOURCES)
+    assert sources.of_scenario(after, better) == ()
+    for source in there:
+        for part in sources.SOURCES[source].parts:
+            for key in part.keys:
+                old, new = (np.abs(np.ravel(sources._value(s, key)) - (
+                    sources._value(s, part.about) if part.about else 0)) for s in (base, after))
+                assert (new <= old + 1e-12).all(), key
+
+
+def test_better_equipment_keeps_the_character_of_an_error() -> None:
+    base = load(DIVE, {"platform.imu_heading_markov_std_deg": 4.0, "platform.gps_grade": "sbas"})
+    changes = sources.switched(base, ("heading", "GPS", "sound speed", "clock"), better=True)
+    assert changes["platform.imu_heading_bias_deg"] == pytest.approx(0.3)  # 3 and 4 make 5
+    assert changes["platform.imu_heading_markov_std_deg"] == pytest.approx(0.4)
+    horizontal = [v for k, v in changes.items() if "gps_horizontal" in k]
+    assert np.hypot.reduce(horizontal) == pytest.approx(0.01 / np.sqrt(2), rel=1e-3)
+    assert changes["acoustics.sound_speed_m_s"] == pytest.approx(1503.0)
+    assert changes["acoustics.clock_offset_s"] == pytest.approx(0.05 / 1500)
+    assert "acoustics.clock_drift_s_s" not in changes
+    good = load(DIVE, {"acoustics.range_std_m": 0.015})
+    assert "range noise" not in sources.of_scenario(good, better=True)
+
+
+def test_a_sign_is_kept() -> None:
+    base = load(DIVE, {"platform.imu_heading_bias_deg": -3.0, "acoustics.sound_speed_m_s": 1470.0})
+    changes = sources.switched(base, ("heading", "sound speed"), better=True)
+    assert changes["platform.imu_heading_bias_deg"] == pytest.approx(-0.5)
+    assert changes["acoustics.sound_speed_m_s"] == pytest.approx(1497.0)
+
+
+def test_errors_without_effect_are_no_source() -> None:
+    base = load("gps-buoys", {"platform.imu_heading_bias_deg": 3.0})  # buoys have no IMU
+    assert "heading" not in sources.of_scenario(base)
+    none = load(DIVE, {"acoustics.outlier_mean_m": 0.0})
+    assert "outliers" not in sources.of_scenario(none)
+
+
+def test_which_errors_are_the_same_in_every_run() -> None:
+    base = load(DIVE)
+    there = sources.of_scenario(base)
+    assert sources.fixed(base, there) == (
+        "heading", "tilt", "clock", "sound speed", "depth sensor"
+    )
+    drawn = load(DIVE, {"platform.imu_heading_bias_deg": 0.0,
+                        "platform.imu_heading_turn_on_std_deg": 3.0})
+    assert "heading" not in sources.fixed(drawn, sources.of_scenario(drawn))
+
+
+@pytest.mark.parametrize("receiver", ["coupled", "ekf", "sequential", "multilateration"])
+@pytest.mark.parametrize("better", [False, True])
+def test_an_untold_receiver_has_the_parameters_of_the_whole_scenario(
+    receiver: str, better: bool
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        base = load(DIVE)
+        changes = sources.switched(base, sources.of_scenario(base, better), better)
+        pins = budgets._pins(base, receiver, changes)
+        before = connect(base, receiver).components[receiver].parameters
+        untold = load(base.given(), (changes | pins).items())
+        after = connect(untold, receiver).components[receiver].parameters
+        told = connect(load(base.given(), changes.items()), receiver)
+    assert after == before
+    if receiver != "multilateration":
+        assert told.components[receiver].parameters != before
+
+
+# --- What a share is -----------------------------------------------------------------------------
+
+
+def test_a_budget_adds_up_to_the_whole() -> None:
+    found = _found(together=("clock+heading",))
+    assert [*dict.fromkeys(found.table["frame"])] == ["absolute", "own_relative"]
+    for frame in ("absolute", "own_relative"):
+        rows = found.of(frame)
+        added = rows[rows["kind"].isin(("source", "rest", "remainder"))]
+        for column in ("share", "alone_share", "bound_share", "bound_alone_share"):
+            assert added[column].sum() == pytest.approx(1.0)
+        assert abs(rows.loc[REMAINDER, "share"]) > 0.01
+        of_sources = rows[rows["kind"].isin(("source", "together"))]
+        whole = rows.loc[ALL, "rms_m"] ** 2
+        np.testing.assert_allclose(of_sources["share"], 1 - of_sources["rms_m"] ** 2 / whole)
+        np.testing.assert_allclose(
+            of_sources["alone_share"],
+            (of_sources["alone_rms_m"] ** 2 - rows.loc[NONE, "rms_m"] ** 2) / whole,
+        )
+        assert (of_sources["share_low"] <= of_sources["share"]).all()
+        assert (of_sources["share_high"] >= of_sources["share"]).all()
+        assert of_sources["share"].iloc[0] == rows.loc[
+            rows["kind"] == "source", "share"].max()
+
+
+def test_the_numbers_are_those_of_single_runs() -> None:
+    """A second way: `sblcosim.run` for each seed, on the native master."""
+    squares = []
+    for seed in range(1, RUNS + 1):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = sblcosim.run(DIVE, "coupled", (SHORT | NO_GPS | {"seed": seed}).items())
+        squares.append(result.errors.rms_m["coupled", "absolute", "total"] ** 2)
+    assert _found().of().loc["GPS", "rms_m"] == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
+
+
+def test_a_single_error_makes_all_of_it() -> None:
+    """Alone on, it is the scenario itself."""
+    clean = sources.switched(load(DIVE), [n for n in sources.SOURCES if n != "GPS"])
+    clean |= {"acoustics.range_std_m": 0.01, "target.depth_std_m": 0.01}
+    found = _found(changes=tuple(clean.items())).of("absolute")
+    assert [*found.index[found["kind"] == "source"]] == ["GPS"]
+    assert found.loc["GPS", "alone_rms_m"] == found.loc[ALL, "rms_m"]
+    assert found.loc["GPS", "rms_m"] == found.loc[NONE, "rms_m"]
+    assert found.loc[REMAINDER, "share"] == pytest.approx(0.0, abs=1e-12)
+    assert found.loc["GPS", "share"] > 0.5
+
+
+def test_workers_and_repetition_do_not_matter() -> None:
+    one, again = (_quick(workers=n).table for n in (1, 2))
+    pd.testing.assert_frame_equal(one, again, check_exact=True)
+
+
+def test_another_seed_is_another_draw() -> None:
+    given = {"time.duration_s": 10.0, "seed": 1000}
+    a, b = _quick(seed=1000), sblcosim.budget(PAPER, None, given.items(), runs=30)
+    assert a.seed == b.seed == 1000
+    pd.testing.assert_frame_equal(a.table, b.table)
+    assert a.of().loc[ALL, "rms_m"] != _quick(workers=1).of().loc[ALL, "rms_m"]
+
+
+def test_the_receiver_is_told_unless_it_is_not() -> None:
+    told, untold = _found(), _found(untold=True)
+    assert told.of().loc[ALL, "rms_m"] == untold.of().loc[ALL, "rms_m"]
+    assert told.of().loc["GPS", "rms_m"] < 0.99 * untold.of().loc["GPS", "rms_m"]
+    assert "untold" in untold.text()
+    np.testing.assert_array_equal(told.of()["bound_rms_m"].sort_index(),
+                                  untold.of()["bound_rms_m"].sort_index())
+
+
+def test_what_the_scenario_says_the_receiver_is_told_of() -> None:
+    given = _found(changes=(("receiver.clock_std_m", 1.35),))
+    assert given.given == ("clock_std_m",)
+    assert "is not told" in given.text()
+    assert "clock_std_m" in given.text()
+    gps, clock = (abs(given.of().loc[name, "rms_m"] / _found().of().loc[name, "rms_m"] - 1)
+                  for name in ("GPS", "clock"))
+    assert gps < 1e-9
+    assert clock > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "better"), [("gps-buoys", False), ("harbour-lbl", False), ("harbour-lbl", True),
+                         ("harbour-random", True)],
+)
+def test_budgets_of_other_systems(name: str, better: bool) -> None:
+    found = sblcosim.budget(name, None, {"time.duration_s": 40.0}, better=better, runs=30)
+    rows = found.of()
+    assert found.dropped == 0
+    kinds = rows["kind"].isin(("all", "source", "rest"))
+    assert np.isfinite(rows.loc[kinds, ["rms_m", "bound_rms_m"]]).all(axis=None)
+    assert rows.loc[NONE, "bound_rms_m"] < rows.loc[ALL, "bound_rms_m"]
+    of_bound = rows.loc[rows["kind"] == "source", "bound_share"]
+    assert (of_bound > -0.02).all()
+
+
+def test_the_bound_of_a_drawn_motion_is_one() -> None:
+    drawn = {
+        "target": {"trajectory": "white_noise_acceleration", "acceleration_psd_m2_s3": 0.002},
+        "time": {"duration_s": 30.0, "sampling_time_s": 1.0},
+        "platform": {"gps_horizontal_std_m": 1.0},
+    }
+    found = sblcosim.budget(drawn, runs=30, acceleration_psd=0.5)
+    assert (found.bound_kind, found.acceleration_psd) == ("bound", pytest.approx(0.002))
+
+
+def test_q_is_that_of_the_receiver_then_of_the_path() -> None:
+    assert _found().acceleration_psd == pytest.approx(0.003)
+    circle = {"target": {"trajectory": "circle"},
+              "time": {"duration_s": 30.0, "sampling_time_s": 1.0}}
+    paths = [limits.reference(r.record, r.scenario).acceleration_psd
+             for r in (sblcosim.run(circle, "multilateration", {"seed": n}) for n in (1, 2, 3))]
+    found = sblcosim.budget(circle, "ekf", runs=30)
+    assert found.acceleration_psd == pytest.approx(np.mean(paths))
+    asked = sblcosim.budget(circle, "ekf", runs=30, acceleration_psd=0.02)
+    assert asked.acceleration_psd == pytest.approx(0.02)
+    assert asked.of().loc[ALL, "bound_rms_m"] > found.of().loc[ALL, "bound_rms_m"]
+
+
+# --- How sure it is ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["chi-square", "log-normal"])
+def test_intervals_cover_the_share_of_skewed_runs(kind: str) -> None:
+    """Of 200 samples of 40 runs 95 % should; 91 % are 2.6 standard deviations less."""
+    rng = np.random.default_rng(5)
+    draw = {"chi-square": lambda: rng.chisquare(1, 40),
+            "log-normal": lambda: np.exp(rng.normal(0, 1, 40))}[kind]
+    inside = 0
+    for sample in range(200):
+        a, b = 1.2 * draw(), 0.8 * draw()
+        _, (low,), (high,) = shares(a[:, None], a + b, sample)
+        inside += low <= 0.6 <= high
+    assert 0.91 <= inside / 200 <= 0.99
+
+
+def test_intervals_are_paired() -> None:
+    """What is common to both runs of a seed cancels."""
+    rng = np.random.default_rng(1)
+    whole = rng.chisquare(1, 100)
+    ratio, low, high = shares(np.column_stack([0.3 * whole, 0 * whole, whole[::-1]]), whole, 1)
+    np.testing.assert_allclose(ratio, [0.3, 0.0, 1.0])
+    np.testing.assert_allclose((high - low)[:2], 0, atol=1e-6)
+    assert (high - low)[2] > 0.3
+    again = shares(np.column_stack([whole[::-1]]), whole, 2)
+    assert again[1][0] != low[2]
+
+
+# --- What is printed -----------------------------------------------------------------------------
+
+
+def test_the_sentence_names_what_matters() -> None:
+    found = _found()
+    rows = found.of()
+    first = rows.index[1]
+    share = f"{100 * rows.loc[first, 'share']:.0f} %"
+    assert found.answer().startswith(
+        f"coupled: {share} of the mean square is {sources.SOURCES[first].words}: "
+        f"{rows.loc[ALL, 'rms_m']:.2f} m → {rows.loc[first, 'rms_m']:.2f} m RMS; "
+    )
+    better = _found(better=True).answer()
+    assert re.match(r"coupled: \S.* → .+ takes away \d+ % of the mean square: ", better)
+    assert repr(found) == f"<Budget of {DIVE}: {found.answer()}>"
+    assert found.answer() in found._repr_html_()
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_text_fits_a_terminal(width: int) -> None:
+    for found in (_found(together=("clock+heading",)), _found(better=True)):
+        for frame in ("absolute", "own_relative"):
+            text = found.text(frame, verbose=True, width=width)
+            assert max(map(len, text.splitlines())) <= width
+            flat = " ".join(text.split())
+            assert "the same in every run" in flat
+            assert "bootstrap" in flat
+            assert "does not add up" in " ".join(found.text(frame).split())
+    assert "nothing better is known for: outliers" in _found(better=True).text()
+
+
+def test_an_error_that_grows_is_told() -> None:
+    found = sblcosim.budget("harbour-lbl", None, {"time.duration_s": 200.0}, runs=30)
+    assert found.of().loc["range noise", "share_high"] < 0
+    assert "the error grows without range noise" in found.text()
+
+
+def test_it_is_written_whole(tmp_path: Path) -> None:
+    found = _found()
+    folder = found.save(tmp_path / "budget")
+    names = {"budget.csv", "manifest.json"} | {
+        f"budget_{frame}.{end}" for frame in ("absolute", "own_relative") for end in ("svg", "png")
+    }
+    assert {path.name for path in folder.iterdir()} == names
+    read = pd.read_csv(folder / "budget.csv")
+    pd.testing.assert_frame_equal(read, found.table)
+    manifest = json.loads((folder / "manifest.json").read_text("utf-8"))
+    assert manifest["budget"]["runs"] == RUNS
+    assert manifest["scenario"]["time"]["duration_s"] == 60.0
+    before = (folder / "budget.csv").read_bytes()
+    found.save(tmp_path / "budget")
+    assert (folder / "budget.csv").read_bytes() == before
+    with pytest.raises(ConfigurationError, match="must be empty or hold the result"):
+        _found(better=True).save(tmp_path / "budget", figures=False)
+
+
+def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
+    found = _found(better=True, together=("clock+heading",))
+    for theme in ("light", "dark"):
+        for ax in (None, style.new_figure(3.5, 5.0).add_subplot()):
+            picture = found.plot("own_relative", ax, theme)  # type: ignore[arg-type]
+            (axes,) = picture.axes
+            rows = found.of("own_relative")
+            kept = rows[rows["kind"].isin(("source", "together", "remainder"))]
+            bars, _, bound = (c for c in axes.containers)
+            for drawn, column in ((bars, "share"), (bound, "bound_share")):
+                widths = [bar.get_width() for bar in drawn]  # type: ignore[attr-defined]
+                np.testing.assert_allclose(widths, 100 * kept[column])
+            shown = [" ".join(t.get_text().split()) for t in axes.get_yticklabels()]
+            assert shown == [found.label(str(name)) for name in kept.index]
+            assert all(t.get_fontsize() >= 8 for t in picture.figure.findobj(Text))
+            assert "[%]" in axes.get_xlabel()
+
+
+def test_a_receiver_without_a_relative_position_has_one_frame() -> None:
+    found = _quick(workers=1)
+    assert set(found.table["frame"]) == {"absolute"}
+    with pytest.raises(ConfigurationError, match=r"^frame: must be absolute for ekf, got"):
+        found.of("own_relative")
+
+
+def test_a_receiver_in_python(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "import sblcosim\n\n\n"
+        "class Still(sblcosim.Receiver):\n"
+        "    def update(self, samples):\n"
+        "        return sblcosim.Estimate(samples[-1].epoch, (0, 0, 5)) if samples else None\n"
+    )
+    source = f"{tmp_path / 'mine.py'}:Still"
+    only = sources.switched(load(PAPER), ("heading", "tilt", "range noise"))
+    only |= {"time.duration_s": 5.0}
+    found = sblcosim.budget(PAPER, source, only.items(), runs=30)
+    assert found.receiver == "Still"
+    rows = found.of()
+    np.testing.assert_allclose(rows.loc[rows["kind"] == "source", "share"], 0.0, atol=1e-9)
+    assert "no error stands out" in found.answer()
+    assert rows.loc["GPS", "bound_share"] > 0.01
+    with pytest.raises(ConfigurationError, match=r"^untold: must come with one of "):
+        sblcosim.budget(PAPER, source, runs=30, untold=True)
+
+
+def test_what_is_not_ours_has_no_bound() -> None:
+    base = load(DIVE, {"platform.fmu": "/nowhere/platform.fmu"})
+    assert bounds(base, {ALL: {}}, 1) is None
+    assert "GPS" not in sources.of_scenario(load(DIVE, {"platform.fmu": "/nowhere/platform.fmu"
+                                                       } | NO_GPS))
+    assert "mounting" not in sources.of_scenario(base)
+
+
+def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
+    """With all switches, so that what is left is paired."""
+    (tmp_path / "mine.py").write_text(
+        "import sblcosim\n\n\n"
+        "class Picky(sblcosim.Receiver):\n"
+        "    def update(self, samples):\n"
+        "        far = [s for s in samples if isinstance(s, sblcosim.Range) and s.range > FAR]\n"
+        "        if far:\n"
+        "            raise ValueError('too far')\n"
+        "        return sblcosim.Estimate(samples[-1].epoch, (0, 0, 5)) if samples else None\n"
+        .replace("FAR", "20.6")
+    )
+    only = sources.switched(load(PAPER), ("GPS", "heading", "tilt", "depth sensor"))
+    only |= {"time.duration_s": 5.0, "acoustics.range_std_m": 1.0}
+    found = sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=45)
+    assert 0 < found.dropped <= 15
+    assert found.runs == 45 - found.dropped
+    assert "a run of theirs failed" in found.text()
+    with pytest.raises(ConfigurationError, match="must do at least 30 runs with every switch, got"):
+        sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=30)
+
+
+# --- What is refused -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"together": ["clok+heading"]},
+         r"source: must be one of GPS, .*, got 'clok'; did you mean 'clock'\?"),
+        ({"together": ["clock"]}, "together: must be two sources or more, got clock"),
+        ({"together": "mounting+clock"}, "source: must be one of GPS, .*, got 'mounting'.*"),
+        ({"runs": 29}, "runs: must be a whole number of at least 30, got 29"),
+        ({"runs": 1e3}, r"runs: must be a whole number of at least 30, got 1000\.0"),
+        ({"runs": True}, "runs: must be a whole number of at least 30, got True"),
+        ({"receiver": "efk"}, "receiver: must be .*did you mean 'ekf'.*"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_a_line(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError) as raised:
+        sblcosim.budget(DIVE, overrides=SHORT.items(), **options)
+    assert re.fullmatch(message, str(raised.value)), str(raised.value)
+
+
+def test_a_scenario_without_any_error_is_refused() -> None:
+    base = load(PAPER)
+    clean = sources.switched(base, sources.of_scenario(base))
+    with pytest.raises(ConfigurationError, match=r"^paper-scenario-1: must have an error to look "):
+        sblcosim.budget(PAPER, None, clean.items())
+    with pytest.raises(ConfigurationError, match="that better equipment changes, got none"):
+        sblcosim.budget(PAPER, None, clean.items(), better=True)
+
+
+def test_names_are_found_however_they_are_written() -> None:
+    known = ("GPS", "clock", "sound speed")
+    assert sources.combination("Sound-Speed+gps+ clock", known) == known
+    assert sources.combination(["clock", "clock", "GPS"], known) == ("GPS", "clock")
+
+
+# --- The command ---------------------------------------------------------------------------------
+
+
+def invoke(*arguments: str) -> Any:
+    return CliRunner().invoke(app, ["budget", *arguments])
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = ("--set", "time.duration_s=60", "--runs", str(RUNS), "--no-figures")
+    printed = invoke(DIVE, *options)
+    assert printed.exit_code == 0, printed.output
+    assert printed.stdout == f"{_found().text()}\n\nwritten to runs/realistic-dive-budget\n"
+    with_json = invoke(DIVE, *options, "--json", "--better", "--with", "clock+sound-speed")
+    document = json.loads(with_json.stdout)
+    Draft202012Validator(schema("budget")).validate(document)
+    assert document["folder"] == "runs/realistic-dive-budget-2"
+    expected = _found(better=True, together=("clock+sound speed",)).to_json()
+    assert {k: v for k, v in document.items() if k != "folder"} == expected
+    assert document["answers"]["absolute"] == _found(better=True).answer()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((DIVE, "--with", "clok+gps"), "error: source: must be one of GPS, "),
+        ((DIVE, "--runs", "3"), "error: --runs: must be a whole number of at least 30, got '3'"),
+        ((DIVE, "--frame", "abslute"), "error: frame: must be absolute or own_relative, got 'absl"),
+        (("realistic-dvie",), "error: scenario: must be a TOML file or one of "),
+    ],
+)
+def test_mistakes_end_with_a_line(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = invoke(*arguments)
+    assert done.exit_code == 2
+    assert done.stderr.startswith(message)
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "runs").exists()
+
+
+def test_sources_are_completed() -> None:
+    from sblcosim.cli.budgets import _sources
+
+    assert [word for word, _ in _sources("clock+s")] == ["clock+sound-speed"]
+    assert len(_sources("")) == len(sources.SOURCES)
