@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
+    from .areas.result import AreaMap
+    from .areas.survey import map_area
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "AreaMap",
     "ConfigurationError",
     "Depth",
     "Estimate",
@@ -49,6 +52,7 @@ __all__ = [
     "export_ssp",
     "limits",
     "load",
+    "map_area",
     "receivers",
     "research",
     "run",
@@ -62,6 +66,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
     _get, __dir__ = lazy.names(
         __name__,
         {
+            "AreaMap": "areas.result",
             "ConfigurationError": "errors",
             "Depth": "simulation.receiver",
             "Estimate": "simulation.receiver",
@@ -81,6 +86,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "export_ssp": "export.ssp",
             "limits": "",
             "load": "scenario.scenario",
+            "map_area": "areas.survey",
             "receivers": "listings",
             "research": "",
             "run": "api",

@@ -24,7 +24,7 @@ from ..errors import (
     SblcosimError,
     check_choice,
 )
-from ..results.responses import PERCENTILES, Response
+from ..results.responses import Percentile, Response
 from ..scenario import effects
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
@@ -114,7 +114,7 @@ class Campaign:
     """
 
     study: Definition
-    points: tuple[Point, ...]
+    points: Sequence[Point]
     groups: tuple[Group, ...]
     receivers: tuple[str, ...]
     seeded: tuple[str, ...]
@@ -202,7 +202,7 @@ def prepare(
         )
     ]
     _check_effects(study, points)
-    alone = [r.name for r in study.asked if r.name not in PERCENTILES]
+    alone = [r.name for r in study.asked if not in_lanes(r)]
     if alone and master == "lanes":
         raise ConfigurationError(
             f"master: must not be lanes with a response that needs a record, got {alone[0]}"
@@ -212,6 +212,11 @@ def prepare(
     return Campaign(
         study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
     )
+
+
+def in_lanes(response: Response) -> bool:
+    """Whether the lanes master has this response, which needs no record then."""
+    return isinstance(response, Percentile) and response.length in lanes_driver.LENGTHS
 
 
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
@@ -229,7 +234,8 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     except SblcosimError as error:
         values = zip(study.factors, study.points.values[number - 1], strict=True)
         at = ", ".join(f"{name} = {value:g}" for name, value in values)
-        lines = [f"{study.name}: point {number} ({at}): {s}" for s in str(error).splitlines()]
+        where = f"{study.name}: point {number} ({at})" if study.factors else study.name
+        lines = [f"{where}: {s}" for s in str(error).splitlines()]
         raise type(error)("\n".join(lines)) from None
     return scenario, system, plan
 
