@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def within(grid: Grid, values: Floats, limit: float) -> list[list[Ring]]:
     """
     points, offsets = _generator(grid, values).filled(-1.0, limit)
     return [
-        [part[a:b, ::-1] for a, b in zip(at[:-1], at[1:], strict=True)]
+        [part[a:b, ::-1] for a, b in pairwise(at)]
         for part, at in zip(points, offsets, strict=True)
     ]
 

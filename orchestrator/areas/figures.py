@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from ..layout import meters
 from ..results.definitions import Floats
-from ..results.drawing import short
+from ..results.drawing import LINE, short
 from ..style import SMALL, Theme, ThemeName, new_figure, use
 from .result import MANY_LOST, AreaMap
 from .survey import NEAR
@@ -29,7 +29,6 @@ _RATIO = 6.0
 """Beyond this ratio of largest to least, colours follow the logarithm."""
 _WIDE, _NARROW = 3.2, 3.6
 """Width of a panel [inch]."""
-_HATCHES = {"lost": "....", "accuracy": "////"}
 
 
 def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
@@ -48,20 +47,20 @@ def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light"
         shown = _cells(first, found, receiver, norm)
         _cells(second, found, possible, norm)
         dilution = _cells(third, found, hdop, _norm(hdop))
-        handles = [_beacons(ax, found, look) for ax in axes][:1]
-        handles += _requirement(first, found, receiver, look)
-        handles += _requirement(second, found, possible, look, band=False)[:0]
-        handles += _hatched(first, found, found.of("lost_share") > MANY_LOST, "lost",
-                            f"more than {MANY_LOST:.0%} of the runs lost", look)
-        handles += _hatched(second, found, found.of("accuracy") == 0, "accuracy",
-                            "no accuracy is possible", look)
+        handles = [_beacons(ax, found) for ax in axes][:1]
+        handles += _requirement(first, found, receiver)
+        _requirement(second, found, possible, band=False)
+        lost = f"more than {MANY_LOST:.0%} of the runs lost"
+        handles += _hatched(first, found, found.of("lost_share") > MANY_LOST, lost)
+        handles += _hatched(second, found, found.of("accuracy") == 0, "no accuracy is possible",
+                            look)
         first.set_title(short(found.receiver), loc="left")
         second.set_title("possible", loc="left")
         third.set_title("HDOP", loc="left")
         what = found.settings["error"].replace("_", " ")
         _bar(figure, shown, [first, second], f"95 % of the {what} errors within [m]", narrow)
         _bar(figure, dilution, [third], "HDOP: error per m of a range's", narrow)
-        _legend(figure, handles, narrow)
+        _legend(figure, handles, 1 if narrow else 3)
     return axes
 
 
@@ -72,7 +71,7 @@ def plot_narrow(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
 
 def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
     """The standard error of the receiver's 95 % error, as a share of it, and the lost runs."""
-    with use(theme) as look:
+    with use(theme):
         with np.errstate(invalid="ignore"):
             share = 100 * found.of("std_error_m") / found.of("p95_m")
         figure, axes = _panels(found, 2, narrow=False)
@@ -82,10 +81,10 @@ def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
             known = values[np.isfinite(values)]
             top = max(float(known.max(initial=0.0)), 1.0)
             _bar(figure, _cells(ax, found, values, Normalize(0.0, top)), [ax], label, False)
-        handles = [_beacons(ax, found, look) for ax in axes][:1]
-        handles += _requirement(axes[0], found, found.of("p95_m"), look)
+        handles = [_beacons(ax, found) for ax in axes][:1]
+        handles += _requirement(axes[0], found, found.of("p95_m"))
         axes[0].set_title(short(found.receiver), loc="left")
-        _legend(figure, handles, narrow=False)
+        _legend(figure, handles, 2)
     return axes
 
 
@@ -95,8 +94,8 @@ def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes
     height, width = (high - low for low, high in (grid.north, grid.east))
     side = _NARROW if narrow else _WIDE
     high = min(max(side * height / width, 0.8), 1.8 * side)
-    size = (side + 1.5, count * (high + 0.9) + 1.0) if narrow else (
-        count * side + 0.9, high + 1.9
+    size = (side + 1.5, count * (high + 0.45) + 0.5) if narrow else (
+        count * side + 0.9, high + 1.5
     )
     figure = new_figure(*size)
     rows, columns = (count, 1) if narrow else (1, count)
@@ -117,7 +116,7 @@ def _norm(*maps: Floats) -> Normalize:
     """Colours for some maps alike."""
     values = np.concatenate([m[np.isfinite(m)] for m in maps])
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    if 0 < low and high > _RATIO * low:
+    if low > 0 and high > _RATIO * low:
         return LogNorm(low, high)
     return Normalize(low, high if high > low else low + 1.0)
 
@@ -134,7 +133,7 @@ def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
 
 
 def _requirement(
-    ax: Axes, found: AreaMap, values: Floats, look: Theme, *, band: bool = True
+    ax: Axes, found: AreaMap, values: Floats, *, band: bool = True
 ) -> list[Any]:
     """The contour of the requirement, and those of two standard errors about it."""
     limit, (north, east) = found.limit_m, found.grid.axes
@@ -169,24 +168,30 @@ def _crosses(values: Floats, limit: float) -> bool:
 
 
 def _hatched(
-    ax: Axes, found: AreaMap, where: Any, kind: str, label: str, look: Theme
+    ax: Axes, found: AreaMap, where: Any, label: str, look: Theme | None = None
 ) -> list[Any]:
-    """Cells that need a word of their own."""
+    """Cells that need a word of their own; hatched in ink on paper, or in black on colours."""
     if not np.any(where):
         return []
-    north, east = found.grid.axes
-    with_edges = ax.contourf(
-        east, north, np.asarray(where, float), levels=[0.5, 1.5], colors="none",
-        hatches=[_HATCHES[kind]],
+    hatch, colour, paper = ("....", "#000000", "#9a9a9a")
+    if look is not None:
+        hatch, colour, paper = ("////", look.ink, look.paper)
+    # Four points in the corners of each cell: so contours follow its edges.
+    inside = np.array([-0.499, 0.499])
+    east, north = (
+        (middles[:, None] + inside * size).ravel()
+        for middles, size in zip(found.grid.axes[::-1], found.grid.size[::-1], strict=True)
     )
-    with_edges.set(edgecolor="#000000", linewidth=0.0)
-    return [Patch(facecolor="#ffffff", edgecolor="#000000", hatch=_HATCHES[kind], label=label)]
+    flags = np.repeat(np.repeat(np.asarray(where, float), 2, axis=0), 2, axis=1)
+    ax.contourf(
+        east, north, flags, levels=[0.5, 1.5], colors="none", hatches=[hatch]
+    ).set(edgecolor=colour, linewidth=0.0)
+    return [Patch(facecolor=paper, edgecolor=colour, hatch=hatch, label=label)]
 
 
-def _beacons(ax: Axes, found: AreaMap, look: Theme) -> Any:
-    """The beacons, and the arms that hold them if they are near their middle."""
+def _beacons(ax: Axes, found: AreaMap) -> Any:
     north, east, _ = found.beacons.T
-    handle, = ax.plot(
+    (handle,) = ax.plot(
         east, north, ls="", marker="^", ms=5, color="#000000", mfc="#ffffff", label="beacons",
         zorder=5,
     )
@@ -207,7 +212,8 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
     bar.outline.set_linewidth(0.6)  # type: ignore[operator]
 
 
-def _legend(figure: Figure, handles: list[Any], narrow: bool) -> None:
-    figure.legend(
-        handles=handles, loc="outside upper left", ncols=1 if narrow else 2, borderaxespad=0.3
-    )
+def _legend(figure: Figure, handles: list[Any], columns: int) -> None:
+    """A legend above the panels, which the figure grows by."""
+    rows = -(-len(handles) // columns)
+    figure.set_figheight(figure.get_figheight() + LINE * 1.2 * rows)
+    figure.legend(handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.3)

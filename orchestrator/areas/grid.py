@@ -15,8 +15,8 @@ from ..errors import ConfigurationError, instance, shortened
 Floats = NDArray[np.float64]
 
 Area = str | Sequence[float]
-"""``"60x60"``, north and east [m], about the platform; ``"-10,50,0,60"``: north from, north to, east
-from, east to [m]; or the two or four numbers."""
+"""``"60x60"``, north and east [m], about the beacons; ``"-10,50,0,60"``: north from, north to, east
+from, east to [m]; or these numbers."""
 Cells = int | str | tuple[int, int]
 """Cells along the longer side, which are square as far as whole numbers allow; or ``"40x60"`` or
 (40, 60): north and east."""
@@ -60,9 +60,8 @@ class Grid:
     @property
     def size(self) -> tuple[float, float]:
         """Of a cell, north and east [m]."""
-        return (
-            (self.north[1] - self.north[0]) / self.rows, (self.east[1] - self.east[0]) / self.columns
-        )
+        (south, north), (west, east) = self.north, self.east
+        return (north - south) / self.rows, (east - west) / self.columns
 
     @property
     def centres(self) -> Floats:
@@ -73,9 +72,7 @@ class Grid:
     @property
     def axes(self) -> tuple[Floats, Floats]:
         """North of the rows' and east of the columns' centres [m]."""
-        return (
-            _middles(*self.north, self.rows), _middles(*self.east, self.columns)
-        )
+        return _middles(*self.north, self.rows), _middles(*self.east, self.columns)
 
 
 def _middles(low: float, high: float, count: int) -> Floats:

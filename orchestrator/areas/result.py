@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .. import artifacts, style
-from ..lazy import Module
 from ..layout import meters
+from ..lazy import Module
 from ..results.catalogue import Figure, by_name, jobs
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
@@ -54,8 +54,8 @@ class AreaMap(Shown):
         A row per cell, rows of the area from south to north, each from west to east: ``north_m``,
         ``east_m``, ``depth_m`` of its middle; ``runs``; ``p95_m`` and its ``std_error_m``, infinite
         where more than 5 % of the runs have no estimate; ``lost_share`` and ``availability``, of
-        its own runs; ``possible_p95_m``, what is possible, missing where ``accuracy`` is false: there
-        is none; ``hdop``.
+        its own runs; ``possible_p95_m``, what is possible, missing where ``accuracy`` is false, as
+        there is none; ``hdop``.
     failures
         Messages of runs that have failed, with their number.
     beacons
@@ -134,7 +134,7 @@ class AreaMap(Shown):
                 "scenario_name": self.scenario.name, "receiver": self.receiver,
                 "settings": self.settings, "motion": self.motion, "summary": self.summary(),
                 "failures": self.failures,
-            }  # fmt: skip
+            }
         )
         return plain
 
