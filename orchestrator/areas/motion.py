@@ -66,14 +66,12 @@ def circle_of(
             f"(trajectory {trajectory!r}), and circles in each cell instead"
         )
     v = scenario.target.speed_m_s if speed is None else speed
-    for name, value, low, high in (
-        ("radius", radius, TARGET["radius"].min, TARGET["radius"].max),
-        ("speed", v, TARGET["speed"].min, TARGET["speed"].max),
-    ):
+    for name, value in (("radius", radius), ("speed", v)):
+        low, high, unit = TARGET[name].min or 0, TARGET[name].max or 0, TARGET[name].unit
         if not isinstance(value, int | float) or not isfinite(value) or not low <= value <= high:
             raise ConfigurationError(
-                f"map {name}: must be from {low:g} to {high:g} {'m' if name == 'radius' else 'm/s'}"
-                f", got {shortened(instance(value))}"
+                f"map {name}: must be from {low:g} to {high:g} {unit}, got "
+                f"{shortened(instance(value))}"
             )
     if v * duration_s > 2 * pi * radius * _MOST_TURNS:
         raise ConfigurationError(

@@ -16,6 +16,7 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.tracks import origin_of
+from ..simulation import execution
 from ..simulation.masters.lanes_driver import LENGTHS
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, circle_of, circling
@@ -28,6 +29,8 @@ Integers = NDArray[np.int64]
 
 CELLS, RUNS, DURATION, SETTLING = 60, 20, 60.0, 20.0
 """Along the longer side; in a cell; of a run, and until errors count [s]."""
+MOST_ALONE = {"Python": 2_000, "FMU": 20_000}
+"""Runs of receivers that do not go side by side: a run takes tenths of a second in Python."""
 NEAR = 2.0
 """Standard errors within which a cell is near the requirement."""
 _EXTRA, _MOST_EXTRA = 4, 3
@@ -73,7 +76,7 @@ def map_area(
         Of the diver [m].
     receiver
         A name, an FMU file, ``"file.py:Class"`` or a class; None: the scenario's own. Our own run
-        many at a time, others one by one, which takes a hundred times as long.
+        many at a time; those of others go one by one, so there can be fewer (`MOST_ALONE`).
     limit_m
         The requirement [m], for its contour.
     cells
@@ -108,6 +111,7 @@ def map_area(
     grid = grid_of(area, depth, cells, still_beacons(given).mean(0)[:2].tolist())
     moving = circling(given, circle, grid.depth, duration_s)
     simulator = Simulator(moving, receiver, grid, error, settling_s)
+    _check_work(simulator, grid.count * runs)
     span_s = (settling_s, duration_s)
     best = possible(moving, grid, circle, error, span_s, workers)
     told(_FIRST_PART)
@@ -217,6 +221,18 @@ def _check(
                 f"{scenario.where(name, 'seed')}: must be left out for a map, whose cells do not "
                 f"share their noise, got {getattr(scenario, name).seed}"
             )
+
+
+def _check_work(simulator: Simulator, runs: int) -> None:
+    """Refuse more runs of somebody's receiver than end in reasonable time."""
+    if simulator.in_lanes:
+        return
+    kind = "Python" if execution.needs_python(simulator.campaign.groups[0].plan) else "FMU"
+    if runs > MOST_ALONE[kind]:
+        raise ConfigurationError(
+            f"map cells: must be so few that there are at most {MOST_ALONE[kind]:,} runs of a "
+            f"receiver that goes one by one ({kind}), got {runs:,}"
+        )
 
 
 def _silent(share: float) -> None:

@@ -48,7 +48,7 @@ def map_(
         typer.Option(
             "--receiver",
             metavar="NAME|FILE.fmu|FILE.py:CLASS",
-            help="Receiver in place of the scenario's; yours takes a hundred times as long.",
+            help="Receiver in place of the scenario's; one of yours is slow: fewer cells.",
             autocompletion=completion.receivers,
         ),
     ] = None,

@@ -40,7 +40,7 @@ def percentile(covariances: Floats, share: float = 0.95) -> Floats:
         finite.
     """
     epochs, n, d, _ = covariances.shape
-    whole = np.isfinite(covariances).all(axis=(0, 2, 3))
+    whole = np.asarray(np.isfinite(covariances).all(axis=(0, 2, 3)))
     variances = np.zeros((epochs, n, 3))
     known = np.linalg.eigvalsh(np.where(whole[:, None, None], covariances, 0.0))
     variances[..., 3 - d :] = np.fmax(known, 0.0)  # increasing

@@ -65,8 +65,10 @@ def beacons_of(p: Any) -> Floats:
 
 def own_beacon(scenario: Scenario) -> bool:
     """Whether a packet tells the receiver where its own beacon is, and nothing else."""
-    return scenario.acoustics.packet_content == "own_beacon" or (
-        scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
+    coupled = scenario.receiver.type == "coupled"
+    return bool(
+        scenario.acoustics.packet_content == "own_beacon"
+        or (coupled and scenario.receiver.pose_source == "own_beacon")
     )
 
 
