@@ -139,12 +139,13 @@ def _requirement(
     limit, (north, east) = found.limit_m, found.grid.axes
     if limit is None:
         return []
-    outline = [patheffects.withStroke(linewidth=2.6, foreground="#ffffff")]
+    outline: list[patheffects.AbstractPathEffect] = [patheffects.withStroke(linewidth=2.6, foreground="#ffffff")]
     how: dict[str, Any] = {"colors": "#000000", "levels": [limit]}
     name = f"95 % within {meters(limit)}"
     handles = [Line2D([], [], color="#000000", lw=1.4, path_effects=outline, label=name)]
     around = NEAR * found.of("std_error_m")
-    sides: Sequence[Floats] = (values - around, values + around) if band else ()
+    with np.errstate(invalid="ignore"):
+        sides: Sequence[Floats] = (values - around, values + around) if band else ()
     for side in sides:
         if _crosses(side, limit):
             ax.contour(east, north, np.ma.masked_invalid(side), linewidths=0.8,
@@ -209,7 +210,7 @@ def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool)
         bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
         bar.update_ticks()
         bar.long_axis.set_minor_formatter(NullFormatter())
-    bar.outline.set_linewidth(0.6)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.6)
 
 
 def _legend(figure: Figure, handles: list[Any], columns: int) -> None:

@@ -133,8 +133,8 @@ def _percentile(counted: _Counted, times: Floats) -> Floats:
     size = len(counted.edges) + 2
     rows, columns = counted.cells
     each = np.broadcast_to(times[:, None], counted.index.shape).ravel()
-    counts = np.bincount(counted.index.ravel(), each, rows * columns * size)
-    counts = neighbours(counts.reshape(rows, columns, size)).reshape(-1, size)
+    binned: Floats = np.bincount(counted.index.ravel(), each, rows * columns * size)
+    counts = neighbours(binned.reshape(rows, columns, size)).reshape(-1, size)
     below = np.cumsum(counts, axis=1)
     wanted = SHARE * below[:, -1]
     bins = np.fmin((below < wanted[:, None]).sum(axis=1), size - 1)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..limits.places import still_beacons
@@ -16,7 +17,6 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.tracks import origin_of
-from ..simulation import execution
 from ..simulation.masters.lanes_driver import LENGTHS
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, circle_of, circling
@@ -227,7 +227,8 @@ def _check_work(simulator: Simulator, runs: int) -> None:
     """Refuse more runs of somebody's receiver than end in reasonable time."""
     if simulator.in_lanes:
         return
-    kind = "Python" if execution.needs_python(simulator.campaign.groups[0].plan) else "FMU"
+    components = simulator.campaign.groups[0].plan.components
+    kind = "FMU" if all(isinstance(c.source, Fmu) for c in components) else "Python"
     if runs > MOST_ALONE[kind]:
         raise ConfigurationError(
             f"map cells: must be so few that there are at most {MOST_ALONE[kind]:,} runs of a "

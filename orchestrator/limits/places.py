@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
-from math import cos, sin
+from math import ceil, cos, sin
 from typing import Any
 
 import numpy as np
@@ -66,8 +66,13 @@ def still_beacons(scenario: Scenario) -> Floats:
     heading = np.deg2rad(scenario.platform.mean_heading_deg)
     c, s = cos(heading), sin(heading)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    rows: Floats = beacons_of(parameters(scenario)) @ turn.T
-    return rows + np.asarray(scenario.platform.mean_position_m, float)
+    rows: Floats = beacons_of(parameters(scenario)) @ turn.T + _place(scenario)
+    return rows
+
+
+def _place(scenario: Scenario) -> Floats:
+    """Mean position of the platform, NED [m]; (3,)."""
+    return np.asarray(scenario.platform.mean_position_m, np.float64)
 
 
 def noise_densities(scenario: Scenario, position: Floats) -> Floats:
@@ -116,14 +121,14 @@ def covariances(
             _advance(P, *model.transition(step.duration_s))
             _measure(P, model.rows(position, step))
             if k in kept:
-                at = position - np.asarray(scenario.platform.mean_position_m, float)
-                found.append((*model.marginals(np.moveaxis(P, 2, 0)), at))
+                covariances_ = model.marginals(np.moveaxis(P, 2, 0))
+                found.append((*covariances_, position - _place(scenario)))
         return tuple(np.stack(it) for it in zip(*found, strict=True))  # type: ignore[return-value]
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         parts = [*pool.map(part, range(0, n, _TOGETHER))]
-    whole = (np.concatenate(it, axis=1) for it in zip(*parts, strict=True))
-    return Covariances(*whole, own_errors=own_errors)
+    absolute, relative, offset = (np.concatenate(it, axis=1) for it in zip(*parts, strict=True))
+    return Covariances(absolute, relative, offset, own_errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +156,7 @@ class _Step:
 
 def _steps(scenario: Scenario, duration_s: float) -> Iterator[_Step]:
     a, count = scenario.acoustics, scenario.beacons
-    total = int(duration_s / a.sampling_time_s + 1e-9)
+    total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled
     some = -(-total // MOST_STEPS)
     order = [number - 1 for number in a.slot_order]
     there = 1 - a.loss_probability
@@ -184,16 +189,15 @@ class _Platform:
     def prior(self) -> Floats:
         return recursion.prior(self.p, self.known_start)
 
-    def transition(self, dt: float) -> tuple[Any, Any]:
-        return surroundings.transition(np, self.p, dt)  # type: ignore[return-value]
+    def transition(self, dt: float) -> tuple[Any, ...]:
+        return surroundings.transition(np, self.p, dt)
 
     def truth(self, position: Floats) -> Truth:
         platform = self.scenario.platform
         n = len(position)
         attitude = np.array([0.0, 0.0, np.deg2rad(platform.mean_heading_deg)])
         return Truth(
-            position, np.tile(np.asarray(platform.mean_position_m, float), (n, 1)),
-            np.tile(attitude, (n, 1)), self.speed,
+            position, np.tile(_place(self.scenario), (n, 1)), np.tile(attitude, (n, 1)), self.speed
         )
 
     def rows(self, position: Floats, step: _Step) -> Rows:
@@ -219,7 +223,7 @@ class _Field(_Platform):
     def prior(self) -> Floats:
         return field.prior(self.p, self.known_start)
 
-    def transition(self, dt: float) -> tuple[Any, Any]:
+    def transition(self, dt: float) -> tuple[Any, ...]:
         return field_model.transition(np, self.p, dt)
 
     def rows(self, position: Floats, step: _Step) -> Rows:
@@ -260,6 +264,6 @@ def _measure(P: Floats, rows: Rows) -> None:
             continue
         h = rows.H[:, k]
         used: Sequence[int] = np.flatnonzero(h.any(axis=0)).tolist()
-        c = sum(P[:, j] * h[:, j] for j in used)
-        s = sum(c[j] * h[:, j] for j in used) + rows.R[:, k] / there
+        c: Any = sum(P[:, j] * h[:, j] for j in used)
+        s: Any = sum(c[j] * h[:, j] for j in used) + rows.R[:, k] / there
         P -= c[:, None] * (c / s)[None]

@@ -117,7 +117,7 @@ def test_what_cannot_be_mapped_is_refused_in_one_line(change: dict[str, Any], wo
 
 def test_a_recorded_track_has_no_speed_and_one_can_be_given(tmp_path: Path) -> None:
     rows = "\n".join(f"{t},{t},{t / 2},5" for t in range(0, 60, 5))
-    (tmp_path / "dive.csv").write_text(f"time_s,north_m,east_m,depth_m\n{rows}\n")
+    (tmp_path / "dive.csv").write_text(f"time_s,north_m,east_m,down_m\n{rows}\n")
     (tmp_path / "dive.toml").write_text(
         '[target]\ntrajectory = "file"\ntrack_file = "dive.csv"\n'
     )
@@ -160,7 +160,8 @@ def test_no_two_runs_share_their_noise() -> None:
     still.bearings = lambda cell, replicate: np.zeros(len(cell))  # type: ignore[method-assign]
     sample = still.run(cell, replicate, 2, lambda share: None)
     assert len(np.unique(sample.lengths, axis=0)) == len(cell)
-    correlation = np.corrcoef(np.log(sample.lengths[:, 5].reshape(4, -1)))
+    rows = np.log(sample.lengths[:, 5].reshape(4, -1))
+    correlation = np.corrcoef(rows[:, np.isfinite(rows).all(axis=0)])
     assert np.abs(correlation - np.eye(4)).max() < 0.75  # 24 cells: 0.2 is one standard deviation
 
 
@@ -268,11 +269,11 @@ def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
 
 def test_runs_without_an_estimate_are_no_small_errors() -> None:
     lengths_ = np.ones((40, 10))
-    lengths_[:2] = np.inf  # half of cell 0, of 5 %
+    lengths_[:2] = np.inf  # half of cell 0: 29, 13 and 3 % of the weight in the first three cells
     found = pooling.pooled(sample_of(lengths_, 10, 4), np.ones(10), (10, 1), 1)
-    assert np.isinf(found.percentile[:3]).all()  # 50 % × weights
-    np.testing.assert_allclose(found.percentile[3:], 1.0, rtol=0.01)
-    assert np.isinf(found.std_error[:3]).all()
+    assert np.isinf(found.percentile[:2]).all()
+    np.testing.assert_allclose(found.percentile[2:], 1.0, rtol=0.01)
+    assert np.isinf(found.std_error[:2]).all()
 
 
 def test_where_nothing_is_heard_all_runs_are_lost_and_there_is_no_error() -> None:
@@ -389,7 +390,7 @@ def test_the_recursion_side_by_side_is_that_of_a_run(name: str, changes: dict[st
     path = partial(motion.Circle(3.0, 0.3).position, np.array([[12.0, -4.0, 5.0]] * 2))
     found = places.covariances(moving, path, np.full(2, q), (20.0, 30.0), 2)
     late = expected.epoch_ns >= 20 * 10**9
-    tolerance = 0.03 if name == "paper-scenario-1" else 0.01  # a run's platform has waves there
+    tolerance = 0.03 if name == "paper-scenario-1" else 0.005  # a run's platform has waves there
     for mine, theirs in ((found.absolute, expected.absolute), (found.relative, expected.relative)):
         np.testing.assert_allclose(
             np.trace(mine, axis1=2, axis2=3).mean(0),
@@ -477,7 +478,7 @@ def test_where_the_posterior_is_a_ring_there_is_no_accuracy_and_it_is_said() -> 
         "platform.arm_length_m": 0.4, "acoustics.range_std_m": 1.0, "time.sampling_time_s": 1.0,
     }
     found = sblcosim.map_area(
-        "paper-scenario-1", "60x60", 5.0, "coupled", changes, cells=4, runs=2, **SHORT
+        "paper-scenario-1", "50x80", 5.0, "coupled", changes, cells="4x4", runs=2, duration_s=40.0
     )
     assert not found.cells["accuracy"].any()
     assert found.cells["possible_p95_m"].isna().all()
@@ -571,7 +572,10 @@ def test_the_figure_has_three_maps_of_one_scale(
     width, height = picture.figure.get_size_inches()
     assert (width < 6 and height > width) if narrow else width > height
     labels = [text.get_text() for text in picture.figure.legends[0].get_texts()]
-    assert labels == ["beacons", "95 % within 4.0 m", "the same ± 2 standard errors"]
+    expected = ["beacons", "95 % within 4.0 m", "the same ± 2 standard errors"]
+    if (found.cells["lost_share"] > result.MANY_LOST).any():
+        expected.append("more than 5% of the runs lost")
+    assert labels == expected
     words = [t for t in picture.figure.findobj(Text) if t.get_text() and t.get_visible()]
     assert min(t.get_fontsize() for t in words) >= 8
     assert any("[m]" in t.get_text() for t in words)
