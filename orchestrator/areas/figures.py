@@ -139,7 +139,9 @@ def _requirement(
     limit, (north, east) = found.limit_m, found.grid.axes
     if limit is None:
         return []
-    outline: list[patheffects.AbstractPathEffect] = [patheffects.withStroke(linewidth=2.6, foreground="#ffffff")]
+    outline: list[patheffects.AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=2.6, foreground="#ffffff")
+    ]
     how: dict[str, Any] = {"colors": "#000000", "levels": [limit]}
     name = f"95 % within {meters(limit)}"
     handles = [Line2D([], [], color="#000000", lw=1.4, path_effects=outline, label=name)]

@@ -147,6 +147,7 @@ class AreaMap(Shown):
         other: artifacts.Other = "refuse",
     ) -> Path:
         """Write cells, figures, contours and manifest into a folder; see `sblcosim.Result.save`."""
+        style.named(theme)
         manifest = {"map": self.to_json(), "scenario": self.scenario.dump_toml()}
         with artifacts.draft(directory, manifest, other) as draft:
             artifacts.write_table(self.cells, draft.folder, TABLE)

@@ -23,8 +23,12 @@ from sblcosim.cli import areas as command
 from sblcosim.cli.area_documents import MapSettings
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits import lengths, places, recursion
+from sblcosim.limits.parameters import beacons_of, own_beacon, parameters
 from sblcosim.limits.path import circle_psd, path_psd
+from sblcosim.limits.run import reference
+from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
+from scipy.interpolate import RegularGridInterpolator
 from typer.testing import CliRunner
 
 SHORT: dict[str, Any] = {"duration_s": 12.0, "settling_s": 6.0}
@@ -101,7 +105,9 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
             "override platform.seed: must be left out for a map, whose cells do not share",
         ),
         (
-            {"overrides": {"receiver.initialisation": "prior", "receiver.prior_position_m": [1, 2, 3]}},
+            {"overrides": {
+                "receiver.initialisation": "prior", "receiver.prior_position_m": [1, 2, 3],
+            }},
             "override receiver.prior_position_m: must be left out for a map",
         ),
     ],
@@ -190,8 +196,6 @@ def test_a_run_of_a_cell_is_that_of_its_scenario() -> None:
     np.testing.assert_allclose(np.arctan2(*away[0, ::-1]), bearing, rtol=1e-9)
     steps = np.hypot(*np.diff(path[:, :2], axis=0).T) / np.diff(record.time_ns) * 1e9
     np.testing.assert_allclose(steps, 0.3, rtol=1e-2)
-    from sblcosim.results.responses import Percentile, Run, value_of
-
     seen = Run(record, "coupled", 6_000_000_000)
     expected = [value_of(Percentile("absolute_total", p), seen) for p in runs.PERCENTAGES]
     np.testing.assert_array_equal(sample.lengths[0], expected)
@@ -349,7 +353,8 @@ def test_lengths_of_gaussian_errors_whose_percentile_is_known(
 
 def test_lengths_of_any_gaussian_errors_in_any_direction() -> None:
     draw = np.random.default_rng(7)
-    factors = draw.normal(size=(2, 3, 3, 3)) * [[[[1.0]], [[0.1]], [[5.0]]], [[[3.0]], [[0.1]], [[2.0]]]]
+    sizes = np.array([[1.0, 0.1, 5.0], [3.0, 0.1, 2.0]])
+    factors = draw.normal(size=(2, 3, 3, 3)) * sizes[:, :, None, None]
     found = lengths.percentile(factors @ np.swapaxes(factors, 2, 3))
     for i in range(3):
         e = np.concatenate([draw.normal(size=(200_000, 3)) @ factors[k, i].T for k in (0, 1)])
@@ -383,9 +388,6 @@ def test_the_recursion_side_by_side_is_that_of_a_run(name: str, changes: dict[st
     moving = motion.circling(given, motion.Circle(3.0, 0.3), 5.0, 30.0)
     q = 0.004
     record = sblcosim.run(moving, overrides={"target.center_m": [12.0, -4.0]}).record
-    from sblcosim.limits.parameters import own_beacon
-    from sblcosim.limits.run import reference
-
     expected = reference(record, moving, acceleration_psd=q, own_beacon=own_beacon(moving))
     path = partial(motion.Circle(3.0, 0.3).position, np.array([[12.0, -4.0, 5.0]] * 2))
     found = places.covariances(moving, path, np.full(2, q), (20.0, 30.0), 2)
@@ -407,15 +409,13 @@ def test_many_short_slots_count_together(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(places, "MOST_STEPS", 10_000)
     fine = places.covariances(moving, path, q, (10.0, 30.0))
     for mine, theirs in ((coarse.absolute, fine.absolute), (coarse.relative, fine.relative)):
-        ratio = np.trace(mine, axis1=2, axis2=3).mean(0) / np.trace(theirs, axis1=2, axis2=3).mean(0)
-        np.testing.assert_allclose(ratio, 1.0, atol=0.03)
+        one, other = (np.trace(P, axis1=2, axis2=3).mean(0) for P in (mine, theirs))
+        np.testing.assert_allclose(one, other, rtol=0.03)
 
 
 def test_rows_of_one_packet_are_those_of_a_run() -> None:
     """Poses that are given count as the packets that bring them do."""
     given = sblcosim.load("realistic-dive")
-    from sblcosim.limits.parameters import beacons_of, parameters
-
     p = parameters(given, 0.01)
     truth = recursion.Truth(np.array([[9.0, 2, 5]]), np.zeros((1, 3)), np.zeros((1, 3)))
     heard = np.array([[0.0, 0.75, 0, 0]])
@@ -459,7 +459,7 @@ def test_what_is_possible_is_of_the_error_that_is_asked_for(error: str) -> None:
         sblcosim.load("realistic-dive"), motion.Circle(3.0, 0.3), 5.0, 30.0
     )
     best = possible(moving, GRID, motion.Circle(3.0, 0.3), error, (10.0, 30.0))
-    path, q = partial(motion.Circle(3.0, 0.3).position, GRID.centres), None
+    path = partial(motion.Circle(3.0, 0.3).position, GRID.centres)
     q = circle_psd(0.3, 3.0, places.noise_densities(moving, GRID.centres), 30.0)
     found = places.covariances(moving, path, q, (10.0, 30.0))
     P = found.absolute if "absolute" in error else found.relative
@@ -535,12 +535,8 @@ def test_contours_on_earth_are_valid_and_where_the_cells_say(
             assert (area_of(ned[:, :2]) > 0) == (number == 0)  # RFC 7946, 3.1.6
             np.testing.assert_allclose(ned[:, 2], 5.0, atol=1e-3)
             # Linear between middles of cells, a ring is at the limit or at the edge of the area.
-            at_edge = (
-                np.isclose(ned[:, 0], north[0], atol=1e-3) | np.isclose(ned[:, 0], north[-1], atol=1e-3)
-                | np.isclose(ned[:, 1], east[0], atol=1e-3) | np.isclose(ned[:, 1], east[-1], atol=1e-3)
-            )
-            from scipy.interpolate import RegularGridInterpolator
-
+            ends = np.array([[north[0], east[0]], [north[-1], east[-1]]])
+            at_edge = (np.abs(ned[:, None, :2] - ends) < 1e-3).any(axis=(1, 2))
             values = RegularGridInterpolator((north, east), found.of("p95_m"), bounds_error=False,
                                              fill_value=None)(ned[~at_edge, :2])
             np.testing.assert_allclose(values, 4.0, rtol=1e-4)
