@@ -133,7 +133,7 @@ def _percentile(counted: _Counted, times: Floats) -> Floats:
     size = len(counted.edges) + 2
     rows, columns = counted.cells
     each = np.broadcast_to(times[:, None], counted.index.shape).ravel()
-    binned: Floats = np.bincount(counted.index.ravel(), each, rows * columns * size)
+    binned = np.bincount(counted.index.ravel(), each, rows * columns * size).astype(np.float64)
     counts = neighbours(binned.reshape(rows, columns, size)).reshape(-1, size)
     below = np.cumsum(counts, axis=1)
     wanted = SHARE * below[:, -1]
