@@ -123,7 +123,8 @@ def covariances(
             if k in kept:
                 covariances_ = model.marginals(np.moveaxis(P, 2, 0))
                 found.append((*covariances_, position - _place(scenario)))
-        return tuple(np.stack(it) for it in zip(*found, strict=True))  # type: ignore[return-value]
+        absolute, relative, offset = map(np.stack, zip(*found, strict=True))
+        return absolute, relative, offset
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         parts = [*pool.map(part, range(0, n, _TOGETHER))]
