@@ -129,8 +129,10 @@ def limit_of(analysis: Analysis) -> str:
     return f"{analysis.practical:g} {analysis.unit}".rstrip()
 
 
-def quantity(value: float, unit: str) -> str:
-    """A number with its unit."""
+def quantity(value: float | str, unit: str) -> str:
+    """A number with its unit; a name is as it is."""
+    if isinstance(value, str):
+        return value
     return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
 
 

@@ -18,6 +18,7 @@ from ..study import store
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
+from .conditions import of_choices
 from .factorial import Factorial, analyse
 from .options import Error, Transform
 
@@ -85,9 +86,9 @@ def of_table(
             f"analysis of effects, got kind {study.design.kind!r}"
         )
     column = column_of(table, response, receiver)
+    chosen = in_choices(study, table, column)
     analysis = analyse(
-        in_numbers(table, column), list(study.factors), column, order=order, transform=transform,
-        error=error,
+        chosen, list(study.factors), column, order=order, transform=transform, error=error,
         practical=practical, seeding=study.seeding, unit=unit_of(column),
     )
     return replace(
@@ -130,6 +131,13 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
         why = f"; no estimate of {chosen} has a {needs}" if needs else ""
         raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
     return column
+
+
+def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The runs with a column of numbers; those of all conditions put together."""
+    if study.conditions:
+        return of_choices(study, table, column).table
+    return in_numbers(table, column)
 
 
 def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:

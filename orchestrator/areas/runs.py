@@ -87,8 +87,9 @@ class Simulator:
                 "name": "map", "scenario": scenario.given(), "settling_time_s": settling_s,
                 "design": {"kind": "single"},
             },
+            responses=[Percentile(error, p) for p in PERCENTAGES],
             receivers=() if receiver is None else (receiver,),
-        ).model_copy(update={"responses": tuple(Percentile(error, p) for p in PERCENTAGES)})
+        )
         self.campaign = prepare(definition)
         if len(self.campaign.receivers) != 1:
             raise ConfigurationError(

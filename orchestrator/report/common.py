@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -60,14 +62,19 @@ def seeding(study: Study) -> str:
 
 def as_toml(tables: Mapping[str, Any], above: str = "") -> str:
     """Nested tables as the text of a TOML file."""
-    lines = [f"{key} = {toml(value)}" for key, value in tables.items()
+    lines = [f"{_toml_key(key)} = {toml(value)}" for key, value in tables.items()
              if not isinstance(value, Mapping) and value is not None]
     text = "\n".join([*([f"[{above}]"] if above and lines else []), *lines])
     below = [
-        as_toml(value, f"{above}.{key}" if above else key)
+        as_toml(value, f"{above}.{_toml_key(key)}" if above else _toml_key(key))
         for key, value in tables.items() if isinstance(value, Mapping)
     ]
     return "\n\n".join(part for part in (text, *below) if part)
+
+
+def _toml_key(key: str) -> str:
+    """A key, or a path of keys, quoted where TOML wants it."""
+    return key if re.fullmatch(r"[A-Za-z0-9_.-]+", key) else json.dumps(key, ensure_ascii=False)
 
 
 def reproduce(

@@ -16,6 +16,7 @@ from ..analysis.power import detectable
 from ..analysis.sentences import answer, limit_of, percent, quantity, rounded
 from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
+from ..study.design import shown as level_shown
 from ..study.study import Study
 from .formats import minus, number, probability, signed, span
 from .page import Block, Table, Text
@@ -194,10 +195,12 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
 def factor_table(study: Study) -> Table:
     """Factors and levels."""
     rows = []
-    for name, factor in study.factors.items():
-        levels = " / ".join(f"{level:g}" for level in factor.levels)
+    for name, factor in (study.factors | study.conditions).items():
+        levels = " / ".join(map(level_shown, factor.values))
         label = study.labels[name]
-        rows.append((label, levels, study.units[name] or "–", ", ".join(factor.keys), name))
+        if name in study.conditions:
+            label += f" (condition, {study.conditions[name].combine})"
+        rows.append((label, levels, study.units[name] or "–", ", ".join(factor.all_keys), name))
     return Table(
         "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
     )

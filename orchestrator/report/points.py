@@ -41,14 +41,14 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     rows: list[Sequence[str]] = []
     for name, row in means.iterrows():
         point = int(str(name))
-        levels = zip(study.factors, study.points.values[point - 1], strict=True)
+        levels = zip(study.varied, study.points.values[point - 1], strict=True)
         rows.append((
             f"{point}",
-            *(quantity(float(level), study.units[factor]) for factor, level in levels),
+            *(quantity(level, study.units[factor]) for factor, level in levels),
             f"{counts.loc[point]}",
             *(number(row[c]) if c.endswith("_m") else _share(row[c]) for c in shown),
         ))  # fmt: skip
-    head = ("Point", *(study.labels[factor] for factor in study.factors), "Runs", *shown.values())
+    head = ("Point", *(study.labels[factor] for factor in study.varied), "Runs", *shown.values())
     return [Table("Design points: means over their runs", head, rows, (), _NOTE)]
 
 

@@ -74,9 +74,9 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
         verdict = of_scenario(scenario, study.settling_ns)
         if verdict is None:
             continue
-        values = zip(study.factors, study.points.values[point - 1], strict=True)
+        values = zip(study.varied, study.points.values[point - 1], strict=True)
         where = ", ".join(
-            f"{study.labels[name]} {quantity(float(v), study.units[name])}" for name, v in values
+            f"{study.labels[name]} {quantity(v, study.units[name])}" for name, v in values
         )
         mean = np.nan if means is None else means.get(point, np.nan)
         rows.append((where or "all runs", number(mean), *cells(verdict)))

@@ -67,7 +67,7 @@ def save(
     source = _Source(
         study,
         int(table["error"].notna().sum()),
-        covariance.by_point(table, list(study.factors)),
+        covariance.by_point(table, list(study.varied)),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
         points.tables(study, table),
         possible.tables(study, table),
@@ -78,7 +78,7 @@ def save(
                                   transform=transform, error=error, practical=practical)
         return _save_factorial(findings, directory, source)
     column = workflow.column_of(table, response, receiver)
-    return _save_means(workflow.in_numbers(table, column), column, directory, source)
+    return _save_means(workflow.in_choices(study, table, column), column, directory, source)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ def _again(study: Study, results: Path, command: str) -> Section:
         if study.replicates != load(source).replicates:
             source += f" --replicates {study.replicates}"
     else:
-        file = as_toml(study.model_dump(exclude_unset=True))
+        file = as_toml(study.tables())
         source = shlex.quote(f"{source}.toml")
     return reproduce(
         [f"sblcosim study {source} --out {shlex.quote(str(results))}", command],
@@ -369,7 +369,7 @@ def _means_page(
     ]
     head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
             f"95% interval{own}", f"Standard deviation{own}")
-    units = {study.labels[name]: u for name, u in study.units.items()}
+    units = {study.labels[name]: study.units[name] for name in study.factors}
     subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
     pictures = _means_pictures(subject, folder)
     shown = Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))

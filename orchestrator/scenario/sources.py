@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from sblcosim.models import RECEIVERS
@@ -28,11 +28,7 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
         table = scenario.receiver
         own = table.fmu or table.type
         sources = [known_source(source) for source in receivers] or [known_source(own)]
-        # Our receivers keep their names, in any position.
-        taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
-        for source in sources:
-            if source not in chosen.values():
-                chosen[_label(source, {*chosen, *taken})] = source
+        chosen = labelled(sources)
     for label in chosen:
         if not isinstance(label, str) or label in CORE_COMPONENTS or not label or "." in label:
             raise ConfigurationError(
@@ -41,6 +37,17 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
             )
     if "multilateration" not in chosen.values() and RAW not in chosen:
         chosen[RAW] = "multilateration"
+    return chosen
+
+
+def labelled(sources: Sequence[Source]) -> dict[str, Source]:
+    """Receivers by label, each once."""
+    # Our receivers keep their names, in any position.
+    taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
+    chosen: dict[str, Source] = {}
+    for source in sources:
+        if source not in chosen.values():
+            chosen[_label(source, {*chosen, *taken})] = source
     return chosen
 
 

@@ -272,8 +272,10 @@ def _table(
         "replicate": np.array([r.replicate for r in runs]),
         "run_order": np.array([order[r.replicate][r.place] for r in runs]),
     }
-    physical = np.array([campaign.points[r.place].values for r in runs])
-    columns |= {name: physical[:, i] for i, name in enumerate(study.factors)}
+    for number, name in enumerate(study.varied):
+        values = [campaign.points[r.place].values[number] for r in runs]
+        named = study.points.factors[number].is_categorical
+        columns[name] = np.array(values, object if named else np.float64)
     columns["seed"] = np.array([r.seed for r in runs])
     for number, label in enumerate(campaign.receivers):
         judged = responses(sums[:, number], durations)

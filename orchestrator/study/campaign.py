@@ -38,6 +38,7 @@ from ..simulation.process import patience
 from ..simulation.resolve import resolve
 from ..simulation.system import Connection, System
 from .definition import Definition
+from .design import Level
 
 Floats = NDArray[np.float64]
 _ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
@@ -53,13 +54,13 @@ class Point:
     number
         Counted from 1.
     values
-        Physical values of the factors.
+        Physical values, or names, of the factors and conditions.
     digest
         Hash of everything but the seed.
     """
 
     number: int
-    values: tuple[float, ...]
+    values: tuple[Level, ...]
     system: System
     digest: str
 
@@ -138,8 +139,13 @@ class Campaign:
             exclude={
                 "title": True, "replicates": True, "scenario": True, "fixed": True,
                 "factors": {"__all__": {"label", "unit"}},
+                "conditions": {"__all__": {"label", "unit"}},
             }
         )
+        if study["design"]["points"] is None:  # folders from before there were grids stay valid
+            del study["design"]["points"]
+        if not study["conditions"]:
+            del study["conditions"]
         study["receivers"] = [
             r if isinstance(r, str) else {"from": r.origin, "sha256": r.sha256}
             for r in self.study.receivers
@@ -193,7 +199,7 @@ def prepare(
     points = [
         Point(
             number,
-            tuple(map(float, values)),
+            tuple(v if isinstance(v, str) else float(v) for v in values),
             system,
             digest_of(system, plan, free, study.settling_ns, study.asked),
         )
@@ -232,10 +238,9 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
                 f"s), got {study.settling_time_s}"
             )
     except SblcosimError as error:
-        values = zip(study.factors, study.points.values[number - 1], strict=True)
-        at = ", ".join(f"{name} = {value:g}" for name, value in values)
-        where = f"{study.name}: point {number} ({at})" if study.factors else study.name
-        lines = [f"{where}: {s}" for s in str(error).splitlines()]
+        levels = study.at(number)
+        point = f": point {number} ({levels})" if levels else ""
+        lines = [f"{study.name}{point}: {line}" for line in str(error).splitlines()]
         raise type(error)("\n".join(lines)) from None
     return scenario, system, plan
 
@@ -280,12 +285,13 @@ def _check_effects(study: Definition, points: Iterable[Point]) -> None:
             differ = [
                 name
                 for name, one, two in zip(
-                    study.factors, before, study.points.values[point.number - 1], strict=True
+                    study.varied, before, study.points.values[point.number - 1], strict=True
                 )
                 if one != two
             ]
+            table = "conditions" if differ[0] in study.conditions else "factors"
             raise ConfigurationError(
-                f"{study.name}: [factors.{differ[0]}]: must change something in the runs, got "
+                f"{study.name}: [{table}.{differ[0]}]: must change something in the runs, got "
                 f"nothing between points {other} and {point.number}; is it set by another key?"
             )
 

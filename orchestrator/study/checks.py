@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cache
 from itertools import compress
@@ -18,8 +18,18 @@ from ..scenario.messages import requirement
 from ..scenario.scenario import SETTERS, Scenario, no_effect
 from ..scenario.schema import Table, toml
 from . import design as designs
-from .definition import LONGEST_NAME, RESERVED, Definition, DesignTable, FactorTable
-from .design import INTERACTION_SIGN, Number
+from .definition import (
+    LONGEST_NAME,
+    RECEIVERS_KEY,
+    RESERVED,
+    VARIED,
+    ConditionTable,
+    Definition,
+    DesignTable,
+    FactorTable,
+    flat,
+)
+from .design import INTERACTION_SIGN, Level
 
 
 def problems(study: Definition) -> Iterator[str]:
@@ -33,47 +43,90 @@ def problems(study: Definition) -> Iterator[str]:
         )
     if study.factors and study.design.kind == "single":
         yield f"[design] kind: must not be 'single' with factors, got {', '.join(study.factors)}"
-    called: dict[str, str] = {}
-    for name, label in study.labels.items():
-        prefix = f"[factors.{shortened(name)}]"
-        if label in called:
-            yield f"{prefix} label: must differ from that of {called[label]}, got {quoted(label)}"
-        if study.factors[name].label and (INTERACTION_SIGN.strip() in label or label in RESERVED):
-            yield f"{prefix} label: must be a word or a few, got {quoted(label)}"
-        called[label] = name
-    fixed = set(_flat(study.fixed))
+    yield from _names(study)
+    fixed = {key for key, _ in flat(study.fixed)}
     if "seed" in fixed:
         yield "fixed: must not have seed, the study's own seed rules"
-    for name, factor in study.factors.items():
-        prefix = f"[factors.{shortened(name)}]"
+    for prefix, name, factor in _tables(study):
+        if name == study.receiver_factor:
+            if study.design.kind != "grid":
+                yield (
+                    f"{prefix} keys: must be keys of the scenario in a design of kind "
+                    f"{study.design.kind!r}, got {RECEIVERS_KEY}; a grid may have it"
+                )
+            continue
+        yield from _keys(prefix, name, factor, fixed, owner)
+        try:
+            if study.design.kind != "grid" and name in study.factors:
+                _ = designs.Factor(name, factor.values).numbers
+            designs.Factor(name, factor.values)
+        except ConfigurationError as error:
+            yield f"{prefix} levels: {str(error).partition(': ')[2]}"
+            continue
+        if not all(key in known or ".parameters." in key for key in factor.all_keys):
+            continue
+        problem = next((p for v in factor.values for p in _level(study, factor, v)), None)
+        if problem is not None:
+            yield f"{prefix} levels: {problem}"
+    yield from _design_problems(study)
+    yield from _response_problems(study)
+
+
+def _names(study: Definition) -> Iterator[str]:
+    """Errors in the names and labels of factors and conditions; one line each."""
+    called: dict[str, str] = {}
+    names: set[str] = set()
+    for prefix, name, factor in _tables(study):
+        label = factor.label or name
+        if label in called:
+            yield f"{prefix} label: must differ from that of {called[label]}, got {quoted(label)}"
+        if factor.label and (INTERACTION_SIGN.strip() in label or label in RESERVED):
+            yield f"{prefix} label: must be a word or a few, got {quoted(label)}"
+        called[label] = name
+        if name in names and factor.label:
+            yield f"{prefix}: must have another name than the factor, got {quoted(name)}"
+        names.add(name)
         if not name.isidentifier() or name in RESERVED or len(name) > LONGEST_NAME:
             yield (
                 f"{prefix}: must have a name of at most {LONGEST_NAME} letters, digits and _, "
                 f"none of {', '.join(RESERVED)}, got {quoted(name)}"
             )
-        if not factor.keys:
-            yield f"{prefix} keys: must have at least one key, got none"
-        for key in factor.keys:
-            if key not in known and ".parameters." not in key:
-                yield f"{prefix} keys: there is no key {quoted(key)}{_near(key, known)}"
-                continue
-            if key in owner:
-                yield f"{prefix} keys: {key} must belong to one factor, got {owner[key]}, too"
-            if key in fixed:
-                yield f"{prefix} keys: {key} must not be among the fixed keys, too"
-            owner[key] = name
-        try:
-            designs.Factor(name, factor.levels)
-        except ConfigurationError as error:
-            yield f"{prefix} levels: {str(error).partition(': ')[2]}"
+
+
+def _keys(
+    prefix: str, name: str, factor: FactorTable, fixed: Collection[str], owner: dict[str, str]
+) -> Iterator[str]:
+    """Errors in the keys of a factor; one line each. ``owner``: whose the keys of others are."""
+    known = known_keys()
+    if isinstance(factor.levels, dict) and factor.keys:
+        yield (
+            f"{prefix} keys: must not be there with levels that have keys of their own, got "
+            f"{', '.join(factor.keys)}"
+        )
+    elif not factor.all_keys:
+        yield f"{prefix} keys: must have at least one key, got none"
+    for level in factor.levels if isinstance(factor.levels, dict) else ():
+        if "." in level:
+            yield f"{prefix} levels: must have names without a dot, got {quoted(level)}"
+    for key in factor.all_keys:
+        if key == RECEIVERS_KEY:
+            yield f"{prefix} keys: {key} must be the only key of one factor, got it elsewhere"
             continue
-        if not all(key in known or ".parameters." in key for key in factor.keys):
+        if key not in known and ".parameters." not in key:
+            yield f"{prefix} keys: there is no key {quoted(key)}{_near(key, known)}"
             continue
-        problem = next((p for v in factor.levels for p in _level(study, factor, v)), None)
-        if problem is not None:
-            yield f"{prefix} levels: {problem}"
-    yield from _design_problems(study)
-    yield from _response_problems(study)
+        if key in owner:
+            yield f"{prefix} keys: {key} must belong to one factor, got {owner[key]}, too"
+        if key in fixed:
+            yield f"{prefix} keys: {key} must not be among the fixed keys, too"
+        owner[key] = name
+
+
+def _tables(study: Definition) -> Iterator[tuple[str, str, FactorTable]]:
+    """All factors and conditions: where they stand, their names and what is said of them."""
+    for table in VARIED:
+        for name, factor in getattr(study, table).items():
+            yield f"[{table}.{shortened(name)}]", name, factor
 
 
 def _response_problems(study: Definition) -> Iterator[str]:
@@ -100,7 +153,9 @@ def _design_problems(study: Definition) -> Iterator[str]:
         yield "[design] kind: must be 'fraction' with generators or a resolution, got " + toml(
             study.design.kind
         )
-    if study.design.kind in ("sweep", "single") and study.design.centre_points:
+    if study.design.kind != "grid" and study.design.points is not None:
+        yield f"[design] kind: must be 'grid' with points, got {toml(study.design.kind)}"
+    if study.design.kind in ("sweep", "grid", "single") and study.design.centre_points:
         yield (
             f"[design] centre_points: must be 0 for kind '{study.design.kind}', got "
             f"{study.design.centre_points}"
@@ -112,23 +167,24 @@ def _design_problems(study: Definition) -> Iterator[str]:
         )
 
 
-def _level(study: Definition, factor: FactorTable, level: Number) -> Iterator[str]:
+def _level(study: Definition, factor: FactorTable, level: Level) -> Iterator[str]:
     """Errors in a single level. Levels that depend on other factors are checked later."""
+    setting = factor.settings[level]
     try:
-        study.base.override(dict.fromkeys(factor.keys, level).items())
+        study.base.override(setting.items())
     except ConfigurationError as error:
         for line in str(error).splitlines():
-            if any(line.startswith(f"override {key}: must be") for key in factor.keys):
+            if any(line.startswith(f"override {key}: must be") for key in setting):
                 yield line.removeprefix("override ")
 
 
 def idle_factors(study: Definition) -> Iterator[str]:
     """Keys of factors that have no effect at any point; one line each."""
-    for name, factor in study.factors.items():
-        for key in factor.keys:
+    for prefix, name, factor in _tables(study):
+        for key in factor.all_keys if name in study.varied else ():
             why = _why_idle(study, key)
             if why is not None:
-                yield f"[factors.{name}] keys: {key} must have an effect, got none, as {why}"
+                yield f"{prefix} keys: {key} must have an effect, got none, as {why}"
 
 
 def _why_idle(study: Definition, key: str) -> str | None:
@@ -139,8 +195,8 @@ def _why_idle(study: Definition, key: str) -> str | None:
         return None
     decisive = {path, *on, *SETTERS}
     names = [
-        any(tuple(k.split(".")) in decisive for k in factor.keys)
-        for factor in study.factors.values()
+        any(tuple(k.split(".")) in decisive for k in factor.all_keys)
+        for factor in study.varied.values()
     ]
     why, seen = None, set()
     for number, values in enumerate(study.points.values, 1):
@@ -174,8 +230,7 @@ def known_keys() -> tuple[str, ...]:
     return tuple(keys)
 
 
-_NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior", "imu_grade", "gps_grade",
-               "clock_grade")
+_NO_FACTORS = ("seed", "fmi", "fmu", "parameters", "type", "prior")
 
 
 def _near(key: str, known: Sequence[str]) -> str:
@@ -195,12 +250,7 @@ def _near(key: str, known: Sequence[str]) -> str:
     return ""
 
 
-def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    for key, value in tables.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}"
+_KINDS: dict[str, type[FactorTable]] = {"factors": FactorTable, "conditions": ConditionTable}
 
 
 def line(error: ErrorDetails, where: str) -> str:
@@ -210,11 +260,11 @@ def line(error: ErrorDetails, where: str) -> str:
     table: type[Table] = Definition
     if at == "design" and len(location) > 1:
         table, at, location = DesignTable, f"[design] {location[1]}", location[1:]
-    elif at == "factors" and len(location) > 2:
-        table = FactorTable
-        at, location = f"[factors.{shortened(location[1])}] {location[2]}", location[2:]
-    elif at == "factors" and len(location) == 2:
-        at = f"[factors.{shortened(location[1])}]"
+    elif at in _KINDS and len(location) > 2:
+        table = _KINDS[at]
+        at, location = f"[{at}.{shortened(location[1])}] {location[2]}", location[2:]
+    elif at in _KINDS and len(location) == 2:
+        at = f"[{at}.{shortened(location[1])}]"
     if error["type"] == "extra_forbidden":
         inside = "" if table is Definition else at.partition("] ")[0] + "] "
         return (

@@ -1,8 +1,8 @@
-"""Contents of a study file: factors, design, replicates."""
+"""Contents of a study file: factors, conditions, design, replicates."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -19,7 +19,8 @@ from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
 from ..simulation.user_code import PythonSource
 from . import design as designs
-from .design import Design, Number
+from .design import Design, Factor, Level, Number
+from .grid import crossed, grid
 
 RESERVED = (
     "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
@@ -27,6 +28,8 @@ RESERVED = (
 )
 """Columns of the table of runs, or of tables derived from it, that are not factors."""
 LONGEST_NAME = 60  # characters of a factor's name
+RECEIVERS_KEY = "receivers"
+"""As the only key of a factor: its levels are receivers, as in `Definition.receivers`."""
 
 
 def _array(value: Any) -> Any:
@@ -34,10 +37,16 @@ def _array(value: Any) -> Any:
 
 
 def _levels(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        if not all(isinstance(v, Mapping) for v in value.values()):
+            raise PydanticCustomError("levels", "must be a table of tables of keys, or of files")
+        return dict(value)
     if not isinstance(value, list | tuple) or any(
-        isinstance(v, bool) or not isinstance(v, int | float) for v in value
+        not isinstance(v, bool | int | float | str) for v in value
     ):
-        raise PydanticCustomError("levels", "must be an array of numbers")
+        raise PydanticCustomError(
+            "levels", "must be an array of numbers, texts or truth values, or a table of names"
+        )
     return tuple(value)
 
 
@@ -57,17 +66,73 @@ class FactorTable(Table):
     Attributes
     ----------
     keys
-        Keys of the scenario, ``table.key``; all are set to the level.
+        Keys of the scenario, ``table.key``; all are set to the level. Or ``receivers`` alone.
     levels
-        In the units of the keys. Of two levels, the first is coded −1 and the second +1.
+        In the units of the keys: numbers, and in a grid texts and truth values, too. Of two levels,
+        the first is coded −1 and the second +1. Without keys: by name, the keys that a level
+        sets and their values (in a file, tables of a scenario, or the name of such a file).
     label, unit
         Display name, and unit shown after the levels (default: from the suffix of the keys).
     """
 
-    keys: _Texts
-    levels: Annotated[tuple[Any, ...], BeforeValidator(_levels)]
+    keys: _Texts = ()
+    levels: Annotated[Any, BeforeValidator(_levels)]
     label: str = Field(default="", description="Display name")
     unit: str = Field(default="", description="Shown after the levels; else that of the keys")
+
+    @cached_property
+    def settings(self) -> Mapping[Level, Mapping[str, Any]]:
+        """What each level sets: keys of the scenario and their values."""
+        if isinstance(self.levels, Mapping):
+            return {name: dict(flat(tables)) for name, tables in self.levels.items()}
+        return {_named(level): dict.fromkeys(self.keys, level) for level in self.levels}
+
+    @property
+    def values(self) -> tuple[Level, ...]:
+        """The levels as they stand in tables: numbers, and names."""
+        # Of an array, twice the same level must be seen.
+        return tuple(map(_named, self.levels))
+
+    @property
+    def all_keys(self) -> tuple[str, ...]:
+        """Keys that some level sets."""
+        if not isinstance(self.levels, Mapping):
+            return self.keys
+        return tuple(dict.fromkeys(key for setting in self.settings.values() for key in setting))
+
+
+def _named(level: Any) -> Level:
+    """A level as it stands in tables."""
+    number: Level = str(level).lower() if isinstance(level, bool) else level
+    return number
+
+
+def flat(tables: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
+    """Keys of nested tables, ``table.key``, and their values."""
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+VARIED = ("factors", "conditions")
+"""Tables of a study whose entries are varied."""
+
+
+class ConditionTable(FactorTable):
+    """Table ``[conditions.NAME]``: as a factor, but nobody's choice.
+
+    Attributes
+    ----------
+    combine
+        What counts of the responses in the conditions: their ``average``, or the worst, for a
+        design that must hold in ``all``.
+    """
+
+    combine: Literal["average", "all"] = Field(
+        default="average", description="What counts is the average of the conditions, or the worst"
+    )
 
 
 class DesignTable(Table):
@@ -77,20 +142,22 @@ class DesignTable(Table):
     ----------
     kind
         ``full`` (two levels, all combinations), ``fraction`` (part of a full design), ``sweep``
-        (one factor at a time, any number of levels), or ``single`` (the scenario itself, without
-        factors).
+        (one factor at a time, any number of levels), ``grid`` (any number of levels, all
+        combinations or some at random), or ``single`` (the scenario itself, without factors).
     generators, resolution
         For a fraction, see `sblcosim.study.design.fractional`.
     centre_points
         Number of points in the middle of all factors.
     order
         Interactions up to this order must not be aliased with each other.
+    points
+        Of a grid: so many combinations, drawn with the study's seed; default: all.
     """
 
-    kind: Literal["full", "fraction", "sweep", "single"] = Field(
+    kind: Literal["full", "fraction", "sweep", "grid", "single"] = Field(
         default="full",
-        description="Two levels, all combinations or a part of them; one factor at a time; or the "
-        "scenario itself",
+        description="Two levels, all combinations or a part of them; one factor at a time; any "
+        "levels, all combinations or a random part; or the scenario itself",
     )
     generators: _Texts = Field(default=(), description="Of a fraction: C=AB")
     resolution: Annotated[int, Field(ge=3)] | None = Field(
@@ -101,6 +168,9 @@ class DesignTable(Table):
     )
     order: Annotated[int, Field(ge=1)] = Field(
         default=1, description="Interactions up to this order must not be aliased with each other"
+    )
+    points: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="Of a grid: so many of its combinations, at random"
     )
 
 
@@ -128,6 +198,11 @@ class Definition(Table):
         ``file.py:function`` or as objects.
     fixed
         Keys of the scenario to change in all runs.
+    factors
+        What is chosen, by name.
+    conditions
+        What is met: every point runs in each combination of them, and the analysis is of what
+        they give together.
     """
 
     name: Name = Field(default="study", description="Of the folder of results")
@@ -151,6 +226,7 @@ class Definition(Table):
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)
     factors: dict[str, FactorTable] = Field(default_factory=dict)
+    conditions: dict[str, ConditionTable] = Field(default_factory=dict)
 
     @cached_property
     def base(self) -> Scenario:
@@ -172,13 +248,21 @@ class Definition(Table):
 
     @cached_property
     def points(self) -> Design:
-        """The design points."""
-        factors = [designs.Factor(name, f.levels) for name, f in self.factors.items()]
+        """The design points, in all conditions."""
+        conditions = [Factor(name, c.values) for name, c in self.conditions.items()]
+        return crossed(self._chosen, conditions)
+
+    @property
+    def _chosen(self) -> Design:
+        """The design without its conditions."""
+        factors = [Factor(name, f.values) for name, f in self.varied_factors.items()]
         table = self.design
-        if table.kind == "single":
+        if not factors:
             return Design((), ((),), (False,))
         if table.kind == "full":
             design = designs.full(factors, table.centre_points)
+        elif table.kind == "grid":
+            return grid(factors, table.points, self.seed)
         elif table.kind == "fraction":
             design = designs.fractional(
                 factors, table.generators, table.resolution, table.centre_points
@@ -189,21 +273,38 @@ class Definition(Table):
         return design
 
     @property
+    def receiver_factor(self) -> str | None:
+        """The factor whose levels are the receivers: they run side by side, on the same noise."""
+        return next((n for n, f in self.factors.items() if f.keys == (RECEIVERS_KEY,)), None)
+
+    @property
+    def varied_factors(self) -> Mapping[str, FactorTable]:
+        """The factors that make a run another one: all but the receivers."""
+        return {n: f for n, f in self.factors.items() if n != self.receiver_factor}
+
+    @property
+    def varied(self) -> Mapping[str, FactorTable]:
+        """Factors and conditions that make a run another one, in the order of a point's values."""
+        return {**self.varied_factors, **self.conditions}
+
+    @property
     def sweep_base(self) -> list[Number]:
         """Values of the factors while another one is swept; empty for a single factor."""
-        if self.design.kind != "sweep" or len(self.factors) < 2:
+        if self.design.kind != "sweep" or len(self.varied_factors) < 2:
             return []
-        return [self._base_of(name) for name in self.factors]
+        return [self._base_of(name) for name in self.varied_factors]
 
     @property
     def labels(self) -> dict[str, str]:
         """Display names of the factors, by name."""
-        return {name: f.label or name for name, f in self.factors.items()}
+        return {name: f.label or name for name, f in {**self.factors, **self.conditions}.items()}
 
     @property
     def units(self) -> dict[str, str]:
         """Units of the factors, by name; the default is the unit of the keys if they agree."""
-        return {name: f.unit or _unit(f.keys) for name, f in self.factors.items()}
+        return {
+            name: f.unit or _unit(f.keys) for name, f in {**self.factors, **self.conditions}.items()
+        }
 
     def components(self, scenario: Scenario) -> effects.Ours:
         """Our components in the runs, by the table whose keys they use."""
@@ -224,14 +325,20 @@ class Definition(Table):
         number: Number = values[0]
         return number
 
-    def overrides(self, point: int) -> dict[str, Number]:
+    def overrides(self, point: int) -> dict[str, Any]:
         """Keys of the scenario and their values at a point (counted from 1)."""
-        values = self.points.values[point - 1]
-        return {
-            key: value
-            for factor, value in zip(self.factors.values(), values, strict=True)
-            for key in factor.keys
-        }
+        changes: dict[str, Any] = {}
+        for factor, value in zip(
+            self.varied.values(), self.points.values[point - 1], strict=True
+        ):
+            # Only an array's levels are continued: a sweep's base, and the middle of two.
+            changes |= factor.settings.get(value) or dict.fromkeys(factor.keys, value)
+        return changes
+
+    def at(self, point: int) -> str:
+        """The levels at a point (counted from 1), for people."""
+        levels = zip(self.varied, self.points.values[point - 1], strict=True)
+        return ", ".join(f"{name} = {designs.shown(level)}" for name, level in levels)
 
     def run_seed(self, point: int, replicate: int) -> int:
         """Seed of a run; points and replicates count from 1."""

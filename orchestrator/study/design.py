@@ -1,9 +1,9 @@
 """Designs of experiments: the points in factor space, and the order of the runs.
 
 Two-level designs (full, or a regular fraction) with centre points, and sweeps of one factor at a
-time. Points are in standard (Yates) order: the first factor changes fastest. A fraction is defined
-by generators such as ``E=ABCD``. The factors are called A, B, C, … in order (without I, which
-stands for the mean).
+time; `sblcosim.study.grid` has those of any levels. Points are in standard (Yates) order: the first
+factor changes fastest. A fraction is defined by generators such as ``E=ABCD``. The factors are
+called A, B, C, … in order (without I, which stands for the mean).
 """
 
 from __future__ import annotations
@@ -21,11 +21,18 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, quoted
 
 Number = int | float
+Level = Number | str
+"""A number, or the name of something that is not one."""
 INTERACTION_SIGN = " × "
 """Sign between the factors of an interaction."""
 LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 MOST_POINTS = 2**16
 _MOST_FRACTIONS = 20_000  # candidates compared for a requested resolution
+
+
+def shown(level: Level) -> str:
+    """A level for people."""
+    return level if isinstance(level, str) else f"{level:g}"
 
 
 @dataclass(frozen=True)
@@ -35,11 +42,11 @@ class Factor:
     Attributes
     ----------
     levels
-        Physical values. Of two levels, the first is coded −1 and the second +1.
+        Physical values, or names. Of two levels, the first is coded −1 and the second +1.
     """
 
     name: str
-    levels: tuple[Number, ...]
+    levels: tuple[Level, ...]
 
     def __post_init__(self) -> None:
         if len(self.levels) < 2:
@@ -47,7 +54,7 @@ class Factor:
                 f"factor {self.name}: must have at least two levels, got {len(self.levels)}"
             )
         for level in self.levels:
-            if not math.isfinite(level):
+            if not isinstance(level, str) and not math.isfinite(level):
                 raise ConfigurationError(
                     f"factor {self.name}: must have finite levels, got {level}"
                 )
@@ -57,14 +64,36 @@ class Factor:
                     f"factor {self.name}: must have levels that differ, got {first!r} twice"
                 )
 
-    def coded(self, value: Number) -> float:
+    @property
+    def is_categorical(self) -> bool:
+        """Whether some level is no number."""
+        return any(isinstance(level, str) for level in self.levels)
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """The levels, where all must be numbers.
+
+        Raises
+        ------
+        ConfigurationError
+            Some level is none.
+        """
+        for level in self.levels:
+            if isinstance(level, str):
+                raise ConfigurationError(
+                    f"factor {self.name}: must have numbers as levels in this design, got "
+                    f"{quoted(level)}; a grid has any (kind = 'grid')"
+                )
+        return tuple(level for level in self.levels if not isinstance(level, str))
+
+    def coded(self, value: Level) -> float:
         """Code a physical value: the first level is −1 and the last is +1."""
         if value == self.levels[0]:
             return -1.0
         if value == self.levels[-1]:
             return 1.0
-        middle = (self.levels[0] + self.levels[-1]) / 2
-        return (value - middle) / ((self.levels[-1] - self.levels[0]) / 2)
+        low, *_, high = self.numbers
+        return (float(value) - (low + high) / 2) / ((high - low) / 2)
 
 
 @dataclass(frozen=True)
@@ -74,7 +103,7 @@ class Design:
     Attributes
     ----------
     values
-        Physical values, by point and factor, in standard order.
+        Physical values or names, by point and factor, in standard order.
     centre
         Whether each point is a centre point.
     generators
@@ -83,7 +112,7 @@ class Design:
     """
 
     factors: tuple[Factor, ...]
-    values: tuple[tuple[Number, ...], ...]
+    values: tuple[tuple[Level, ...], ...]
     centre: tuple[bool, ...]
     generators: tuple[tuple[frozenset[int], int], ...] = ()
 
@@ -177,7 +206,7 @@ class Design:
 
 def full(factors: Sequence[Factor], centre_points: int = 0) -> Design:
     """All combinations of two levels, 2^k points."""
-    _check(factors)
+    check_factors(factors)
     _check_size(len(factors))
     rows = [signs[::-1] for signs in product((-1, 1), repeat=len(factors))]
     return _two_level(factors, rows, centre_points)
@@ -204,7 +233,7 @@ def fractional(
     ConfigurationError
         A generator is invalid, main effects are aliased, or there is no such fraction.
     """
-    _check(factors)
+    check_factors(factors)
     if bool(generators) == (resolution is not None):
         raise ConfigurationError(
             "design: must have generators or a resolution for a fraction, got "
@@ -248,11 +277,11 @@ def sweep(factors: Sequence[Factor], base: Sequence[Number]) -> Design:
 
     With several factors the base itself is the first point.
     """
-    _check(factors)
-    start = tuple(base)
+    check_factors(factors)
+    start: tuple[Level, ...] = tuple(base)
     points = [start] if len(factors) > 1 else []
     for i, factor in enumerate(factors):
-        points += [(*start[:i], level, *start[i + 1 :]) for level in factor.levels]
+        points += [(*start[:i], level, *start[i + 1 :]) for level in factor.numbers]
     unique = tuple(dict.fromkeys(points))
     return Design(tuple(factors), unique, (False,) * len(unique))
 
@@ -267,13 +296,13 @@ def _two_level(
         if len(factor.levels) != 2:
             raise ConfigurationError(
                 f"factor {factor.name}: must have two levels in a two-level design, got "
-                f"{len(factor.levels)}; a sweep has any number"
+                f"{len(factor.levels)}; a grid (kind = 'grid') and a sweep have any number"
             )
-    points: list[tuple[Number, ...]] = [
+    middle = tuple(_middle(f) for f in factors)
+    points: list[tuple[Level, ...]] = [
         tuple(f.levels[(sign + 1) // 2] for f, sign in zip(factors, row, strict=True))
         for row in rows
     ]
-    middle = tuple(_middle(f) for f in factors)
     return Design(
         tuple(factors),
         (*points, *[middle] * centre_points),
@@ -283,13 +312,14 @@ def _two_level(
 
 
 def _middle(factor: Factor) -> Number:
-    low, high = factor.levels
+    low, high = factor.numbers
     if isinstance(low, int) and isinstance(high, int) and (low + high) % 2 == 0:
         return (low + high) // 2
     return (low + high) / 2
 
 
-def _check(factors: Sequence[Factor]) -> None:
+def check_factors(factors: Sequence[Factor]) -> None:
+    """Refuse no factors, too many, and names that are there twice."""
     if not factors:
         raise ConfigurationError("design: must have at least one factor, got none")
     if len(factors) > len(LETTERS):

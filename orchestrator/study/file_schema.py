@@ -7,9 +7,29 @@ from typing import Any
 from ..results.responses import ALL_PERCENTILES, ON_REQUEST
 from ..scenario.file_schema import DRAFT, TITLES, inlined, scenario_schema
 from .checks import known_keys
-from .definition import LONGEST_NAME, RESERVED, Definition
+from .definition import LONGEST_NAME, RECEIVERS_KEY, RESERVED, Definition
 
 _ALPHABETIC = r"[^\x00-@\[-^`{-\x7f]"
+_NUMBERS = {
+    "if": {
+        "not": {
+            "required": ["design"],
+            "properties": {
+                "design": {"required": ["kind"], "properties": {"kind": {"const": "grid"}}}
+            },
+        }
+    },
+    "then": {
+        "properties": {
+            "factors": {
+                "additionalProperties": {
+                    "properties": {"levels": {"type": "array", "items": {"type": "number"}}}
+                }
+            }
+        }
+    },
+}
+"""Only a grid has factors with levels that are no numbers."""
 _OF_OTHERS = r"^\w+\.parameters\..+$"
 """Key of a parameter of somebody else's FMU."""
 
@@ -25,9 +45,8 @@ def study_schema() -> dict[str, Any]:
         "description": "Name, file, or tables of a scenario",
         "anyOf": [{"type": "string"}, scenario],
     }
-    keys["fixed"] = {
+    changes = {
         "type": "object",
-        "description": "Keys of the scenario to change in all runs",
         "properties": tables | {"fmi": scenario["properties"]["fmi"]} | {
             f"{name}.{key}": schema
             for name, table in tables.items()
@@ -36,38 +55,61 @@ def study_schema() -> dict[str, Any]:
         "patternProperties": {_OF_OTHERS: {}},
         "additionalProperties": False,
     }  # fmt: skip
+    keys["fixed"] = {**changes, "description": "Keys of the scenario to change in all runs"}
     keys["receivers"] = _texts("Names, FMU files and FILE.py:CLASS, in place of the scenario's")
     keys["responses"] = _texts("Names of further responses, and FILE.py:FUNCTION")
     keys["responses"]["items"] = {
         "anyOf": [{"enum": [*ON_REQUEST, ALL_PERCENTILES]}, {"type": "string", "pattern": ":"}]
     }
     keys["design"]["description"] = "Which combinations of levels are run"
-    _describe_factors(keys["factors"])
+    for name, words in (
+        ("factors", "What is varied"), ("conditions", "What is met, in every combination")
+    ):
+        _describe_levels(keys[name], words, changes, receivers=name == "factors")
     about = {"title": "Study", "description": "Keys of a scenario to vary, and how often"}
-    return {"$schema": DRAFT, **content, **about}
+    return {"$schema": DRAFT, **content, **about, **_NUMBERS}
 
 
-def _describe_factors(schema: dict[str, Any]) -> None:
+def _describe_levels(
+    schema: dict[str, Any], about: str, changes: dict[str, Any], receivers: bool
+) -> None:
     schema["propertyNames"] = {
         "pattern": f"^{_ALPHABETIC}[^\\x00-/:-@\\[-^`{{-\\x7f]*$",
         "maxLength": LONGEST_NAME,
         "not": {"enum": [*RESERVED]},
     }
-    schema["additionalProperties"]["description"] = "What is varied"
-    factor = schema["additionalProperties"]["properties"]
+    table = schema["additionalProperties"]
+    table["description"] = about
+    factor = table["properties"]
+    known = [*known_keys(), *([RECEIVERS_KEY] if receivers else [])]
     factor["keys"] = {
         "type": "array",
-        "description": "Keys of the scenario; all are set to the level",
-        "items": {"anyOf": [{"enum": [*known_keys()]}, {"type": "string", "pattern": _OF_OTHERS}]},
+        "description": "Keys of the scenario; all are set to the level"
+        + (". Or 'receivers' alone" if receivers else ""),
+        "items": {"anyOf": [{"enum": known}, {"type": "string", "pattern": _OF_OTHERS}]},
         "minItems": 1,
     }
     factor["levels"] = {
-        "type": "array",
-        "description": "In the units of the keys; of two, the first is coded -1, the second +1",
-        "items": {"type": "number"},
-        "minItems": 2,
-        "uniqueItems": True,
+        "description": "In the units of the keys; of two, the first is coded -1, the second +1. "
+        "Without keys: by name, the keys that each level sets, or a file of them",
+        "anyOf": [
+            {
+                "type": "array",
+                "items": {"type": ["number", "string", "boolean"]},
+                "minItems": 2,
+                "uniqueItems": True,
+            },
+            {
+                "type": "object",
+                "additionalProperties": {"anyOf": [{"type": "string"}, changes]},
+                "minProperties": 2,
+            },
+        ],
     }
+    table["anyOf"] = [
+        {"required": ["keys"], "properties": {"levels": {"type": "array"}}},
+        {"not": {"required": ["keys"]}, "properties": {"levels": {"type": "object"}}},
+    ]
 
 
 def _texts(description: str) -> dict[str, Any]:

@@ -93,7 +93,8 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
         "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
         "title": campaign.study.title,
         "names": {
-            name: {"label": f.label, "unit": f.unit} for name, f in campaign.study.factors.items()
+            name: {"label": f.label, "unit": f.unit}
+            for name, f in (campaign.study.factors | campaign.study.conditions).items()
         },
         "definition": campaign.definition(),
         "software": artifacts.software(),

@@ -17,16 +17,18 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
+from ..results.responses import Response
 from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario import library
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
 from ..shown import Listing, page
-from ..simulation.user_code import component_of, component_of_origin, is_python
-from . import runner, store
+from ..simulation.user_code import component_of_origin
+from . import levels, runner, store
 from .checks import idle_factors, known_keys, line, problems
-from .definition import Definition, DesignTable, FactorTable
+from .definition import RECEIVERS_KEY, VARIED, Definition, DesignTable, FactorTable
+from .design import shown as level_shown
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -45,29 +47,36 @@ class Study(Definition):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        levels = {
+        rows = {
             name: f"{factor.label and f'{factor.label}: '}"
-            f"{', '.join(f'{level:g}' for level in factor.levels)} {self.units[name]}".rstrip()
-            for name, factor in self.factors.items()
+            f"{', '.join(map(level_shown, factor.values))} {self.units[name]}".rstrip()
+            for name, factor in {**self.factors, **self.conditions}.items()
         }
         return page(
             self.title or self.name,
             f"<p>{escape(self._size())}, of the scenario {escape(self.base.name)}</p>",
-            Listing(levels)._repr_html_(),
+            Listing(rows)._repr_html_(),
         )
 
     def _size(self) -> str:
-        points, factors = len(self.points.values), len(self.factors)
-        runs = points * self.replicates
+        points, met = len(self.points.values), len(self.conditions)
         return (
-            f"{factors} factor{'' if factors == 1 else 's'}, {points:,} point"
-            f"{'' if points == 1 else 's'} × {self.replicates:,} = {runs:,} run"
-            f"{'' if runs == 1 else 's'}"
+            f"{_counted(len(self.factors), 'factor')}, "
+            + (f"{_counted(met, 'condition')}, " if met else "")
+            + f"{_counted(points, 'point')} × {self.replicates:,} = "
+            + _counted(points * self.replicates, "run")
         )
 
     def with_replicates(self, replicates: int) -> Study:
         """A copy with another number of replicates; the runs common to both are equal."""
-        return load(self.model_dump(exclude_unset=True) | {"replicates": replicates})
+        return load(self.tables() | {"replicates": replicates})
+
+    def tables(self) -> dict[str, Any]:
+        """The tables of the study's file."""
+        tables = self.model_dump(exclude_unset=True)
+        if self.receiver_factor is not None:
+            tables["factors"][self.receiver_factor]["levels"] = tables.pop("receivers")
+        return tables
 
     def run(
         self,
@@ -87,6 +96,10 @@ class Study(Definition):
         )
 
 
+def _counted(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
 def shipped() -> tuple[str, ...]:
     """Names of the shipped studies."""
     return library.shipped("sblcosim.study")
@@ -94,7 +107,7 @@ def shipped() -> tuple[str, ...]:
 
 def load(
     source: str | Path | Mapping[str, Any],
-    responses: Sequence[str | Callable[..., Any]] = (),
+    responses: Sequence[str | Callable[..., Any] | Response] = (),
     receivers: Sequence[Source] = (),
 ) -> Study:
     """Read a study and check it.
@@ -121,10 +134,12 @@ def load(
     scenario = raw.get("scenario")
     if isinstance(scenario, str) and os.path.isfile(folder / scenario):
         raw["scenario"] = str(folder / scenario)
+    levels.read_files(where, raw, folder)
     if receivers:
-        raw["receivers"] = [_receiver(entry, Path.cwd()) for entry in receivers]
+        raw["receivers"] = [levels.receiver(entry, Path.cwd()) for entry in receivers]
     elif isinstance(raw.get("receivers"), list | tuple):
-        raw["receivers"] = [_receiver(entry, folder) for entry in raw["receivers"]]
+        raw["receivers"] = [levels.receiver(entry, folder) for entry in raw["receivers"]]
+    levels.name_receivers(where, raw, folder)
     raw["responses"] = [
         *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
     ]
@@ -161,15 +176,6 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
     return study
 
 
-def _receiver(entry: Any, folder: Path) -> Any:
-    """The given receiver, with its file found; `_checked` refuses what is none."""
-    if isinstance(entry, str | Path):
-        text = str(entry)
-        is_file = text.endswith(".fmu") or is_python(text)
-        return str((folder / text).resolve()) if is_file else text
-    return component_of(entry) if callable(entry) else entry
-
-
 def _responses(given: Any, folder: Path) -> list[Any]:
     """The given responses, with functions looked up; `problems` checks the rest."""
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -200,7 +206,11 @@ def study_of(results: str | Path) -> Study:
     ]
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
     names = content.get("names", {})
-    tables["factors"] = {k: v | names.get(k, {}) for k, v in tables["factors"].items()}
+    for table in VARIED:
+        tables[table] = {k: v | names.get(k, {}) for k, v in tables.get(table, {}).items()}
+    for factor in tables["factors"].values():
+        if list(factor["keys"]) == [RECEIVERS_KEY]:
+            factor["levels"] = tables.pop("receivers")
     return load(
         {
             **tables,

@@ -1,0 +1,96 @@
+"""Levels of a study file that are names of something else: files, and receivers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, instance, quoted, shortened
+from ..scenario.reading import parse, read_text, shown
+from ..scenario.sources import known_source, labelled, named
+from ..simulation.user_code import component_of, is_python
+from .definition import RECEIVERS_KEY, VARIED
+
+
+def receiver(entry: Any, folder: Path) -> Any:
+    """A receiver of a study with its file found; whether there is one is checked later."""
+    if isinstance(entry, str | Path):
+        text = str(entry)
+        is_file = text.endswith(".fmu") or is_python(text)
+        return str((folder / text).resolve()) if is_file else text
+    return component_of(entry) if callable(entry) else entry
+
+
+def read_files(where: str, raw: dict[str, Any], folder: Path) -> None:
+    """Put tables in place of the files that are levels: ``levels = {rib = "rib.toml"}``.
+
+    Raises
+    ------
+    ConfigurationError
+        A file cannot be read.
+    """
+    for table in VARIED:
+        for name, factor in _entries(raw, table):
+            levels = factor.get("levels")
+            if not isinstance(levels, Mapping):
+                continue
+            read = dict(levels)
+            for level, file in levels.items():
+                if isinstance(file, str):
+                    at = f"{where}: [{table}.{shortened(name)}] levels: {shortened(str(level))}"
+                    read[level] = _tables(at, folder / file)
+            raw[table] = {**raw[table], name: {**factor, "levels": read}}
+
+
+def _tables(at: str, path: Path) -> dict[str, Any]:
+    """The tables of a scenario in a file, without what only names it."""
+    try:
+        tables = parse(shown(path), read_text(path, (), "level"))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{at}: {error}") from None
+    return {key: value for key, value in tables.items() if key not in ("name", "title")}
+
+
+def name_receivers(where: str, raw: dict[str, Any], folder: Path) -> None:
+    """If the receivers are a factor, take its levels for the study's receivers.
+
+    Raises
+    ------
+    ConfigurationError
+        A level is no receiver, or there twice, or the study has receivers beside it.
+    """
+    for name, factor in _entries(raw, "factors"):
+        if factor.get("keys") not in ([RECEIVERS_KEY], (RECEIVERS_KEY,)):
+            continue
+        if raw.get("receivers"):
+            raise ConfigurationError(
+                f"{where}: receivers: must not be given beside the factor {shortened(name)}, whose "
+                "levels they are"
+            )
+        at, given = f"{where}: [factors.{shortened(name)}] levels", factor.get("levels")
+        if not isinstance(given, list | tuple):
+            raise ConfigurationError(
+                f"{at}: must be an array of receivers, got {shortened(instance(given))}"
+            )
+        found = [receiver(entry, folder) for entry in given]
+        try:
+            sources = [known_source(entry) for entry in found]
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{at}: {str(error).removeprefix('receiver: ')}") from None
+        for i, source in enumerate(sources):
+            if source in sources[:i]:
+                raise ConfigurationError(
+                    f"{at}: must have levels that differ, got {quoted(named(source))} twice"
+                )
+        raw["receivers"] = found
+        raw["factors"] = {**raw["factors"], name: {**factor, "levels": [*labelled(sources)]}}
+
+
+def _entries(raw: Mapping[str, Any], table: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Names and tables of factors or conditions; what is no table is refused later."""
+    entries = raw.get(table)
+    if isinstance(entries, Mapping):
+        for name, factor in [*entries.items()]:
+            if isinstance(factor, Mapping):
+                yield str(name), factor

@@ -1,0 +1,213 @@
+"""Designs of any levels, conditions, and receivers as a factor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim.analysis.conditions import of_choices
+from sblcosim.errors import ConfigurationError
+from sblcosim.report.common import as_toml
+from sblcosim.results.responses import RESPONSES
+from sblcosim.study import again, runner, study
+from sblcosim.study.design import Factor
+from sblcosim.study.grid import crossed, grid
+
+GPS = {"keys": ["platform.gps_grade"], "levels": ["standalone", "rtk_fixed"]}
+BOAT = {
+    "levels": {
+        "rib": {"platform": {"arm_length_m": 0.8}},
+        "ship": {"platform.arm_length_m": 5.0, "platform.beacon_depth_m": 2.0},
+    }
+}
+SEA = {"keys": ["platform.beaufort"], "levels": [2, 3, 4]}
+TOTAL = "absolute_total_rms_m"
+
+
+def small(**changes: Any) -> study.Study:
+    return study.load({
+        "name": "boats", "scenario": "realistic-dive", "seeding": "common", "replicates": 2,
+        "fixed": {"time": {"duration_s": 15.0}}, "design": {"kind": "grid"},
+        "factors": {"gps": GPS, "boat": BOAT}, **changes,
+    })  # fmt: skip
+
+
+def test_a_grid_has_all_combinations_in_standard_order() -> None:
+    design = grid([Factor("a", (1, 2, 4)), Factor("b", ("x", "y"))])
+    assert design.values == ((1, "x"), (2, "x"), (4, "x"), (1, "y"), (2, "y"), (4, "y"))
+    both = crossed(design, [Factor("sea", (2, 3))])
+    assert both.values[:6] == tuple((*v, 2) for v in design.values)
+    assert both.values[6:] == tuple((*v, 3) for v in design.values)
+
+
+@pytest.mark.parametrize("levels", [6, 400])
+def test_some_of_a_grid_are_drawn_from_the_seed_and_each_once(levels: int) -> None:
+    """400 levels: more combinations than could be listed."""
+    factors = [Factor(name, tuple(range(levels))) for name in "abc"]
+    drawn = {seed: grid(factors, 60 if levels == 6 else 8000, seed).values for seed in (1, 1, 2)}
+    assert all(len(set(rows)) == len(rows) for rows in drawn.values())
+    assert drawn[1] == grid(factors, len(drawn[1]), 1).values
+    assert len(set(drawn[1]) & set(drawn[2])) < len(drawn[1]) / 2
+    means = np.mean(drawn[1], axis=0)
+    assert np.all(np.abs(means - (levels - 1) / 2) < 4 * levels / np.sqrt(12 * len(drawn[1])))
+
+
+def test_levels_may_be_grades_truth_values_tables_and_files(tmp_path: Path) -> None:
+    (tmp_path / "ship.toml").write_text("name = 'ship'\n[platform]\narm_length_m = 5.0\n")
+    file = tmp_path / "boats.toml"
+    file.write_text(
+        "scenario = 'realistic-dive'\n"
+        "[design]\nkind = 'grid'\n"
+        "[factors.boat.levels]\nrib = {platform = {arm_length_m = 0.8}}\nship = 'ship.toml'\n"
+        "[factors.gps]\nkeys = ['platform.gps_grade']\nlevels = ['sbas', 'rtk_fixed']\n"
+        "[factors.motion]\nkeys = ['acoustics.motion_during_travel']\nlevels = [true, false]\n"
+    )
+    loaded = study.load(file)
+    assert loaded.points.values[1] == ("ship", "sbas", "true")
+    assert loaded.overrides(2) == {
+        "platform.arm_length_m": 5.0, "platform.gps_grade": "sbas",
+        "acoustics.motion_during_travel": True,
+    }  # fmt: skip
+    scenario = loaded.base.override(loaded.overrides(3).items())
+    assert (scenario.platform.arm_length_m, scenario.platform.gps_horizontal_std_m) == (0.8, 0.005)
+
+
+def test_a_grid_is_run_kept_and_found_again(tmp_path: Path) -> None:
+    made = small(
+        factors={"gps": GPS, "boat": BOAT,
+                 "estimator": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}},
+        conditions={"sea": {**SEA, "combine": "all"}},
+    )  # fmt: skip
+    assert repr(made) == "<Study boats: 3 factors, 1 condition, 12 points × 2 = 24 runs>"
+    table = made.run(tmp_path / "out")
+    unwritten = runner.simulated(made)
+    assert unwritten["error"].isna().all()
+    pd.testing.assert_frame_equal(
+        unwritten.drop(columns="error"), table.drop(columns="error"), check_dtype=False
+    )
+    assert table["error"].isna().all()
+    assert table.loc[5, ["gps", "boat", "sea"]].tolist() == ["rtk_fixed", "rib", 3.0]
+    # Each run is that of the scenario with these keys, for both receivers on the same noise.
+    direct = sblcosim.run(
+        "realistic-dive", ["ekf", "sequential"],
+        {"time.duration_s": 15.0, "platform.gps_grade": "rtk_fixed", "platform.arm_length_m": 0.8,
+         "platform.beaufort": 3, "seed": int(table["seed"][5])},
+    )  # fmt: skip
+    for name in ("ekf", "sequential"):
+        expected = direct.errors.loc[name, "absolute", "total"].rms_m
+        assert table[f"{name}.{TOTAL}"][5] == pytest.approx(expected, rel=1e-12)
+    replayed = again.replay(tmp_path / "out", table["run_id"][5])
+    assert replayed.errors.equals(direct.errors)
+    found = study.study_of(tmp_path / "out")
+    assert found.points == made.points
+    assert found.with_replicates(3).receivers == ("ekf", "sequential")
+    text = as_toml(found.tables())
+    (tmp_path / "again.toml").write_text(text)
+    assert study.load(tmp_path / "again.toml").points == made.points
+
+    chosen = of_choices(made, table, f"ekf.{TOTAL}")
+    assert chosen.factors == ("gps", "boat", "estimator")
+    assert len(chosen.table) == 4 * 2 * 2
+    row = chosen.table.set_index(["replicate", *chosen.factors]).loc[2, "rtk_fixed", "rib", "ekf"]
+    mine = table[(table.replicate == 2) & (table.gps == "rtk_fixed") & (table.boat == "rib")]
+    assert row[TOTAL] == mine[f"ekf.{TOTAL}"].max()  # the worst sea
+    assert row["lost"] == mine["ekf.lost"].mean()
+
+
+@pytest.mark.parametrize(("combine", "expected"), [("average", 2.0), ("all", 3.0)])
+def test_conditions_are_put_together_and_a_missing_one_is_missed(
+    combine: str, expected: float
+) -> None:
+    made = small(conditions={"sea": {**SEA, "combine": combine}}, replicates=1)
+    points = len(made.points.values)
+    values = np.array(made.points.values, object)
+    table = pd.DataFrame({
+        "point": np.arange(1, points + 1), "replicate": 1,
+        **{name: values[:, i] for i, name in enumerate(made.varied)},
+        f"ekf.{TOTAL}": np.repeat([1.0, 2.0, 3.0], 4),
+        "ekf.availability": np.repeat([0.5, 0.6, 0.7], 4),
+    })  # fmt: skip
+    table.loc[5, f"ekf.{TOTAL}"] = np.nan
+    chosen = of_choices(made, table, f"ekf.{TOTAL}").table
+    assert chosen[f"ekf.{TOTAL}"].tolist() == pytest.approx(
+        [expected, np.nan, expected, expected], nan_ok=True
+    )
+    available = of_choices(made, table, "ekf.availability").table["ekf.availability"]
+    assert available.tolist() == pytest.approx([0.6 if combine == "average" else 0.5] * 4)
+    assert "availability" in RESPONSES
+
+
+def test_averages_are_taken_before_the_worst() -> None:
+    made = small(
+        factors={"gps": GPS},
+        conditions={"sea": {"keys": ["platform.beaufort"], "levels": [2, 4], "combine": "all"},
+                    "boat": BOAT},
+    )  # fmt: skip
+    values = np.array(made.points.values, object)
+    table = pd.DataFrame({
+        "point": np.arange(1, 9), "replicate": 1,
+        **{name: values[:, i] for i, name in enumerate(made.varied)},
+        f"ekf.{TOTAL}": [1.0, 0, 5.0, 0, 2.0, 0, 3.0, 0],  # gps changes fastest, then the sea
+    })  # fmt: skip
+    chosen = of_choices(made, table, f"ekf.{TOTAL}").table
+    assert chosen[f"ekf.{TOTAL}"].tolist() == [4.0, 0.0]  # not 3.5, the average of the worst
+
+
+@pytest.mark.parametrize("beacons", [(3, 4), (4, 6)])
+def test_the_number_of_beacons_may_be_a_factor(tmp_path: Path, beacons: tuple[int, int]) -> None:
+    made = study.load({
+        "scenario": "paper-scenario-1", "replicates": 2, "fixed": {"time": {"duration_s": 5.0}},
+        "factors": {"beacons": {"keys": ["platform.beacons"], "levels": [*beacons]},
+                    "arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}},
+    })  # fmt: skip
+    table = made.run(tmp_path / "out")
+    assert table["error"].isna().all()
+    run = table.iloc[3]
+    direct = sblcosim.run("paper-scenario-1", overrides={
+        "time.duration_s": 5.0, "platform.beacons": beacons[1], "platform.arm_length_m": 3.0,
+        "seed": int(run["seed"]),
+    })  # fmt: skip
+    assert direct.record.values["platform.beacon_position"].shape[1] == beacons[1]
+    assert run[f"ekf.{TOTAL}"] == pytest.approx(
+        direct.errors.loc["ekf", "absolute", "total"].rms_m, rel=1e-12
+    )
+
+
+PROBLEMS = [
+    ({"factors": {"gps": {**GPS, "levels": ["sbas", "sbas"]}}}, "that differ, got 'sbas' twice"),
+    ({"factors": {"gps": {**GPS, "levels": ["sbas", "rtk"]}}}, "platform.gps_grade: must be"),
+    ({"factors": {"gps": GPS}, "design": {"kind": "full"}}, "must have numbers as levels in this"),
+    ({"factors": {"b": {**BOAT, "keys": ["platform.beacons"]}}}, "keys: must not be there with"),
+    ({"factors": {"b": {"levels": {"rib": {"platform.arm": 1}, "x": {}}}}}, "no key 'platform.a"),
+    ({"factors": {"b": {"levels": {"rb": {}, "x": {}}}}}, "must have at least one key, got none"),
+    ({"factors": {"b": {"levels": {"rib": 1, "ship": 2}}}}, "must be a table of tables of keys"),
+    ({"factors": {"b": {"levels": {"rib": "rib.toml", "x": {}}}}}, "levels: rib: .*rib.toml"),
+    ({"factors": {"r": {"keys": ["receivers"], "levels": ["ekf", "cupled"]}}}, "mean 'coupled'"),
+    ({"factors": {"r": {"keys": ["receivers"], "levels": ["ekf", "ekf"]}}}, "differ, got 'ekf' tw"),
+    ({"factors": {"r": {"keys": ["receivers"], "levels": 3}}}, "must be an array of receivers"),
+    ({"receivers": ["ekf"], "factors": {"r": {"keys": ["receivers"], "levels": ["ekf", "raw"]}}},
+     "receivers: must not be given beside the factor r"),
+    ({"factors": {"gps": GPS, "r": {"keys": ["receivers", "platform.beaufort"], "levels": [1, 2]}}},
+     "receivers must be the only key of one factor"),
+    ({"conditions": {"gps": SEA}}, "conditions.gps"),
+    ({"conditions": {"sea": {**SEA, "combine": "worst"}}}, "must be 'average' or 'all'"),
+    ({"conditions": {"sea": {**GPS, "levels": ["sbas", "rtk_float"]}}}, "must belong to one"),
+    ({"design": {"kind": "grid", "points": 5}}, "points: must be at most 4, got 5 of 4 combinat"),
+    ({"design": {"kind": "grid", "points": 1}}, "points: must be enough for every level, got gps"),
+    ({"design": {"kind": "full", "points": 3}, "factors": {"sea": {**SEA, "levels": [2, 3]}}},
+     "kind: must be 'grid' with points"),
+    ({"design": {"kind": "grid", "centre_points": 1}}, "centre_points: must be 0 for kind 'grid'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), PROBLEMS)
+def test_what_is_wrong_with_a_grid_is_said_in_one_line(
+    changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        small(**changes)
+    assert "\n" not in str(caught.value)
