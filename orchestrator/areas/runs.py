@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, instance, shortened
 from ..results.responses import Percentile
 from ..results.sums import responses
 from ..scenario.scenario import Scenario, Source
@@ -218,8 +218,13 @@ def check_times(duration_s: float, settling_s: float) -> None:
     ConfigurationError
         A time is out of range.
     """
-    if not 0 < duration_s < np.inf:
-        raise ConfigurationError(f"map duration: must be more than 0 s, got {duration_s!r}")
+    for name, value in (("duration", duration_s), ("settling", settling_s)):
+        if not isinstance(value, int | float) or not 0 <= value < np.inf:
+            raise ConfigurationError(
+                f"map {name}: must be a time from 0 s on, got {shortened(instance(value))}"
+            )
+    if duration_s == 0:
+        raise ConfigurationError("map duration: must be more than 0 s, got 0")
     if not 0 <= settling_s < duration_s or nanoseconds(settling_s) >= nanoseconds(duration_s):
         raise ConfigurationError(
             f"map settling: must be from 0 s to less than the duration ({duration_s:g} s), got "
