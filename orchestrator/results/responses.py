@@ -118,6 +118,11 @@ class Response:
         self.origin, self.sha256 = origin, sha256
 
     @property
+    def in_lanes(self) -> bool:
+        """Whether the lanes master has it, so that it needs no record."""
+        return False
+
+    @property
     def unit(self) -> str:
         """Unit, or an empty string."""
         return unit_of(self.name)
@@ -155,6 +160,10 @@ class Percentile(Response):
             needs=OWN_PORT if frame == "own_relative" else "",
         )
         self.length, self.percentage = length, percentage
+
+    @property
+    def in_lanes(self) -> bool:
+        return self.length in LENGTHS
 
     def __reduce__(self) -> Any:
         return Percentile, (self.length, self.percentage)
