@@ -18,7 +18,8 @@ from ..scenario.schema import SEED
 from ..simulation.isolation import Children
 from ..study import study
 from ..study.batch import reduced
-from ..study.campaign import Campaign, Point, Run, prepare
+from ..study.campaign import Campaign, Run, prepare
+from ..study.groups import Point
 from .grid import Grid
 
 Floats = NDArray[np.float64]
