@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
+    from .areas.result import AreaMap
+    from .areas.survey import map_area
     from .comparison.budget import budget
     from .comparison.many import run_many
     from .comparison.tournament import compare
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "AreaMap",
     "ConfigurationError",
     "Depth",
     "Estimate",
@@ -54,6 +57,7 @@ __all__ = [
     "export_ssp",
     "limits",
     "load",
+    "map_area",
     "receivers",
     "research",
     "run",
@@ -68,6 +72,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
     _get, __dir__ = lazy.names(
         __name__,
         {
+            "AreaMap": "areas.result",
             "ConfigurationError": "errors",
             "Depth": "simulation.receiver",
             "Estimate": "simulation.receiver",
@@ -89,6 +94,7 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "export_ssp": "export.ssp",
             "limits": "",
             "load": "scenario.scenario",
+            "map_area": "areas.survey",
             "receivers": "listings",
             "research": "",
             "run": "api",

@@ -5,7 +5,7 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from . import simulate, tournament, studies, budgets, components, export, schemas
+from . import simulate, tournament, areas, studies, budgets, components, export, schemas
 from .base import app
 
 

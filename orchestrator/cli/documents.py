@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, create_model
 
 from ..scenario.json_schema import Plainly
+from .area_documents import Map
 from .budget_documents import Budget
 from .document import Claimed, Document, Entry, Number, Part
 from .study_documents import Advice, Analysis, Studies, Study
@@ -297,6 +298,7 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "replay": Run,
     "plan": Plan,
     "calibrate": Calibration,
+    "map": Map,
     "scenarios": Scenarios,
     "receivers": Receivers,
     "study": Study,

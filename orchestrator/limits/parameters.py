@@ -63,6 +63,15 @@ def beacons_of(p: Any) -> Floats:
     return offsets
 
 
+def own_beacon(scenario: Scenario) -> bool:
+    """Whether a packet tells the receiver where its own beacon is, and nothing else."""
+    coupled = scenario.receiver.type == "coupled"
+    return bool(
+        scenario.acoustics.packet_content == "own_beacon"
+        or (coupled and scenario.receiver.pose_source == "own_beacon")
+    )
+
+
 def spread_of(beacons: Floats) -> float:
     """½ Σ|b − b̄|² of the horizontal arms [m²]; 2 b² for a cross."""
     arms = beacons[:, :2] - beacons[:, :2].mean(0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,13 +42,46 @@ def path_psd(time_s: Floats, velocity: Floats, noise_density: float) -> float:
     if len(t) < 3 or noise_density <= 0:
         return 0.0
     step = float(np.median(np.diff(t)))
-    q = _FIRST_PSD
-    for _ in range(_PASSES):
-        tau = (noise_density / q) ** 0.25 if q > 0 else longest
-        tau = min(max(tau, step), longest)
+
+    def change(tau: Any) -> Any:
         starts = t[t <= t[-1] - tau]
-        change = sum(
+        return np.mean(sum(
             (np.interp(starts + tau, t, v) - np.interp(starts, t, v)) ** 2 for v in velocity.T[:2]
-        )
-        q = float(np.mean(change) / (2 * tau))
+        ))
+
+    return float(_fixed_point(change, noise_density, step, longest))
+
+
+def circle_psd(speed: float, radius: float, noise_density: Floats, duration_s: float) -> Floats:
+    """q of a circle at constant speed, as `path_psd`: E|Δv_h(τ)|² = 4v² sin²(vτ/2R).
+
+    Parameters
+    ----------
+    speed, radius
+        v [m/s] and R [m].
+    noise_density
+        As of `path_psd` [m² s]; any shape.
+    duration_s
+        Of a run [s]; no filter remembers more than half of it.
+    """
+
+    def change(tau: Any) -> Any:
+        return (2 * speed * np.sin(speed * tau / (2 * radius))) ** 2
+
+    known = np.isfinite(noise_density) & (noise_density > 0)
+    density = np.where(known, noise_density, 1.0)
+    q: Floats = np.where(known, _fixed_point(change, density, 0.0, duration_s / 2), 0.0)
+    return q
+
+
+def _fixed_point(
+    change: Callable[[Any], Any], noise_density: Any, shortest: float, longest: float
+) -> Any:
+    """q = change(τ)/2τ with τ = (noise density/q)^¼, of one path or of several; 0 for v = 0."""
+    q: Any = np.full(np.shape(noise_density), _FIRST_PSD)
+    for _ in range(_PASSES):
+        moving = q > 0
+        tau = np.where(moving, (noise_density / np.where(moving, q, 1.0)) ** 0.25, longest)
+        tau = np.clip(tau, shortest, longest)
+        q = change(tau) / (2 * tau)
     return q

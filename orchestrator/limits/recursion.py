@@ -78,7 +78,13 @@ class Rows:
 
 
 def rows_of(
-    p: Any, truth: Truth, heard: Floats, depth: Floats, beacons: Floats, own_beacon: bool = False
+    p: Any,
+    truth: Truth,
+    heard: Floats,
+    depth: Floats,
+    beacons: Floats,
+    own_beacon: bool = False,
+    poses: Floats | None = None,
 ) -> Rows:
     """The measurements of all epochs at the true states.
 
@@ -94,6 +100,8 @@ def rows_of(
         Nominal positions, body frame [m]; (N, 3).
     own_beacon
         A packet tells where its own beacon is, and nothing else of the platform.
+    poses
+        Packets with the platform's pose, if it is not one at most; (n,).
     """
     n = len(truth.position)
     x: list[Any] = [np.zeros(n)] * STATES
@@ -109,7 +117,7 @@ def rows_of(
 
     measured: list[tuple[Any, Floats]] = [(surroundings.depth(p, x), depth)]
     if not own_beacon:
-        packet = heard.max(axis=1, initial=0)
+        packet = heard.max(axis=1, initial=0) if poses is None else poses
         measured += [(m, packet) for m in surroundings.places(np, p, x, (0.0, 0.0))]
         measured.append((surroundings.heading(np, p, x), packet))
     for body, received in zip(beacons, heard.T, strict=True):

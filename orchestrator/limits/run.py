@@ -17,7 +17,7 @@ from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record, epochs_ns
 from . import field
-from .parameters import STOCHASTIC, beacons_of, conditions, parameters
+from .parameters import STOCHASTIC, beacons_of, conditions, own_beacon, parameters
 from .path import path_psd
 from .recursion import Truth, covariances, marginals, prior, rows_of, transition
 from .verdict import Limits, limits_of
@@ -122,11 +122,9 @@ def of_run(
     at = np.unique(estimates_ns[(start <= estimates_ns) & (estimates_ns <= stop)])
     if len(record) + len(at) > 2 * MOST_EPOCHS:
         return None
-    own = scenario.acoustics.packet_content == "own_beacon" or (
-        scenario.receiver.type == "coupled" and scenario.receiver.pose_source == "own_beacon"
-    )
     return reference(
-        record, scenario, acceleration_psd=acceleration_psd, own_beacon=own, at_ns=at
+        record, scenario, acceleration_psd=acceleration_psd, own_beacon=own_beacon(scenario),
+        at_ns=at,
     )
 
 

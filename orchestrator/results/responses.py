@@ -118,6 +118,11 @@ class Response:
         self.origin, self.sha256 = origin, sha256
 
     @property
+    def in_lanes(self) -> bool:
+        """Whether the lanes master has it, so that it needs no record."""
+        return False
+
+    @property
     def unit(self) -> str:
         """Unit, or an empty string."""
         return unit_of(self.name)
@@ -130,6 +135,38 @@ class Response:
 
     def __repr__(self) -> str:
         return f"<response {self.name}{f' from {self.origin}' if self.origin else ''}>"
+
+
+class Percentile(Response):
+    """An order statistic of the lengths of a run's errors.
+
+    Attributes
+    ----------
+    length
+        ``FRAME_horizontal`` or ``FRAME_total``; the lanes master has those in `LENGTHS`.
+    percentage
+        1 to 100.
+    """
+
+    def __init__(self, length: str, percentage: int) -> None:
+        frame, _, what = length.rpartition("_")
+        words = (
+            f"{what} error's {percentage}th percentile" if percentage < 100
+            else f"largest {what} error"
+        )
+        super().__init__(
+            f"{length}_{percentile_column(percentage)}", f"{words}{_BESIDE[frame]} in a run",
+            partial(_percentile, length, percentage),
+            needs=OWN_PORT if frame == "own_relative" else "",
+        )
+        self.length, self.percentage = length, percentage
+
+    @property
+    def in_lanes(self) -> bool:
+        return self.length in LENGTHS
+
+    def __reduce__(self) -> Any:
+        return Percentile, (self.length, self.percentage)
 
 
 def unit_of(column: str) -> str:
@@ -253,13 +290,8 @@ _BESIDE = {
 
 def _percentiles(lengths: Iterable[str]) -> Iterator[Response]:
     for length in lengths:
-        frame, _, what = length.rpartition("_")
-        beside, needs = _BESIDE[frame], OWN_PORT if frame == "own_relative" else ""
         for p in PERCENTAGES:
-            words = f"{what} error's {p}th percentile" if p < 100 else f"largest {what} error"
-            name = f"{length}_{percentile_column(p)}"
-            text = f"{words}{beside} in a run"
-            yield Response(name, text, partial(_percentile, length, p), needs=needs)
+            yield Percentile(length, p)
 
 
 def _time_to_first_fix(run: Run) -> float:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
-from ..results.definitions import PERCENTAGES, TRUTH, percentile_column
+from ..results.definitions import TRUTH
+from ..results.responses import Percentile, value_of
 from ..results.responses import Run as Observed
-from ..results.responses import value_of
 from ..results.sums import PORTS, responses, sums_of
 from ..simulation import execution
 from ..simulation.isolation import Children
@@ -67,11 +68,7 @@ def simulate(
         def report(part: float, passed: int = passed, share: int = share) -> None:
             progress((passed + part * share) / work)
 
-        results = (
-            _side_by_side(campaign, group, mine, workers, report, children)
-            if group.in_lanes
-            else _one_by_one(campaign, group, mine, workers, master, report, children)
-        )
+        results = reduced(campaign, group, mine, workers, master, report, children)
         sums[rows], extra[rows] = results[:2]
         durations[rows] = group.plan.stop_ns - group.plan.start_ns
         for i, error in zip(rows, results[2], strict=True):
@@ -94,6 +91,21 @@ def _of_function(campaign: Campaign, runs: Sequence[Run], model: StandIn) -> pd.
 Reduced = tuple[Floats, Floats, list[str | None]]
 """Results of some runs: the sums (runs, receivers, sums), the extra responses that the study
 requests (runs, receivers, responses), and an error message or None for each run."""
+
+
+def reduced(
+    campaign: Campaign,
+    group: Group,
+    runs: Sequence[Run],
+    workers: int | None,
+    master: str | None,
+    progress: Callable[[float], None],
+    children: Children,
+) -> Reduced:
+    """Simulate some runs of one group."""
+    if group.in_lanes:
+        return _side_by_side(campaign, group, runs, workers, progress, children)
+    return _one_by_one(campaign, group, runs, workers, master, progress, children)
 
 
 def _nothing(campaign: Campaign, runs: int) -> Reduced:
@@ -119,15 +131,16 @@ def _side_by_side(
     seeds = np.array([r.seed for r in runs])
     variations: dict[str, Any] = {f"{name}.seed": seeds for name in campaign.seeded}
     variations |= {name: values[at] for name, values in group.values.items()}
-    asked = [response.name for response in campaign.study.asked]
-    lengths = [n for n in LENGTHS if any(name.startswith(f"{n}_") for name in asked)]
+    asked = [(r.length, r.percentage) for r in campaign.study.asked if isinstance(r, Percentile)]
+    lengths = [n for n in LENGTHS if any(length == n for length, _ in asked)]
+    percentages = sorted({percentage for _, percentage in asked})
     try:
         outcome = lanes.execute(
             group.plan,
             variations,
             handovers=campaign.handovers,
             settling_ns=campaign.study.settling_ns,
-            percentages=PERCENTAGES if lengths else (),
+            percentages=percentages,
             lengths=lengths,
             threads=workers,
             progress=progress,
@@ -145,8 +158,8 @@ def _side_by_side(
     sums = np.stack([outcome.sums[label] for label in campaign.receivers], axis=1)
     if lengths:
         order = np.stack([outcome.order[label] for label in campaign.receivers], axis=1)
-        names = [f"{n}_{percentile_column(p)}" for n in lengths for p in PERCENTAGES]
-        at = [names.index(r.name) for r in campaign.study.asked]
+        columns = [*product(lengths, percentages)]
+        at = [columns.index(pair) for pair in asked]
         extra = order.reshape(*order.shape[:2], -1)[:, :, at]
     # The other masters name the error and stop at it, and a record contains the whole truth.
     doubtful = sums[:, :, [SUMS.index("broken"), SUMS.index("unjudged")]] > 0

@@ -25,7 +25,7 @@ from ..errors import (
     SblcosimError,
     check_choice,
 )
-from ..results.responses import PERCENTILES, Response
+from ..results.responses import Response
 from ..scenario import effects
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
@@ -65,7 +65,7 @@ class Campaign:
     """
 
     study: Definition
-    points: tuple[Point, ...]
+    points: Sequence[Point]
     groups: tuple[Group, ...]
     receivers: tuple[str, ...]
     seeded: tuple[str, ...]
@@ -184,7 +184,7 @@ def prepare(
         )
     ]
     _check_effects(study, points)
-    alone = [r.name for r in study.asked if r.name not in PERCENTILES]
+    alone = [r.name for r in study.asked if not r.in_lanes]
     if alone and master == "lanes":
         raise ConfigurationError(
             f"master: must not be lanes with a response that needs a record, got {alone[0]}"
@@ -232,8 +232,9 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
                 f"s), got {study.settling_time_s}"
             )
     except SblcosimError as error:
-        point = f"{study.name}: point {number} ({study.at(number)})"
-        lines = [f"{point}: {line}" for line in str(error).splitlines()]
+        levels = study.at(number)
+        point = f": point {number} ({levels})" if levels else ""
+        lines = [f"{study.name}{point}: {line}" for line in str(error).splitlines()]
         raise type(error)("\n".join(lines)) from None
     return scenario, system, plan
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from ..errors import ConfigurationError, instance, shortened
+from ..results.responses import Response
 from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario import library
 from ..scenario.reading import check_values, parse, read_text, shown
@@ -111,7 +112,7 @@ def shipped() -> tuple[str, ...]:
 
 def load(
     source: str | Path | Mapping[str, Any],
-    responses: Sequence[str | Callable[..., Any]] = (),
+    responses: Sequence[str | Callable[..., Any] | Response] = (),
     receivers: Sequence[Source] = (),
 ) -> Study:
     """Read a study and check it.

@@ -27,6 +27,9 @@ from sblcosim.analysis import (
     workflow,
 )
 from sblcosim.analysis import figures as effect_figures
+from sblcosim.areas import figures as area_figures
+from sblcosim.areas import result as area_result
+from sblcosim.areas.grid import Grid
 from sblcosim.comparison import (
     budget_figures,
     budget_result,
@@ -56,6 +59,15 @@ GENERAL = general.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
+AREA = area_result.AreaMap(
+    sblcosim.load("paper-scenario-1"), "ekf",
+    {"limit_m": None, "error": "absolute_total", "runs": 1, "settling_s": 0.0, "duration_s": 1.0},
+    "rests", Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0),
+    pd.DataFrame(dict.fromkeys(
+        ("runs", "p95_m", "std_error_m", "lost_share", "possible_p95_m", "accuracy", "hdop"),
+        [1.0] * 4,
+    )).astype({"accuracy": bool}), {}, np.zeros((4, 3)), None,
+)  # fmt: skip
 RANGE_TEST = (np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2), (0.0, 1.0))
 CALIBRATED = calibrate.CalibrationResult(
     {}, calibrate.SoundSpeed(1.0, 0.0), 0.0, calibrate.SoundSpeed(1.0, 0.0), 0.0, 0.0, 1.0, 0.0,
@@ -104,6 +116,11 @@ CALLS: dict[str, Any] = {
     "results.result.Result.plot_errors frame": RESULT.plot_errors,
     "results.result.Result.plot_inclination theme": RESULT.plot_inclination,
     "results.catalogue.Job.axes theme": catalogue.Job("x", figures.plot_path, (RECORD, {})).axes,
+    "areas.figures.plot_map theme": partial(area_figures.plot_map, AREA),
+    "areas.figures.plot_certainty theme": partial(area_figures.plot_certainty, AREA),
+    "areas.result.AreaMap.plot theme": AREA.plot,
+    "areas.result.AreaMap.save other": partial(AREA.save, "nowhere", figures=False),
+    "areas.result.AreaMap.save theme": partial(AREA.save, "nowhere", figures=False),
     "artifacts.check other": partial(artifacts.check, Path("nowhere")),
     "artifacts.draft other": lambda other: artifacts.draft("nowhere", {}, other).__enter__(),
     "artifacts.place_for other": partial(artifacts.place_for, Path("nowhere"), {}),
@@ -179,6 +196,7 @@ CALLS |= {
     for name in ("typ", "transform", "seeding")
 }
 ELSEWHERE = {
+    "areas.figures.plot_narrow theme": "areas.figures.plot_map",
     "analysis.sensitivity.of_table transform": "analysis.sensitivity.indices",
     "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",

@@ -1,0 +1,20 @@
+"""The water around a platform: what error a receiver has where, and what is possible there.
+
+>>> found = sblcosim.map_area("realistic-dive", "60x60", 5.0, limit_m=4.0)  # doctest: +SKIP
+>>> found.save("runs/map")                                                   # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .. import lazy
+
+if TYPE_CHECKING:
+    from .result import AreaMap
+    from .survey import map_area
+
+__all__ = ["AreaMap", "map_area"]
+
+if not TYPE_CHECKING:  # a checker would take any name for one of ours
+    __getattr__, __dir__ = lazy.names(__name__, {"AreaMap": "result", "map_area": "survey"})

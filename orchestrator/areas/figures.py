@@ -1,0 +1,222 @@
+"""Figures of an area: its cells coloured, the platform, and where the requirement is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from ..layout import meters
+from ..results.definitions import Floats
+from ..results.drawing import LINE, short
+from ..style import SMALL, Theme, ThemeName, new_figure, use
+from .result import MANY_LOST, AreaMap
+from .survey import NEAR
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = "viridis_r"
+"""Perceptually uniform, and in order for colour-blind readers; dark is bad."""
+_RATIO = 6.0
+"""Beyond this ratio of largest to least, colours follow the logarithm."""
+_WIDE, _NARROW = 3.2, 3.6
+"""Width of a panel [inch]."""
+
+
+def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
+    """The receiver's 95 % error, what is possible, and HDOP; the first two in the same colours.
+
+    Parameters
+    ----------
+    narrow
+        Panels one above the other, for a narrow page.
+    """
+    with use(theme) as look:
+        receiver, possible, hdop = (found.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
+        norm = _norm(receiver, possible)
+        figure, axes = _panels(found, 3, narrow)
+        first, second, third = axes
+        shown = _cells(first, found, receiver, norm)
+        _cells(second, found, possible, norm)
+        dilution = _cells(third, found, hdop, _norm(hdop))
+        handles = [_beacons(ax, found) for ax in axes][:1]
+        handles += _requirement(first, found, receiver)
+        _requirement(second, found, possible, band=False)
+        lost = f"more than {MANY_LOST:.0%} of the runs lost"
+        handles += _hatched(first, found, found.of("lost_share") > MANY_LOST, lost)
+        handles += _hatched(second, found, found.of("accuracy") == 0, "no accuracy is possible",
+                            look)
+        first.set_title(short(found.receiver), loc="left")
+        second.set_title("possible", loc="left")
+        third.set_title("HDOP", loc="left")
+        what = found.settings["error"].replace("_", " ")
+        _bar(figure, shown, [first, second], f"95 % of the {what} errors within [m]", narrow)
+        _bar(figure, dilution, [third], "HDOP: error per m of a range's", narrow)
+        _legend(figure, handles, 1 if narrow else 3)
+    return axes
+
+
+def plot_narrow(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
+    """`plot_map` with panels one above the other."""
+    return plot_map(found, narrow=True, theme=theme)
+
+
+def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
+    """The standard error of the receiver's 95 % error, as a share of it, and the lost runs."""
+    with use(theme):
+        with np.errstate(invalid="ignore"):
+            share = 100 * found.of("std_error_m") / found.of("p95_m")
+        figure, axes = _panels(found, 2, narrow=False)
+        maps = (share, 100 * found.of("lost_share"))
+        labels = ("standard error of the 95 % error [%]", "lost runs [%]")
+        for ax, values, label in zip(axes, maps, labels, strict=True):
+            known = values[np.isfinite(values)]
+            top = max(float(known.max(initial=0.0)), 1.0)
+            _bar(figure, _cells(ax, found, values, Normalize(0.0, top)), [ax], label, False)
+        handles = [_beacons(ax, found) for ax in axes][:1]
+        handles += _requirement(axes[0], found, found.of("p95_m"))
+        axes[0].set_title(short(found.receiver), loc="left")
+        _legend(figure, handles, 2)
+    return axes
+
+
+def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes]]:
+    """Maps of equal size and scale, side by side or one above the other."""
+    grid = found.grid
+    height, width = (high - low for low, high in (grid.north, grid.east))
+    side = _NARROW if narrow else _WIDE
+    high = min(max(side * height / width, 0.8), 1.8 * side)
+    size = (side + 1.5, count * (high + 0.45) + 0.5) if narrow else (
+        count * side + 0.9, high + 1.5
+    )
+    figure = new_figure(*size)
+    rows, columns = (count, 1) if narrow else (1, count)
+    axes = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+    for ax in axes:
+        ax.set(xlim=grid.east, ylim=grid.north, aspect="equal")
+        ax.grid(visible=False)
+        ax.xaxis.set_major_locator(MaxNLocator(5))
+        ax.yaxis.set_major_locator(MaxNLocator(5))
+    for ax in axes[-1:] if narrow else axes:
+        ax.set_xlabel("East y [m]")
+    for ax in axes if narrow else axes[:1]:
+        ax.set_ylabel("North x [m]")
+    return figure, axes
+
+
+def _norm(*maps: Floats) -> Normalize:
+    """Colours for some maps alike."""
+    values = np.concatenate([m[np.isfinite(m)] for m in maps])
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    if low > 0 and high > _RATIO * low:
+        return LogNorm(low, high)
+    return Normalize(low, high if high > low else low + 1.0)
+
+
+def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
+    grid = found.grid
+    east, north = (
+        np.linspace(*bounds, count + 1)
+        for bounds, count in ((grid.east, grid.columns), (grid.north, grid.rows))
+    )
+    return ax.pcolormesh(
+        east, north, np.ma.masked_invalid(values), norm=norm, cmap=COLOURS, rasterized=True
+    )
+
+
+def _requirement(
+    ax: Axes, found: AreaMap, values: Floats, *, band: bool = True
+) -> list[Any]:
+    """The contour of the requirement, and those of two standard errors about it."""
+    limit, (north, east) = found.limit_m, found.grid.axes
+    if limit is None:
+        return []
+    outline: list[patheffects.AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=2.6, foreground="#ffffff")
+    ]
+    how: dict[str, Any] = {"colors": "#000000", "levels": [limit]}
+    name = f"95 % within {meters(limit)}"
+    handles = [Line2D([], [], color="#000000", lw=1.4, path_effects=outline, label=name)]
+    around = NEAR * found.of("std_error_m")
+    with np.errstate(invalid="ignore"):
+        sides: Sequence[Floats] = (values - around, values + around) if band else ()
+    for side in sides:
+        if _crosses(side, limit):
+            ax.contour(east, north, np.ma.masked_invalid(side), linewidths=0.8,
+                       linestyles="dashed", **how).set(
+                path_effects=[patheffects.withStroke(linewidth=1.8, foreground="#ffffff")]
+            )
+    if band:
+        handles.append(Line2D([], [], color="#000000", lw=0.8, ls="dashed", path_effects=outline,
+                              label=f"the same ± {NEAR:g} standard errors"))
+    if _crosses(values, limit):
+        line = ax.contour(east, north, np.ma.masked_invalid(values), linewidths=1.4, **how)
+        line.set(path_effects=outline)
+        for text in ax.clabel(line, fmt=meters(limit), fontsize=SMALL):
+            text.set_path_effects(outline)
+    return handles
+
+
+def _crosses(values: Floats, limit: float) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and bool(known.min() < limit < known.max())
+
+
+def _hatched(
+    ax: Axes, found: AreaMap, where: Any, label: str, look: Theme | None = None
+) -> list[Any]:
+    """Cells that need a word of their own; hatched in ink on paper, or in black on colours."""
+    if not np.any(where):
+        return []
+    hatch, colour, paper = ("....", "#000000", "#9a9a9a")
+    if look is not None:
+        hatch, colour, paper = ("////", look.ink, look.paper)
+    # Four points in the corners of each cell: so contours follow its edges.
+    inside = np.array([-0.499, 0.499])
+    east, north = (
+        (middles[:, None] + inside * size).ravel()
+        for middles, size in zip(found.grid.axes[::-1], found.grid.size[::-1], strict=True)
+    )
+    flags = np.repeat(np.repeat(np.asarray(where, float), 2, axis=0), 2, axis=1)
+    ax.contourf(
+        east, north, flags, levels=[0.5, 1.5], colors="none", hatches=[hatch]
+    ).set(edgecolor=colour, linewidth=0.0)
+    return [Patch(facecolor=paper, edgecolor=colour, hatch=hatch, label=label)]
+
+
+def _beacons(ax: Axes, found: AreaMap) -> Any:
+    north, east, _ = found.beacons.T
+    (handle,) = ax.plot(
+        east, north, ls="", marker="^", ms=5, color="#000000", mfc="#ffffff", label="beacons",
+        zorder=5,
+    )
+    return handle
+
+
+def _bar(figure: Figure, shown: Any, axes: list[Axes], label: str, narrow: bool) -> None:
+    bar = figure.colorbar(
+        shown, ax=axes, location="right" if narrow else "bottom", label=label, aspect=30,
+        shrink=0.9,
+    )
+    if isinstance(shown.norm, LogNorm):
+        bar.locator = LogLocator(subs=(1.0, 2.0, 3.0, 5.0))
+        bar.minorlocator = NullLocator()
+        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
+        bar.update_ticks()
+        bar.long_axis.set_minor_formatter(NullFormatter())
+    bar.outline.set_linewidth(0.6)
+
+
+def _legend(figure: Figure, handles: list[Any], columns: int) -> None:
+    """A legend above the panels, which the figure grows by."""
+    rows = -(-len(handles) // columns)
+    figure.set_figheight(figure.get_figheight() + LINE * 1.2 * rows)
+    figure.legend(handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.3)

@@ -1,0 +1,122 @@
+"""How the diver of a cell moves: in a circle about its middle, at a constant depth and speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, pi
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models.target.variables import COMPONENT as TARGET
+
+from ..errors import ConfigurationError, instance, shortened
+from ..scenario.scenario import Scenario, load
+from ..scenario.schema import PRIOR_KEYS
+from ..scenario.tracks import FILE_KEYS
+
+Floats = NDArray[np.float64]
+
+RADIUS = 3.0
+"""Of the circle [m]: at 0.3 m/s a turn takes a minute."""
+_WITHOUT_SPEED = ("file", "white_noise_acceleration")
+_NOISE = ("seed", "stream")
+_MOST_TURNS = float(TARGET["turns"].max or 0)
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Motion of a diver, clockwise.
+
+    Attributes
+    ----------
+    radius, speed
+        [m], [m/s].
+    """
+
+    radius: float
+    speed: float
+
+    def position(self, centres: Floats, time_s: float) -> Floats:
+        """Where divers are that began in the north of their circles, NED [m]; as ``centres``."""
+        angle = self.speed * time_s / self.radius
+        offset: Floats = self.radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+        return centres + offset
+
+    def __str__(self) -> str:
+        return (
+            f"circles clockwise about the middle of the cell, radius {self.radius:g} m, at "
+            f"{self.speed:g} m/s, each time from another bearing"
+        )
+
+
+def circle_of(
+    scenario: Scenario, radius: float, speed: float | None, duration_s: float
+) -> Circle:
+    """The motion, at the scenario's own speed unless another one is given.
+
+    Raises
+    ------
+    ConfigurationError
+        The radius or the speed is out of range, or the scenario has no speed.
+    """
+    trajectory = scenario.target.trajectory
+    if speed is None and trajectory in _WITHOUT_SPEED:
+        raise ConfigurationError(
+            f"map speed: must be given, as the diver of {scenario.name} has none that is constant "
+            f"(trajectory {trajectory!r}), and circles in each cell instead"
+        )
+    v = scenario.target.speed_m_s if speed is None else speed
+    for name, value in (("radius", radius), ("speed", v)):
+        low, high, unit = TARGET[name].min or 0, TARGET[name].max or 0, TARGET[name].unit
+        if not isinstance(value, int | float) or not isfinite(value) or not low <= value <= high:
+            raise ConfigurationError(
+                f"map {name}: must be from {low:g} to {high:g} {unit}, got "
+                f"{shortened(instance(value))}"
+            )
+    if v * duration_s > 2 * pi * radius * _MOST_TURNS:
+        raise ConfigurationError(
+            f"map radius: must be large enough for at most {_MOST_TURNS:g} turns in {duration_s:g} "
+            f"s at {v:g} m/s, got {radius:g} m"
+        )
+    return Circle(float(radius), float(v))
+
+
+def circling(scenario: Scenario, circle: Circle, depth: float, duration_s: float) -> Scenario:
+    """The scenario with that motion, about the origin, for a time [s].
+
+    Raises
+    ------
+    ConfigurationError
+        The target is somebody else's, or the receiver begins at a place that is given.
+    """
+    if scenario.target.fmu is not None:
+        raise ConfigurationError(
+            f"{scenario.where('target', 'fmu')}: must be left out for a map, whose divers move in "
+            f"circles, got {scenario.target.fmu}"
+        )
+    for key in PRIOR_KEYS:
+        if getattr(scenario.receiver, key, None) is not None and not scenario.true_prior and (
+            key in scenario.receiver.model_fields_set
+        ):
+            raise ConfigurationError(
+                f"{scenario.where('receiver', key)}: must be left out for a map, or be that of "
+                "each cell (prior = 'true'), got one for all"
+            )
+    tables = scenario.given()
+    turns = circle.speed * duration_s / (2 * pi * circle.radius)
+    tables["target"] = {
+        key: value for key, value in tables.get("target", {}).items() if key not in _path_keys()
+    } | {
+        "trajectory": "circle", "center_m": [0.0, 0.0], "radius_m": circle.radius,
+        "speed_m_s": circle.speed, "turns": min(1.01 * turns + 0.01, _MOST_TURNS),
+        "depth_start_m": depth, "depth_end_m": depth,
+    }
+    tables["time"] = tables.get("time", {}) | {"duration_s": duration_s}
+    return load(tables)
+
+
+def _path_keys() -> set[str]:
+    """Keys that say where the diver goes."""
+    own = {v.key for v in TARGET.of("parameter") if v.needs and v.name not in _NOISE}
+    return own | {"trajectory", *FILE_KEYS}
+

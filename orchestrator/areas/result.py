@@ -1,0 +1,243 @@
+"""The map of an area: its cells, in words, as a table, as figures, and on Earth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .. import artifacts, style
+from ..layout import meters
+from ..lazy import Module
+from ..results.catalogue import Figure, by_name, jobs
+from ..scenario.scenario import Scenario
+from ..shown import Picture, Shown, verbatim
+from ..tracks.place import Origin
+from . import contours
+from .grid import Grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = NDArray[np.float64]
+
+TABLE, GEOJSON = "cells", "contours.geojson"
+MANY_LOST = 0.05
+"""Share of lost runs that the 95 % of a cell does not show."""
+_figures = Module("sblcosim.areas.figures")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AreaMap(Shown):
+    """The 95 % error of a receiver over an area, beside what is possible there.
+
+    Attributes
+    ----------
+    scenario
+        What was simulated: the given scenario, with a diver who circles about the origin; in a
+        cell, about its middle.
+    receiver
+        Its label.
+    settings
+        The arguments of `map_area`, with all defaults, as plain data.
+    motion
+        How the diver moves, in words.
+    grid
+        The cells.
+    cells
+        A row per cell, rows of the area from south to north, each from west to east: ``north_m``,
+        ``east_m``, ``depth_m`` of its middle; ``runs``; ``p95_m`` and its ``std_error_m``, infinite
+        where more than 5 % of the runs have no estimate; ``lost_share`` and ``availability``, of
+        its own runs; ``possible_p95_m``, what is possible, missing where ``accuracy`` is false, as
+        there is none; ``hdop``.
+    failures
+        Messages of runs that have failed, with their number.
+    beacons
+        In still water, NED [m]; (N, 3).
+    origin
+        On Earth, if the scenario says where it is.
+    """
+
+    scenario: Scenario
+    receiver: str
+    settings: Mapping[str, Any]
+    motion: str
+    grid: Grid
+    cells: pd.DataFrame
+    failures: Mapping[str, int]
+    beacons: Floats
+    origin: Origin | None
+
+    @property
+    def limit_m(self) -> float | None:
+        """The requirement [m]."""
+        limit: float | None = self.settings["limit_m"]
+        return limit
+
+    def of(self, column: str) -> Floats:
+        """A column of the cells as a map; (rows, columns), the first row in the south."""
+        return self.cells[column].to_numpy(np.float64).reshape(self.grid.shape)
+
+    def plot(
+        self, theme: style.ThemeName = "light", *, narrow: bool = False
+    ) -> Picture:
+        """The receiver, what is possible and the dilution of precision; see `figures.plot_map`."""
+        axes: list[Axes] = _figures.plot_map(self, narrow=narrow, theme=theme)
+        return Picture(axes)
+
+    def geojson(self) -> dict[str, Any] | None:
+        """The contours on Earth (RFC 7946), if the scenario says where it is.
+
+        Lines of equal error, and with a limit the polygons in which it is kept.
+        """
+        if self.origin is None:
+            return None
+        maps = {
+            self.receiver: self.cells["p95_m"].to_numpy(np.float64),
+            "possible": self.cells["possible_p95_m"].to_numpy(np.float64),
+        }
+        return contours.geojson(self.grid, maps, self.limit_m, self.origin)
+
+    def summary(self) -> dict[str, Any]:
+        """Numbers over all cells; those of no cell are NaN."""
+        cells, limit = self.cells, self.limit_m
+        known = cells[np.isfinite(cells["p95_m"])]
+        lost = float((cells["lost_share"] * cells["runs"]).sum() / cells["runs"].sum())
+        relative = known["std_error_m"] / known["p95_m"]
+        found: dict[str, Any] = {
+            "runs": int(cells["runs"].sum()),
+            "extra_runs": int(cells["runs"].sum()) - self.grid.count * self.settings["runs"],
+            "p95_m": _three(known["p95_m"]),
+            "std_error_share": _three(relative[np.isfinite(relative)]),
+            "possible_p95_m": _three(cells["possible_p95_m"].dropna()),
+            "lost_share": lost,
+            "cells_with_many_lost": int((cells["lost_share"] > MANY_LOST).sum()),
+            "cells_without_estimate": int((~np.isfinite(cells["p95_m"])).sum()),
+            "cells_without_accuracy": int((~cells["accuracy"]).sum()),
+            "within_share": None, "possible_within_share": None,
+        }  # fmt: skip
+        if limit is not None:
+            found["within_share"] = float((cells["p95_m"] <= limit).mean())
+            found["possible_within_share"] = float((cells["possible_p95_m"] <= limit).mean())
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the cells as plain data."""
+        plain: dict[str, Any] = artifacts.plain(
+            {
+                "scenario_name": self.scenario.name, "receiver": self.receiver,
+                "settings": self.settings, "motion": self.motion, "summary": self.summary(),
+                "failures": self.failures,
+            }
+        )
+        return plain
+
+    def save(
+        self,
+        directory: str | Path,
+        theme: style.ThemeName = "light",
+        *,
+        figures: bool = True,
+        other: artifacts.Other = "refuse",
+    ) -> Path:
+        """Write cells, figures, contours and manifest into a folder; see `sblcosim.Result.save`."""
+        style.named(theme)
+        manifest = {"map": self.to_json(), "scenario": self.scenario.dump_toml()}
+        with artifacts.draft(directory, manifest, other) as draft:
+            artifacts.write_table(self.cells, draft.folder, TABLE)
+            on_earth = self.geojson()
+            if on_earth is not None:
+                text = json.dumps(on_earth, allow_nan=False)
+                (draft.folder / GEOJSON).write_text(f"{text}\n", "utf-8")
+            for job in jobs(FIGURES, self) if figures else ():
+                job.save(draft.folder, theme)
+        return Path(directory).with_name(draft.path.name)
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        s, found = self.settings, self.summary()
+        what = s["error"].replace("_", " ")
+        yield (
+            f"{self.receiver}: 95 % of the {what} errors within {_range(found['p95_m'])}; "
+            f"{_errors(found['std_error_share'])}"
+        )
+        yield f"possible: within {_range(found['possible_p95_m'])}"
+        if self.limit_m is not None:
+            yield (
+                f"within {meters(self.limit_m)}: {found['within_share']:.0%} of the area, possible "
+                f"in {found['possible_within_share']:.0%}"
+            )
+        yield (
+            f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
+            f"{MANY_LOST:.0%} in {_cells(found['cells_with_many_lost'])}"
+        )
+        if found["cells_without_accuracy"]:
+            yield (
+                f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "
+                "around the platform fit"
+            )
+        if found["cells_without_estimate"]:
+            yield f"more than 5 % without an estimate in {_cells(found['cells_without_estimate'])}"
+        for message, count in self.failures.items():
+            yield f"{count:,} runs have failed: {message}"
+        rows, columns = self.grid.shape
+        north, east = self.grid.size
+        extra = f", and {found['extra_runs']:,} more near the limit" if found["extra_runs"] else ""
+        yield (
+            f"{rows} × {columns} cells of {north:g} m × {east:g} m at a depth of "
+            f"{self.grid.depth:g} m, {s['runs']} runs in each{extra}; neighbours are pooled"
+        )
+        yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
+              f"{s['duration_s']:g} s"
+
+    def _gist(self) -> str:
+        return f"of {self.receiver}, {self.grid.count:,} cells"
+
+    def _repr_html_(self) -> str:
+        return verbatim(str(self))
+
+
+def _three(values: pd.Series[float]) -> list[float]:
+    """Least, median and largest."""
+    if not len(values):
+        return [np.nan] * 3
+    return [float(values.min()), float(values.median()), float(values.max())]
+
+
+def _range(three: list[float]) -> str:
+    low, middle, high = map(meters, three)
+    return f"{low} to {high} (median {middle})"
+
+
+def _errors(three: list[float]) -> str:
+    if not np.isfinite(three[1]):
+        return "standard errors unknown"
+    return f"standard error {three[1]:.1%} (median), {three[2]:.1%} at most"
+
+
+def _cells(count: int) -> str:
+    return "no cell" if count == 0 else "1 cell" if count == 1 else f"{count:,} cells"
+
+
+def _caption(found: AreaMap) -> str:
+    return str(found)
+
+
+def _data(found: AreaMap) -> tuple[Any, ...]:
+    return (found,)
+
+
+FIGURES: Mapping[str, Figure[AreaMap]] = by_name(
+    Figure("map", _figures.later("plot_map"), _data, _caption),
+    Figure("map_narrow", _figures.later("plot_narrow"), _data, _caption),
+    Figure("certainty", _figures.later("plot_certainty"), _data, _caption),
+)
+"""The figures in a map's folder."""

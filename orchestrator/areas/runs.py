@@ -1,0 +1,233 @@
+"""The runs of cells, and what is kept of each: order statistics of its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.fmus.host.nanoseconds import nanoseconds
+
+from ..errors import ConfigurationError, instance, shortened
+from ..results.responses import Percentile
+from ..results.sums import responses
+from ..scenario.scenario import Scenario, Source
+from ..scenario.schema import SEED
+from ..simulation.isolation import Children
+from ..study import study
+from ..study.batch import reduced
+from ..study.campaign import Campaign, Run, prepare
+from ..study.groups import Point
+from .grid import Grid
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+PERCENTAGES = tuple(range(5, 100, 10))
+"""Of the order statistics that stand for a run's errors: the middles of ten parts of equal size."""
+_TOGETHER = 100_000
+"""Runs whose sums are in memory at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Some runs.
+
+    Attributes
+    ----------
+    cell
+        Index of each run's cell; (runs,).
+    lengths
+        Order statistics of the lengths of its errors [m], infinite without an estimate; (runs,
+        len(PERCENTAGES)).
+    lost
+        Whether it is lost, broken or without an estimate; (runs,).
+    availability
+        Share of the time with a valid estimate; (runs,).
+    """
+
+    cell: Integers
+    lengths: Floats
+    lost: Flags
+    availability: Floats
+
+    def __add__(self, other: Sample) -> Sample:
+        return Sample(*(
+            np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("cell", "lengths", "lost", "availability")
+        ))
+
+
+class Simulator:
+    """Runs of a receiver in the cells of a grid; each run has a seed that no other one has.
+
+    Parameters
+    ----------
+    scenario
+        Whose diver circles about the origin; see `motion.circling`.
+    error
+        Which length, of `sblcosim.simulation.masters.lanes_driver.LENGTHS`.
+
+    Attributes
+    ----------
+    receiver
+        Its label.
+    failures
+        Messages of runs that have failed, each with their number.
+    """
+
+    def __init__(
+        self, scenario: Scenario, receiver: Source | None, grid: Grid, error: str, settling_s: float
+    ) -> None:
+        self.grid, self.base = grid, scenario
+        definition = study.load(
+            {
+                "name": "map", "scenario": scenario.given(), "settling_time_s": settling_s,
+                "design": {"kind": "single"},
+            },
+            responses=[Percentile(error, p) for p in PERCENTAGES],
+            receivers=() if receiver is None else (receiver,),
+        )
+        self.campaign = prepare(definition)
+        if len(self.campaign.receivers) != 1:
+            raise ConfigurationError(
+                "map receiver: must be one that a study can have, got none beside the raw fix"
+            )
+        (self.receiver,) = self.campaign.receivers
+        self.failures: dict[str, int] = {}
+
+    @property
+    def in_lanes(self) -> bool:
+        """Whether many runs go side by side."""
+        return self.campaign.groups[0].in_lanes
+
+    def seeds(self, cell: Integers, replicate: Integers) -> Integers:
+        """Seed of each run; replicates count from 0."""
+        seeds = self.base.seed + replicate * self.grid.count + cell
+        last = int(seeds.max(initial=0))
+        if SEED.max is not None and last > SEED.max:
+            raise ConfigurationError(
+                f"map seed: must leave room for all runs below {int(SEED.max)}, got "
+                f"{self.base.seed} with {last - self.base.seed + 1} seeds"
+            )
+        return seeds
+
+    def bearings(self, cell: Integers, replicate: Integers) -> Floats:
+        """Where on the circle each run begins [rad]."""
+        found = np.empty(len(cell))
+        for number in np.unique(replicate).tolist():
+            draw = np.random.Generator(np.random.Philox(key=[self.base.seed, number]))
+            some = replicate == number
+            found[some] = draw.uniform(-np.pi, np.pi, self.grid.count)[cell[some]]
+        return found
+
+    def run(
+        self,
+        cell: Integers,
+        replicate: Integers,
+        workers: int | None,
+        progress: Callable[[float], None],
+    ) -> Sample:
+        """Simulate runs; the result depends neither on their order nor on the workers.
+
+        Raises
+        ------
+        ConfigurationError
+            All of them have failed.
+        """
+        sample: Sample | None = None
+        total = len(cell)
+        with Children(patience_s=self.campaign.step_timeout) as children:
+            for first in range(0, total, _TOGETHER):
+                some = slice(first, first + _TOGETHER)
+                share = len(cell[some]) / total
+
+                def told(part: float, done: float = first / total, share: float = share) -> None:
+                    progress(done + part * share)
+
+                more = self._part(cell[some], replicate[some], workers, told, children)
+                sample = more if sample is None else sample + more
+        assert sample is not None
+        return sample
+
+    def _part(
+        self,
+        cell: Integers,
+        replicate: Integers,
+        workers: int | None,
+        progress: Callable[[float], None],
+        children: Children,
+    ) -> Sample:
+        values: dict[str, Floats] = {
+            "target.center": self.grid.centres[cell, :2],
+            "target.heading": self.bearings(cell, replicate),
+        }
+        group = replace(
+            self.campaign.groups[0], values=values, places={i: i for i in range(len(cell))}
+        )
+        points = _Points(self.campaign.points[0], values)
+        campaign: Campaign = replace(self.campaign, points=points, groups=(group,))
+        runs = [Run(i, 1, seed, "") for i, seed in enumerate(self.seeds(cell, replicate).tolist())]
+        sums, extra, errors = reduced(campaign, group, runs, workers, None, progress, children)
+        failed = [error for error in errors if error is not None]
+        for message in failed:
+            self.failures[message] = self.failures.get(message, 0) + 1
+        if len(failed) == len(runs):
+            raise ConfigurationError(f"map: a run must not fail, got in all of them: {failed[0]}")
+        judged = responses(sums[:, 0], group.plan.stop_ns - group.plan.start_ns)
+        lost = (judged["lost"] | judged["broken"] | (judged["estimates"] == 0)).to_numpy(bool)
+        lengths = np.where(np.isnan(extra[:, 0]), np.inf, extra[:, 0])
+        return Sample(cell, lengths, lost, judged["availability"].to_numpy(float))
+
+
+class _Points(Sequence[Point]):
+    """A point for each run, made when a run goes alone."""
+
+    def __init__(self, point: Point, values: Mapping[str, Floats]) -> None:
+        self._point, self._values = point, values
+
+    def __len__(self) -> int:
+        return len(next(iter(self._values.values())))
+
+    @overload
+    def __getitem__(self, index: int) -> Point: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Point]: ...
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        specs = dict(self._point.system.components)
+        for name, values in self._values.items():
+            component, _, parameter = name.partition(".")
+            value = values[index].tolist()
+            given = tuple(value) if isinstance(value, list) else value
+            specs[component] = replace(
+                specs[component],
+                parameters={**specs[component].parameters, parameter: given},
+            )
+        return replace(self._point, system=replace(self._point.system, components=specs))
+
+
+def check_times(duration_s: float, settling_s: float) -> None:
+    """Refuse a run that is over before errors count.
+
+    Raises
+    ------
+    ConfigurationError
+        A time is out of range.
+    """
+    for name, value in (("duration", duration_s), ("settling", settling_s)):
+        if not isinstance(value, int | float) or not 0 <= value < np.inf:
+            raise ConfigurationError(
+                f"map {name}: must be a time from 0 s on, got {shortened(instance(value))}"
+            )
+    if duration_s == 0:
+        raise ConfigurationError("map duration: must be more than 0 s, got 0")
+    if not 0 <= settling_s < duration_s or nanoseconds(settling_s) >= nanoseconds(duration_s):
+        raise ConfigurationError(
+            f"map settling: must be from 0 s to less than the duration ({duration_s:g} s), got "
+            f"{settling_s!r}"
+        )

@@ -1,0 +1,240 @@
+"""Simulate the cells of an area, and more of them where the requirement is met or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sblcosim.fmus.read.ports import Fmu
+
+from ..errors import ConfigurationError, check_choice, instance, shortened
+from ..limits.places import still_beacons
+from ..scenario.overrides import Changes
+from ..scenario.scenario import Scenario, Source, load
+from ..scenario.schema import CORE_COMPONENTS
+from ..scenario.tracks import origin_of
+from ..simulation.masters.lanes_driver import LENGTHS
+from .grid import Area, Cells, Grid, grid_of
+from .motion import RADIUS, circle_of, circling
+from .pooling import Pooled, pooled
+from .possible import Possible, possible
+from .result import AreaMap
+from .runs import Sample, Simulator, check_times
+
+Integers = NDArray[np.int64]
+
+CELLS, RUNS, DURATION, SETTLING = 60, 20, 60.0, 20.0
+"""Along the longer side; in a cell; of a run, and until errors count [s]."""
+MOST_ALONE = {"Python": 2_000, "FMU": 20_000}
+"""Runs of receivers that do not go side by side: a run takes tenths of a second in Python."""
+NEAR = 2.0
+"""Standard errors within which a cell is near the requirement."""
+_EXTRA, _MOST_EXTRA = 4, 3
+"""There are up to a fourth of the first runs more, in a cell up to three times as many."""
+_FIRST_PART, _LAST_PART = 0.1, 0.9
+"""Shares of the progress when the first runs begin, and when the last have ended."""
+
+
+def map_area(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    area: Area,
+    depth: float,
+    receiver: Source | None = None,
+    overrides: Changes = (),
+    *,
+    limit_m: float | None = None,
+    cells: Cells = CELLS,
+    runs: int = RUNS,
+    error: str = "absolute_total",
+    duration_s: float = DURATION,
+    settling_s: float = SETTLING,
+    radius_m: float = RADIUS,
+    speed_m_s: float | None = None,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> AreaMap:
+    """The 95 % error of a receiver over an area, beside what is possible there.
+
+    In each cell a diver circles about its middle, run by run from another bearing and with other
+    noise than in all other runs. The errors of all epochs and runs make one distribution, pooled
+    with those of neighbouring cells (`sblcosim.areas.pooling`); its 95th percentile is the number
+    of the cell. With a limit, a second round of runs goes to the cells whose interval of two
+    standard errors has the limit in it: up to a fourth of those of the first round.
+
+    Parameters
+    ----------
+    scenario, overrides
+        As in `sblcosim.run`.
+    area
+        ``"60x60"``, north and east [m], about the middle of the beacons, or bounds
+        ``"-10,50,0,60"``: north from, north to, east from, east to [m]; or these numbers.
+    depth
+        Of the diver [m].
+    receiver
+        A name, an FMU file, ``"file.py:Class"`` or a class; None: the scenario's own. Our own run
+        many at a time; those of others go one by one, so there can be fewer (`MOST_ALONE`).
+    limit_m
+        The requirement [m], for its contour.
+    cells
+        Number of cells along the longer side, or ``"40x60"``: north and east.
+    runs
+        In each cell, in the first round.
+    error
+        Which length: ``absolute_total``, ``absolute_horizontal``, ``relative_total`` or
+        ``relative_horizontal``.
+    duration_s, settling_s
+        Length of a run, and the time until its errors count [s].
+    radius_m, speed_m_s
+        Of the circle [m], and the diver's speed [m/s]; None: that of the scenario.
+    workers
+        Threads; the result does not depend on them. None: all cores.
+    progress
+        Called with the completed share, 0 to 1.
+
+    Raises
+    ------
+    ConfigurationError
+        An argument is out of range, or the scenario cannot be simulated with such a diver.
+    FmuError
+        An FMU cannot be built or is broken.
+    """
+    told = progress or _silent
+    given = load(scenario, overrides)
+    check_choice("map error", error, LENGTHS)
+    check_times(duration_s, settling_s)
+    _check(given, limit_m, runs, workers)
+    circle = circle_of(given, radius_m, speed_m_s, duration_s)
+    grid = grid_of(area, depth, cells, still_beacons(given).mean(0)[:2].tolist())
+    moving = circling(given, circle, grid.depth, duration_s)
+    simulator = Simulator(moving, receiver, grid, error, settling_s)
+    _check_work(simulator, grid.count * runs)
+    span_s = (settling_s, duration_s)
+    best = possible(moving, grid, circle, error, span_s, workers)
+    told(_FIRST_PART)
+    sample, found = _surveyed(simulator, best, runs, limit_m, workers, told)
+    settings = {
+        "area_m": [*grid.north, *grid.east], "depth_m": grid.depth, "cells": [*grid.shape],
+        "runs": runs, "error": error, "limit_m": limit_m, "duration_s": duration_s,
+        "settling_s": settling_s, "radius_m": circle.radius, "speed_m_s": circle.speed,
+        "seed": given.seed,
+    }  # fmt: skip
+    told(1.0)
+    return AreaMap(
+        scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
+        grid=grid, cells=_table(grid, sample, found, best), failures=simulator.failures,
+        beacons=still_beacons(given), origin=origin_of(moving.place),
+    )  # fmt: skip
+
+
+def _surveyed(
+    simulator: Simulator,
+    best: Possible,
+    runs: int,
+    limit_m: float | None,
+    workers: int | None,
+    told: Callable[[float], None],
+) -> tuple[Sample, Pooled]:
+    """The runs of both rounds, and what they say."""
+    grid, seed = simulator.grid, simulator.base.seed
+    first = grid.count * runs
+    most = first + (0 if limit_m is None else first // _EXTRA)
+    done = 0
+
+    def part(share: float, count: int) -> None:
+        told(_FIRST_PART + (_LAST_PART - _FIRST_PART) * (done + share * count) / most)
+
+    every = np.arange(first)
+    sample = simulator.run(
+        every % grid.count, every // grid.count, workers, lambda share: part(share, first)
+    )
+    found = pooled(sample, best.percentile, grid.shape, seed, workers)
+    if limit_m is not None:
+        cell, replicate = _more(found, limit_m, runs, first // _EXTRA)
+        if len(cell):
+            done = first
+            more = simulator.run(cell, replicate, workers, lambda share: part(share, len(cell)))
+            sample += more
+            found = pooled(sample, best.percentile, grid.shape, seed, workers)
+    return sample, found
+
+
+def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
+    """Cells and replicates of the second round, the nearest to the limit first."""
+    with np.errstate(invalid="ignore"):
+        away = np.abs(found.percentile - limit_m) / found.std_error
+    near = np.flatnonzero(away <= NEAR)
+    near = near[np.argsort(away[near], kind="stable")]
+    if not len(near) or not most:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    each = min(max(most // len(near), 1), _MOST_EXTRA * runs)
+    chosen = np.sort(near[: most // each])
+    replicates = np.arange(runs, runs + each)
+    return np.tile(chosen, each), np.repeat(replicates, len(chosen))
+
+
+def _table(grid: Grid, sample: Sample, found: Pooled, best: Possible) -> pd.DataFrame:
+    """One row per cell."""
+    runs = np.bincount(sample.cell, minlength=grid.count)
+
+    def mean(values: Any) -> Any:
+        return np.bincount(sample.cell, values, grid.count) / runs
+
+    north, east, depth = grid.centres.T
+    return pd.DataFrame(
+        {
+            "north_m": north, "east_m": east, "depth_m": depth, "runs": runs,
+            "p95_m": found.percentile, "std_error_m": found.std_error,
+            "lost_share": mean(sample.lost.astype(np.float64)),
+            "availability": mean(sample.availability),
+            "possible_p95_m": np.where(best.accuracy, best.percentile, np.nan),
+            "accuracy": best.accuracy, "hdop": best.hdop,
+        }
+    )  # fmt: skip
+
+
+def _check(
+    scenario: Scenario, limit_m: float | None, runs: int, workers: int | None
+) -> None:
+    """Refuse numbers out of range, and components of others."""
+    if limit_m is not None and not (isinstance(limit_m, int | float) and 0 < limit_m < np.inf):
+        raise ConfigurationError(
+            f"map limit: must be more than 0 m, got {shortened(instance(limit_m))}"
+        )
+    for name, value in (("runs", runs), ("workers", workers)):
+        if value is not None and (not isinstance(value, int) or value < 1):
+            raise ConfigurationError(
+                f"map {name}: must be a whole number of at least 1, got "
+                f"{shortened(instance(value))}"
+            )
+    for name in CORE_COMPONENTS:
+        if getattr(scenario, name).fmu is not None:
+            raise ConfigurationError(
+                f"{scenario.where(name, 'fmu')}: must be left out for a map, which knows what is "
+                f"possible for our own components only, got {getattr(scenario, name).fmu}"
+            )
+        if "seed" in getattr(scenario, name).model_fields_set:
+            raise ConfigurationError(
+                f"{scenario.where(name, 'seed')}: must be left out for a map, whose cells do not "
+                f"share their noise, got {getattr(scenario, name).seed}"
+            )
+
+
+def _check_work(simulator: Simulator, runs: int) -> None:
+    """Refuse more runs of somebody's receiver than end in reasonable time."""
+    if simulator.in_lanes:
+        return
+    components = simulator.campaign.groups[0].plan.components
+    kind = "FMU" if all(isinstance(c.source, Fmu) for c in components) else "Python"
+    if runs > MOST_ALONE[kind]:
+        raise ConfigurationError(
+            f"map cells: must be so few that there are at most {MOST_ALONE[kind]:,} runs of a "
+            f"receiver that goes one by one ({kind}), got {runs:,}"
+        )
+
+
+def _silent(share: float) -> None:
+    """Ignore progress."""

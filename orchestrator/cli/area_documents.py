@@ -1,0 +1,65 @@
+"""What ``sblcosim map --json`` prints."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .document import Document, Number, Part
+
+
+class MapSettings(Part):
+    """What was asked for."""
+
+    area_m: list[float]
+    """North from and to, east from and to."""
+    depth_m: float
+    cells: list[int]
+    """Rows and columns."""
+    runs: int
+    """In each cell, in the first round."""
+    error: Literal[
+        "absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal"
+    ]
+    limit_m: Number
+    """The requirement; null without one."""
+    duration_s: float
+    settling_s: float
+    radius_m: float
+    speed_m_s: float
+    seed: int
+
+
+class MapSummary(Part):
+    """Numbers over all cells; three are the least, the median and the largest."""
+
+    runs: int
+    extra_runs: int
+    """Of these, near the requirement."""
+    p95_m: list[Number]
+    std_error_share: list[Number]
+    """Standard error of the 95 % error, as a share of it."""
+    possible_p95_m: list[Number]
+    lost_share: float
+    cells_with_many_lost: int
+    """With more than 5 % of their runs lost."""
+    cells_without_estimate: int
+    """Where more than 5 % have no estimate, so that there is no 95 % error."""
+    cells_without_accuracy: int
+    """Where no accuracy is possible."""
+    within_share: Number
+    """Share of the cells within the requirement; null without one."""
+    possible_within_share: Number
+
+
+class Map(Document):
+    """The 95 % error of a receiver over an area; the cells are in the folder's cells.csv."""
+
+    scenario_name: str
+    receiver: str
+    settings: MapSettings
+    motion: str
+    """How the diver moves."""
+    summary: MapSummary
+    failures: dict[str, int]
+    """Messages of runs that have failed, with their number."""
+    folder: str

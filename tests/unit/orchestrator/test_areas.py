@@ -1,0 +1,615 @@
+"""Maps of the error of a receiver over an area."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+import geojson
+import numpy as np
+import pandas as pd
+import pymap3d
+import pytest
+import sblcosim
+import sblcosim.cli
+from matplotlib.text import Text
+from sblcosim.areas import contours, figures, motion, pooling, result, runs, survey
+from sblcosim.areas.grid import Grid, grid_of
+from sblcosim.areas.possible import possible
+from sblcosim.cli import areas as command
+from sblcosim.cli.area_documents import MapSettings
+from sblcosim.errors import ConfigurationError
+from sblcosim.limits import lengths, places, recursion
+from sblcosim.limits.parameters import beacons_of, own_beacon, parameters
+from sblcosim.limits.path import circle_psd, path_psd
+from sblcosim.limits.run import reference
+from sblcosim.results.responses import Percentile, Run, value_of
+from sblcosim.simulation.masters.lanes_driver import LENGTHS
+from scipy.interpolate import RegularGridInterpolator
+from typer.testing import CliRunner
+
+SHORT: dict[str, Any] = {"duration_s": 12.0, "settling_s": 6.0}
+RECEIVER = '''
+from sblcosim import Estimate, Receiver
+
+
+class Mine(Receiver):
+    """Says the same place always."""
+
+    def update(self, samples):
+        return Estimate(epoch=samples[-1].epoch, position=(0.0, 0.0, 5.0)) if samples else None
+'''
+
+
+def surveyed(**options: Any) -> result.AreaMap:
+    return sblcosim.map_area(
+        "realistic-dive", "40x60", 5.0, **{"cells": "4x6", "runs": 3, **SHORT, **options}
+    )
+
+
+@pytest.fixture(scope="module")
+def found() -> result.AreaMap:
+    """A map with a requirement, whose scenario is somewhere on Earth."""
+    place = {"place.latitude_deg": 43.1, "place.longitude_deg": 10.2, "place.height_m": 40.0}
+    return surveyed(runs=8, limit_m=4.0, overrides=place)
+
+
+# --- Cells ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("area", ["40x60", "-18,22,-29,31", (40, 60), [-18.0, 22.0, -29, 31]])
+@pytest.mark.parametrize("cells", ["4x6", (4, 6), 6])
+def test_cells_of_an_area(area: Any, cells: Any) -> None:
+    grid = grid_of(area, 5.0, cells, (2.0, 1.0))
+    assert (grid.north, grid.east, grid.shape) == ((-18.0, 22.0), (-29.0, 31.0), (4, 6))
+    assert grid.size == (10.0, 10.0)
+    np.testing.assert_allclose(grid.centres[[0, 1, 6, 23]], [
+        [-13, -24, 5], [-13, -14, 5], [-3, -24, 5], [17, 26, 5],
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"area": "0x60"}, "map area: must have a size of more than 0 m both ways, got 0 m north"),
+        ({"area": "5,-5,0,9"}, "map area: must have a size of more than 0 m both ways"),
+        ({"area": "60"}, "map area: must be NORTHxEAST in m, e.g. 60x60, or its bounds"),
+        ({"area": "1,2,3,x"}, "map area: must be NORTHxEAST in m"),
+        ({"area": "40000x5"}, "map area: must be within 10 km of the platform, got 20 km"),
+        ({"depth": -1.0}, "map depth: must be a depth below the surface from 0 to 11000 m, got -1"),
+        ({"depth": 12e3}, "map depth: must be a depth below the surface"),
+        ({"cells": 1.5}, "map cells: must be a whole number along the longer side"),
+        ({"cells": "1x9"}, "map cells: must be at least 2 each way and 40,000 in all, got 1 north"),
+        ({"cells": 300}, "map cells: must be at least 2 each way and 40,000 in all"),
+        ({"limit_m": 0.0}, "map limit: must be more than 0 m, got 0.0"),
+        ({"limit_m": -3}, "map limit: must be more than 0 m, got -3"),
+        ({"settling_s": 12.0}, "map settling: must be from 0 s to less than the duration (12 s)"),
+        ({"settling_s": -1.0}, "map settling: must be a time from 0 s on, got -1.0"),
+        ({"duration_s": "long"}, "map duration: must be a time from 0 s on, got 'long'"),
+        ({"duration_s": 0.0}, "map duration: must be more than 0 s"),
+        ({"runs": 0}, "map runs: must be a whole number of at least 1, got 0"),
+        ({"workers": 0}, "map workers: must be a whole number of at least 1, got 0"),
+        ({"error": "absolut_total"}, "map error: must be absolute_horizontal or absolute_total"),
+        ({"radius_m": 0.0}, "map radius: must be from 0.01 to 100000 m, got 0.0"),
+        ({"speed_m_s": 30.0}, "map speed: must be from 0 to 20 m/s, got 30.0"),
+        ({"radius_m": 0.01, "speed_m_s": 20.0}, "map radius: must be large enough for at most"),
+        ({"receiver": "cupled"}, "receiver: must be ekf, "),
+        (
+            {"overrides": {"target.trajectory": "white_noise_acceleration"}},
+            "map speed: must be given, as the diver of realistic-dive has none that is constant",
+        ),
+        (
+            {"overrides": {"platform.seed": 4}},
+            "override platform.seed: must be left out for a map, whose cells do not share",
+        ),
+        (
+            {"overrides": {
+                "receiver.initialisation": "prior", "receiver.prior_position_m": [1, 2, 3],
+            }},
+            "override receiver.prior_position_m: must be left out for a map",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_mapped_is_refused_in_one_line(change: dict[str, Any], words: str) -> None:
+    options = {"area": "40x40", "depth": 5.0, "cells": 2, "runs": 2, **SHORT} | change
+    area, depth = options.pop("area"), options.pop("depth")
+    with pytest.raises(ConfigurationError) as caught:
+        sblcosim.map_area("realistic-dive", area, depth, **options)
+    assert str(caught.value).startswith(words)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recorded_track_has_no_speed_and_one_can_be_given(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t},{t},{t / 2},5" for t in range(0, 60, 5))
+    (tmp_path / "dive.csv").write_text(f"time_s,north_m,east_m,down_m\n{rows}\n")
+    (tmp_path / "dive.toml").write_text(
+        '[target]\ntrajectory = "file"\ntrack_file = "dive.csv"\n'
+    )
+    options: dict[str, Any] = {"cells": 2, "runs": 1, **SHORT}
+    with pytest.raises(ConfigurationError, match=r"map speed: must be given.*'file'"):
+        sblcosim.map_area(tmp_path / "dive.toml", "20x20", 5.0, **options)
+    found = sblcosim.map_area(tmp_path / "dive.toml", "20x20", 5.0, speed_m_s=0.4, **options)
+    assert found.settings["speed_m_s"] == 0.4
+
+
+# --- Runs ----------------------------------------------------------------------------------------
+
+
+def simulator(grid: Grid, seed: int = 1, receiver: Any = None) -> runs.Simulator:
+    given = sblcosim.load("realistic-dive", {"seed": seed})
+    circle = motion.Circle(3.0, 0.3)
+    return runs.Simulator(
+        motion.circling(given, circle, 5.0, 12.0), receiver, grid, "absolute_total", 6.0
+    )
+
+
+GRID = Grid((-20.0, 20.0), (-30.0, 30.0), 4, 6, 5.0)
+
+
+def test_the_map_depends_neither_on_workers_nor_on_when_it_is_made(found: result.AreaMap) -> None:
+    again = surveyed(runs=8, limit_m=4.0, workers=1)
+    pd.testing.assert_frame_equal(again.cells, found.cells, check_exact=True)
+    other = surveyed(runs=8, limit_m=4.0, overrides={"seed": 500})
+    assert (other.cells["p95_m"] != found.cells["p95_m"]).all()
+
+
+def test_no_two_runs_share_their_noise() -> None:
+    one = simulator(GRID)
+    cell, replicate = np.tile(np.arange(GRID.count), 4), np.repeat(np.arange(4), GRID.count)
+    assert len(set(one.seeds(cell, replicate).tolist())) == len(cell)
+    assert len(set(one.bearings(cell, replicate).tolist())) == len(cell)
+    # Divers at one and the same place, in cells of no size: only noise can tell their runs apart.
+    dot = Grid((9.0, 9.0), (2.0, 2.0), 4, 6, 5.0)
+    still = simulator(dot)
+    still.bearings = lambda cell, replicate: np.zeros(len(cell))  # type: ignore[method-assign]
+    sample = still.run(cell, replicate, 2, lambda share: None)
+    assert len(np.unique(sample.lengths, axis=0)) == len(cell)
+    rows = np.log(sample.lengths[:, 5].reshape(4, -1))
+    correlation = np.corrcoef(rows[:, np.isfinite(rows).all(axis=0)])
+    assert np.abs(correlation - np.eye(4)).max() < 0.75  # 24 cells: 0.2 is one standard deviation
+
+
+def test_a_run_is_the_same_whatever_others_there_are() -> None:
+    cell, replicate = np.array([3, 17, 3, 20]), np.array([0, 1, 5, 2])
+    every = simulator(GRID).run(cell, replicate, 2, lambda share: None)
+    alone = simulator(GRID).run(cell[2:3], replicate[2:3], 1, lambda share: None)
+    np.testing.assert_array_equal(alone.lengths[0], every.lengths[2])
+
+
+def test_a_run_of_a_cell_is_that_of_its_scenario() -> None:
+    one = simulator(GRID)
+    cell, replicate = np.array([13]), np.array([2])
+    sample = one.run(cell, replicate, 1, lambda share: None)
+    bearing = float(one.bearings(cell, replicate)[0])
+    record = sblcosim.run(
+        one.base, overrides={
+            "seed": int(one.seeds(cell, replicate)[0]), "target.heading_deg": np.rad2deg(bearing),
+            "target.center_m": GRID.centres[13, :2].tolist(),
+        },
+    ).record  # fmt: skip
+    path = record.values["target.position"]
+    away = path[:, :2] - GRID.centres[13, :2]
+    np.testing.assert_allclose(np.hypot(*away.T), 3.0)
+    assert (path[:, 2] == 5.0).all()
+    np.testing.assert_allclose(np.arctan2(*away[0, ::-1]), bearing, rtol=1e-9)
+    steps = np.hypot(*np.diff(path[:, :2], axis=0).T) / np.diff(record.time_ns) * 1e9
+    np.testing.assert_allclose(steps, 0.3, rtol=1e-2)
+    seen = Run(record, "coupled", 6_000_000_000)
+    expected = [value_of(Percentile("absolute_total", p), seen) for p in runs.PERCENTAGES]
+    np.testing.assert_array_equal(sample.lengths[0], expected)
+
+
+def test_the_circle_of_the_bound_is_that_of_the_runs() -> None:
+    one = simulator(GRID)
+    record = sblcosim.run(one.base).record
+    for row in (0, 5, len(record) - 1):
+        where = motion.Circle(3.0, 0.3).position(np.array([[0.0, 0, 5]]), record.time_ns[row] / 1e9)
+        np.testing.assert_allclose(record.values["target.position"][row], where[0], atol=1e-9)
+
+
+def test_a_receiver_of_the_user_runs_too_if_there_are_few_runs(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(RECEIVER)
+    mine = f"{tmp_path / 'mine.py'}:Mine"
+    found = surveyed(receiver=mine, cells=2, runs=2)
+    away = np.hypot(found.cells["north_m"], found.cells["east_m"])
+    assert found.receiver == "Mine"
+    np.testing.assert_allclose(found.cells["p95_m"], away, atol=5.0)  # pooled, and a circle of 3 m
+    with pytest.raises(ConfigurationError, match=r"map cells: .* at most 2,000 runs .*Python"):
+        surveyed(receiver=mine, cells=40, runs=20)
+
+
+def test_a_receiver_that_fails_is_told(tmp_path: Path) -> None:
+    (tmp_path / "bad.py").write_text(RECEIVER.replace("return", "raise RuntimeError('no') #"))
+    with pytest.raises(ConfigurationError, match=r"map: a run must not fail, got in all of them: "):
+        surveyed(receiver=f"{tmp_path / 'bad.py'}:Mine", cells=2, runs=1)
+
+
+# --- Pooling -------------------------------------------------------------------------------------
+
+
+def sample_of(lengths_: Any, cells: int, each: int) -> runs.Sample:
+    cell = np.repeat(np.arange(cells), each)
+    n = len(cell)
+    wide = np.broadcast_to(np.asarray(lengths_, float), (n, len(runs.PERCENTAGES)))
+    return runs.Sample(cell, wide, np.zeros(n, bool), np.ones(n))
+
+
+def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> None:
+    draw = np.random.default_rng(5)
+    lengths_ = np.sort(draw.rayleigh(2.0, (35 * 30, 10)), axis=1)
+    scale = draw.uniform(1.0, 3.0, 35)
+    sample = sample_of(lengths_ * np.repeat(scale, 30)[:, None], 35, 30)
+    found = pooling.pooled(sample, scale, (5, 7), 1).percentile
+    for row, column in ((0, 0), (2, 3), (4, 1)):
+        rows, columns = np.divmod(sample.cell, 7)
+        i, j = rows - row, columns - column
+        weight = np.where((abs(i) <= 2) & (abs(j) <= 2), np.exp(-(i**2 + j**2) / 2), 0.0)
+        order = np.argsort(lengths_.ravel())
+        below = np.cumsum(np.repeat(weight, 10)[order])
+        exact = lengths_.ravel()[order][np.searchsorted(below, 0.95 * below[-1])]
+        assert found[row * 7 + column] == pytest.approx(exact * scale[row * 7 + column], rel=0.01)
+
+
+def test_the_standard_error_is_that_of_new_runs_and_counts_a_run_once() -> None:
+    """Twenty experiments with new draws, and runs whose ten errors are one and the same."""
+    draw = np.random.default_rng(6)
+    shape, each = (6, 6), 20
+    found, said = [], []
+    for seed in range(40):
+        one = draw.rayleigh(1.0, (36 * each, 1))
+        result_ = pooling.pooled(sample_of(one, 36, each), np.ones(36), shape, seed)
+        found.append(result_.percentile)
+        said.append(result_.std_error)
+    true = np.std(found, axis=0, ddof=1).mean()
+    assert np.mean(said) == pytest.approx(true, rel=0.12)
+    assert np.mean(found) == pytest.approx(np.sqrt(-2 * np.log(0.05)), rel=0.02)
+    # Ten independent errors in a run instead: a third of it.
+    free = np.sort(draw.rayleigh(1.0, (36 * each, 10)), axis=1)
+    less = pooling.pooled(sample_of(free, 36, each), np.ones(36), shape, 1).std_error
+    assert less.mean() == pytest.approx(true / np.sqrt(10), rel=0.3)
+
+
+def test_runs_without_an_estimate_are_no_small_errors() -> None:
+    lengths_ = np.ones((40, 10))
+    lengths_[:2] = np.inf  # half of cell 0: 29, 13 and 3 % of the weight in the first three cells
+    found = pooling.pooled(sample_of(lengths_, 10, 4), np.ones(10), (10, 1), 1)
+    assert np.isinf(found.percentile[:2]).all()
+    np.testing.assert_allclose(found.percentile[2:], 1.0, rtol=0.01)
+    assert np.isinf(found.std_error[:2]).all()
+
+
+def test_where_nothing_is_heard_all_runs_are_lost_and_there_is_no_error() -> None:
+    found = surveyed(overrides={"acoustics.loss_probability": 1.0}, limit_m=3.0)
+    assert (found.cells["lost_share"] == 1).all()
+    assert np.isinf(found.cells["p95_m"]).all()
+    assert found.summary()["within_share"] == 0
+    assert "lost runs: 100.00% of 72; more than 5% in 24 cells" in str(found)
+    assert "more than 5 % without an estimate in 24 cells" in str(found)
+    assert len(found.plot().axes) == 3
+
+
+def test_more_runs_go_to_cells_near_the_requirement_and_nowhere_else(
+    found: result.AreaMap,
+) -> None:
+    cells = found.cells
+    more = cells["runs"] > 8
+    assert 0 < more.sum() < len(cells)
+    assert cells["runs"].min() == 8
+    assert 0 < cells["runs"].sum() - 8 * len(cells) <= 8 * len(cells) // 4
+    before = surveyed(runs=8).cells
+    near = abs(before["p95_m"] - 4.0) <= survey.NEAR * before["std_error_m"]
+    assert (near | ~more).all()
+    assert found.summary()["extra_runs"] == cells["runs"].sum() - 8 * len(cells)
+
+
+def test_extra_runs_go_to_the_nearest_first_and_are_bounded() -> None:
+    found = pooling.Pooled(np.array([1.0, 3.1, 2.9, 9.0, np.inf, 3.0]), np.full(6, 0.1))
+    cell, replicate = survey._more(found, 3.0, 20, 2)
+    assert (sorted(cell.tolist()), replicate.tolist()) == ([2, 5], [20, 20]) or (
+        sorted(cell.tolist()), replicate.tolist()
+    ) == ([1, 5], [20, 20])
+    cell, replicate = survey._more(found, 3.0, 2, 100)
+    assert np.bincount(cell).tolist() == [0, 6, 6, 0, 0, 6]
+    assert set(replicate.tolist()) == {2, 3, 4, 5, 6, 7}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", [20, 60])
+def test_pooled_percentiles_are_those_of_cells_with_2000_runs(cells: int) -> None:
+    """The standard error is right: with 20 runs a cell alone would be off by 14 %."""
+    found = sblcosim.map_area("realistic-dive", "60x60", 5.0, cells=cells)
+    given = sblcosim.load("realistic-dive", {"seed": 1_000_000})
+    moving = motion.circling(given, motion.Circle(3.0, 0.3), 5.0, 60.0)
+    one = runs.Simulator(moving, None, found.grid, "absolute_total", 20.0)
+    rows = np.linspace(0, found.grid.rows - 1, 4).astype(int)
+    some = (rows[:, None] * found.grid.columns + rows).ravel()
+    sample = one.run(
+        np.repeat(some, 2000), np.tile(np.arange(2000), len(some)), None, lambda share: None
+    )
+    true = np.array([np.quantile(sample.lengths[sample.cell == k], 0.95) for k in some])
+    mapped, std = found.cells.loc[some, ["p95_m", "std_error_m"]].to_numpy().T
+    assert np.sqrt(np.mean((mapped / true - 1) ** 2)) < 0.06
+    assert np.sqrt(np.mean(((mapped - true) / std) ** 2)) < 1.6
+
+
+# --- What is possible ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("variances", "expected"),
+    [
+        ((1, 0, 0), 1.959964), ((1, 1, 0), 2.447747), ((1, 1, 1), 2.795483), ((0, 0, 0), 0.0),
+        ((4, 4), 2 * 2.447747), ((9,), 3 * 1.959964),
+    ],
+)  # fmt: skip
+def test_lengths_of_gaussian_errors_whose_percentile_is_known(
+    variances: tuple[float, ...], expected: float
+) -> None:
+    found = lengths.percentile(np.diag(np.array(variances, float))[None, None])
+    assert found[0] == pytest.approx(expected, rel=1e-3, abs=1e-12)
+
+
+def test_lengths_of_any_gaussian_errors_in_any_direction() -> None:
+    draw = np.random.default_rng(7)
+    sizes = np.array([[1.0, 0.1, 5.0], [3.0, 0.1, 2.0]])
+    factors = draw.normal(size=(2, 3, 3, 3)) * sizes[:, :, None, None]
+    found = lengths.percentile(factors @ np.swapaxes(factors, 2, 3))
+    for i in range(3):
+        e = np.concatenate([draw.normal(size=(200_000, 3)) @ factors[k, i].T for k in (0, 1)])
+        assert found[i] == pytest.approx(np.quantile(np.linalg.norm(e, axis=1), 0.95), rel=0.01)
+    assert np.isnan(lengths.percentile(np.full((1, 1, 2, 2), np.nan))).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("realistic-dive", {}),
+        ("realistic-dive", {"acoustics.schedule": "simultaneous"}),
+        ("realistic-dive", {"acoustics.packet_content": "own_beacon"}),
+        ("paper-scenario-1", {"time.sampling_time_s": 1.0}),
+        ("gps-buoys", {}), ("harbour-lbl", {}),
+    ],
+)  # fmt: skip
+def test_the_recursion_side_by_side_is_that_of_a_run(name: str, changes: dict[str, Any]) -> None:
+    """Without loss and waves, for divers at rest: then a run's reference needs no chance at all."""
+    still = {
+        f"platform.{axis}_amplitude_{unit}": 0.0
+        for axis, unit in (
+            ("surge", "m"), ("sway", "m"), ("heave", "m"), ("roll", "deg"), ("pitch", "deg"),
+            ("yaw", "deg"),
+        )
+    }  # fmt: skip
+    keys = {"acoustics.loss_probability": 0.0, "acoustics.motion_during_travel": False}
+    moves = name == "realistic-dive"
+    given = sblcosim.load(name, changes | keys | (still if moves else {}))
+    given = given.override({"platform.beaufort": None}.items()) if moves else given
+    moving = motion.circling(given, motion.Circle(3.0, 0.3), 5.0, 30.0)
+    q = 0.004
+    record = sblcosim.run(moving, overrides={"target.center_m": [12.0, -4.0]}).record
+    expected = reference(record, moving, acceleration_psd=q, own_beacon=own_beacon(moving))
+    path = partial(motion.Circle(3.0, 0.3).position, np.array([[12.0, -4.0, 5.0]] * 2))
+    found = places.covariances(moving, path, np.full(2, q), (20.0, 30.0), 2)
+    late = expected.epoch_ns >= 20 * 10**9
+    tolerance = 0.03 if name == "paper-scenario-1" else 0.005  # a run's platform has waves there
+    for mine, theirs in ((found.absolute, expected.absolute), (found.relative, expected.relative)):
+        np.testing.assert_allclose(
+            np.trace(mine, axis1=2, axis2=3).mean(0),
+            np.trace(theirs[late], axis1=1, axis2=2).mean(), rtol=tolerance,
+        )
+
+
+def test_many_short_slots_count_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = sblcosim.load("realistic-dive", {"time.sampling_time_s": 0.05})
+    circle = motion.Circle(3.0, 0.3)
+    moving = motion.circling(given, circle, 5.0, 30.0)
+    path, q = partial(circle.position, GRID.centres), np.full(GRID.count, 0.002)
+    coarse = places.covariances(moving, path, q, (10.0, 30.0))
+    monkeypatch.setattr(places, "MOST_STEPS", 10_000)
+    fine = places.covariances(moving, path, q, (10.0, 30.0))
+    for mine, theirs in ((coarse.absolute, fine.absolute), (coarse.relative, fine.relative)):
+        one, other = (np.trace(P, axis1=2, axis2=3).mean(0) for P in (mine, theirs))
+        np.testing.assert_allclose(one, other, rtol=0.03)
+
+
+def test_rows_of_one_packet_are_those_of_a_run() -> None:
+    """Poses that are given count as the packets that bring them do."""
+    given = sblcosim.load("realistic-dive")
+    p = parameters(given, 0.01)
+    truth = recursion.Truth(np.array([[9.0, 2, 5]]), np.zeros((1, 3)), np.zeros((1, 3)))
+    heard = np.array([[0.0, 0.75, 0, 0]])
+    rows = [
+        recursion.rows_of(p, truth, heard, np.ones(1), beacons_of(p), False, poses)
+        for poses in (None, np.array([0.75]), np.array([0.5]))
+    ]
+    np.testing.assert_array_equal(rows[0].there, rows[1].there)
+    assert (rows[2].there[0, 1:4] == 0.5).all()
+
+
+def test_the_density_of_a_circle_is_that_of_its_path() -> None:
+    t = np.arange(0.0, 60.0, 0.01)
+    angle = 0.3 * t / 3.0
+    velocity = 0.3 * np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(len(t))])
+    density = np.array([0.01, 0.3, 5.0])
+    expected = [path_psd(t, velocity, d) for d in density.tolist()]
+    np.testing.assert_allclose(circle_psd(0.3, 3.0, density, 60.0), expected, rtol=2e-3)
+    assert circle_psd(0.0, 3.0, density, 60.0).tolist() == [0.0] * 3
+    assert circle_psd(0.3, 3.0, np.array([0.0, np.inf]), 60.0).tolist() == [0.0, 0.0]
+
+
+def test_dilution_of_precision_is_that_of_numerical_derivatives(found: result.AreaMap) -> None:
+    for _, cell in found.cells.iloc[[0, 9, 23]].iterrows():
+        at = cell[["north_m", "east_m", "depth_m"]].to_numpy(float)
+
+        def ranges(north: float, east: float, at: Any = at) -> Any:
+            return np.linalg.norm([north, east, at[2]] - found.beacons, axis=1)
+
+        h = 1e-4
+        H = np.column_stack([
+            (ranges(at[0] + h, at[1]) - ranges(at[0] - h, at[1])) / (2 * h),
+            (ranges(at[0], at[1] + h) - ranges(at[0], at[1] - h)) / (2 * h),
+        ])
+        assert cell["hdop"] == pytest.approx(np.sqrt(np.trace(np.linalg.inv(H.T @ H))), rel=1e-6)
+
+
+@pytest.mark.parametrize("error", LENGTHS)
+def test_what_is_possible_is_of_the_error_that_is_asked_for(error: str) -> None:
+    moving = motion.circling(
+        sblcosim.load("realistic-dive"), motion.Circle(3.0, 0.3), 5.0, 30.0
+    )
+    best = possible(moving, GRID, motion.Circle(3.0, 0.3), error, (10.0, 30.0))
+    path = partial(motion.Circle(3.0, 0.3).position, GRID.centres)
+    q = circle_psd(0.3, 3.0, places.noise_densities(moving, GRID.centres), 30.0)
+    found = places.covariances(moving, path, q, (10.0, 30.0))
+    P = found.absolute if "absolute" in error else found.relative
+    draw = np.random.default_rng(8)
+    errors = np.concatenate([
+        draw.multivariate_normal(np.zeros(3), P[k, 7], 40_000, method="cholesky")
+        for k in range(len(P))
+    ])
+    axes = 2 if "horizontal" in error else 3
+    expected = np.quantile(np.linalg.norm(errors[:, :axes], axis=1), 0.95)
+    assert best.percentile[7] == pytest.approx(expected, rel=0.01)
+
+
+def test_where_the_posterior_is_a_ring_there_is_no_accuracy_and_it_is_said() -> None:
+    changes = {
+        "platform.arm_length_m": 0.4, "acoustics.range_std_m": 1.0, "time.sampling_time_s": 1.0,
+    }
+    found = sblcosim.map_area(
+        "paper-scenario-1", "50x80", 5.0, "coupled", changes, cells="4x4", runs=2, duration_s=40.0
+    )
+    assert not found.cells["accuracy"].any()
+    assert found.cells["possible_p95_m"].isna().all()
+    assert "no accuracy is possible in 16 cells" in str(found)
+    assert found.to_json()["summary"]["possible_p95_m"] == [None] * 3
+    labels = [text.get_text() for text in found.plot().figure.legends[0].get_texts()]
+    assert "no accuracy is possible" in labels
+
+
+# --- Contours ------------------------------------------------------------------------------------
+
+
+def area_of(ring: Any) -> float:
+    """Of a ring on a map, east to the right and north up; positive if it is anticlockwise."""
+    north, east = np.asarray(ring).T
+    return float((east[:-1] * north[1:] - east[1:] * north[:-1]).sum() / 2)
+
+
+def test_water_within_a_limit_has_the_area_and_the_hole_that_it_must() -> None:
+    grid = Grid((-50.0, 50.0), (-40.0, 60.0), 200, 200, 5.0)
+    away = np.hypot(*grid.centres[:, :2].T)
+    # An annulus from 10 m to 30 m about the origin.
+    ((outer, hole),) = contours.within(grid, np.abs(away - 20.0), 10.0)
+    assert area_of(outer) == pytest.approx(np.pi * 900, rel=1e-3)
+    assert area_of(hole) == pytest.approx(-np.pi * 100, rel=1e-3)
+    lines = contours.lines(grid, away, 25.0)
+    np.testing.assert_allclose(np.hypot(*np.vstack(lines).T), 25.0, rtol=1e-3)
+    assert contours.levels(np.array([0.3, 7.0, np.inf, np.nan])) == [0.5, 1.0, 2.0, 5.0]
+    assert contours.levels(np.array([np.inf])) == []
+
+
+def test_contours_on_earth_are_valid_and_where_the_cells_say(
+    found: result.AreaMap, tmp_path: Path
+) -> None:
+    folder = found.save(tmp_path / "map", figures=False)
+    text = (folder / "contours.geojson").read_text()
+    assert geojson.loads(text).is_valid
+    features = json.loads(text)["features"]
+    kinds = {(f["properties"]["name"], f["properties"]["kind"]) for f in features}
+    assert kinds == {
+        (name, kind) for name in ("coupled", "possible") for kind in ("contour", "within")
+    }
+    (within,) = (
+        f for f in features
+        if f["properties"] == {"name": "coupled", "kind": "within", "limit_m": 4.0}
+    )
+    origin = (43.1, 10.2, 40.0)
+    north, east = found.grid.axes
+    for polygon in within["geometry"]["coordinates"]:
+        for number, ring in enumerate(polygon):
+            assert ring[0] == ring[-1]
+            longitude, latitude, height = np.array(ring).T
+            ned = np.stack(pymap3d.geodetic2ned(latitude, longitude, height, *origin), axis=1)
+            assert (area_of(ned[:, :2]) > 0) == (number == 0)  # RFC 7946, 3.1.6
+            np.testing.assert_allclose(ned[:, 2], 5.0, atol=1e-3)
+            # Linear between middles of cells, a ring is at the limit or at the edge of the area.
+            ends = np.array([[north[0], east[0]], [north[-1], east[-1]]])
+            at_edge = (np.abs(ned[:, None, :2] - ends) < 1e-3).any(axis=(1, 2))
+            values = RegularGridInterpolator((north, east), found.of("p95_m"), bounds_error=False,
+                                             fill_value=None)(ned[~at_edge, :2])
+            np.testing.assert_allclose(values, 4.0, rtol=1e-4)
+
+
+def test_without_a_place_on_earth_there_are_no_contours_on_it(tmp_path: Path) -> None:
+    found = surveyed(runs=1)
+    assert found.geojson() is None
+    files = {file.name for file in found.save(tmp_path / "map", figures=False).iterdir()}
+    assert files == {"cells.csv", "cells.parquet", "manifest.json"}
+
+
+# --- What people see -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("narrow", [False, True])
+def test_the_figure_has_three_maps_of_one_scale(
+    found: result.AreaMap, theme: Any, narrow: bool
+) -> None:
+    picture = found.plot(theme, narrow=narrow)
+    picture.figure.canvas.draw()
+    receiver, best, hdop = picture.axes
+    assert [ax.get_title("left") for ax in picture.axes] == ["coupled", "possible", "HDOP"]
+    meshes = [ax.collections[0] for ax in (receiver, best, hdop)]
+    assert meshes[0].norm is meshes[1].norm is not meshes[2].norm
+    np.testing.assert_array_equal(np.asarray(meshes[0].get_array()), found.of("p95_m"))
+    assert {ax.get_aspect() for ax in picture.axes} == {1.0}
+    width, height = picture.figure.get_size_inches()
+    assert (width < 6 and height > width) if narrow else width > height
+    labels = [text.get_text() for text in picture.figure.legends[0].get_texts()]
+    expected = ["beacons", "95 % within 4.0 m", "the same ± 2 standard errors"]
+    if (found.cells["lost_share"] > result.MANY_LOST).any():
+        expected.append("more than 5% of the runs lost")
+    assert labels == expected
+    words = [t for t in picture.figure.findobj(Text) if t.get_text() and t.get_visible()]
+    assert min(t.get_fontsize() for t in words) >= 8
+    assert any("[m]" in t.get_text() for t in words)
+
+
+def test_the_folder_has_figures_and_cells_and_says_what_was_done(
+    found: result.AreaMap, tmp_path: Path
+) -> None:
+    folder = found.save(tmp_path / "map")
+    names = {file.name for file in folder.iterdir()}
+    drawn = {f"{name}.{end}" for name in result.FIGURES for end in ("svg", "png")}
+    assert names == drawn | {"cells.csv", "cells.parquet", "contours.geojson", "manifest.json"}
+    table = pd.read_csv(folder / "cells.csv")
+    assert list(table) == [
+        "north_m", "east_m", "depth_m", "runs", "p95_m", "std_error_m", "lost_share",
+        "availability", "possible_p95_m", "accuracy", "hdop",
+    ]
+    assert len(table) == 24
+    text = str(found)
+    assert "circles clockwise about the middle of the cell, radius 3 m, at 0.3 m/s" in text
+    assert "errors count from 6 s to 12 s" in text
+    assert re.search(r"standard error \d+\.\d% \(median\), \d+\.\d% at most", text)
+    assert re.search(r"within 4\.0 m: \d+% of the area, possible in \d+%", text)
+    assert len(figures.plot_certainty(found)) == 2
+
+
+def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:
+    base = ["map", "realistic-dive", "--area", "40x40", "--cells", "2", "--runs", "1",
+            "--duration", "8", "--settling", "4", "--out", str(tmp_path / "map")]  # fmt: skip
+    done = CliRunner().invoke(sblcosim.cli.app, [*base, "--depth", "5", "--no-figures"])
+    assert done.exit_code == 0, done.output
+    assert f"written to {tmp_path / 'map'}" in done.stdout
+    refused = CliRunner().invoke(sblcosim.cli.app, [*base, "--depth", "-5"])
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("error: map depth: must be a depth below the surface")
+
+
+def test_errors_are_named_as_the_lanes_name_them() -> None:
+    assert sorted(command._ERRORS) == sorted(LENGTHS)
+    assert sorted(get_args(MapSettings.model_fields["error"].annotation)) == sorted(LENGTHS)
