@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from . import analysis, limits, research, study
     from .api import run
-    from .areas.result import AreaMap
     from .areas.survey import map_area
     from .comparison.budget import budget
     from .comparison.many import run_many
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "AreaMap",
     "ConfigurationError",
     "Depth",
     "Estimate",
@@ -72,7 +70,6 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
     _get, __dir__ = lazy.names(
         __name__,
         {
-            "AreaMap": "areas.result",
             "ConfigurationError": "errors",
             "Depth": "simulation.receiver",
             "Estimate": "simulation.receiver",
