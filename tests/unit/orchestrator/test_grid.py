@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from sblcosim.analysis import workflow
 from sblcosim.analysis.conditions import of_choices
 from sblcosim.analysis.general import GeneralFactorial
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build import factory
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.results.responses import RESPONSES
@@ -247,3 +250,29 @@ def test_receivers_that_are_a_factor_share_the_noise() -> None:
     factors = {"gps": GPS, "r": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}}
     with pytest.raises(ConfigurationError, match="seeding: must be 'common' with receivers as a"):
         small(factors=factors, seeding="independent")
+
+
+def test_receivers_of_others_are_levels_like_any(tmp_path: Path) -> None:
+    """A class of the user's and an FMU, found beside the study's file."""
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\nimport sblcosim\n\n"
+        "class Still(sblcosim.Receiver):\n"
+        "    def update(self, samples):\n"
+        "        return sblcosim.Estimate(samples[-1].epoch, np.array([0.0, 0.0, 5.0]))\n"
+    )
+    shutil.copy(factory.build("sequential", 3), tmp_path / "theirs.fmu")
+    (tmp_path / "three.toml").write_text(
+        "scenario = 'harbour-square'\nseeding = 'common'\nreplicates = 2\n"
+        "fixed = {time = {duration_s = 10.0}}\n[design]\nkind = 'grid'\n"
+        "[factors.who]\nkeys = ['receivers']\n"
+        "levels = ['sequential', 'mine.py:Still', 'theirs.fmu']\n"
+    )
+    made = study.load(tmp_path / "three.toml")
+    assert made.factors["who"].values == ("sequential", "Still", "theirs")
+    table = made.run(tmp_path / "out")
+    assert table["error"].isna().all()
+    pd.testing.assert_series_equal(
+        table[f"theirs.{TOTAL}"], table[f"sequential.{TOTAL}"], check_names=False
+    )
+    found = workflow.of_grid(study.study_of(tmp_path / "out"), table)
+    assert [*found.means["level"]] == ["sequential", "Still", "theirs"]

@@ -16,7 +16,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.report.space import Indices
-from sblcosim.study import again, study
+from sblcosim.study import again, campaign, study
 from sblcosim.study.study import study_of
 
 AROUND = {"distribution": "uniform", "range": [-pi, pi]}
@@ -90,6 +90,8 @@ def test_a_space_is_run_with_the_seed_as_a_factor(tmp_path: Path) -> None:
     assert (by_row[:, 4] != by_row[:, 0]).all()  # one column swaps it
     assert np.array_equal(table["tick"] * 1e3, np.rint(table["tick"] * 1e3))
     assert set(table["imu"]) == {"consumer", "tactical"}
+    groups = campaign.prepare(made).groups  # rows that share a sampling time share lanes
+    assert len(groups) == table["tick"].nunique() < len(table) / 3
     row = table.iloc[7]
     direct = sblcosim.run("realistic-dive", overrides={
         "time.duration_s": 12.0, "time.sampling_time_s": row["tick"], "seed": int(row["seed"]),
