@@ -71,8 +71,9 @@ def problems(study: Definition) -> Iterator[str]:
             continue
         if factor.distribution is not None:
             yield f"{prefix} distribution: must be left out, but in a space (kind = 'space')"
-        if factor.levels is None:
+        elif factor.levels is None:
             yield f"{prefix} levels: must be given, got nothing"
+        if factor.levels is None:
             continue
         try:
             if study.design.kind != "grid" and name in study.factors:
