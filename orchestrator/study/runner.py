@@ -36,7 +36,8 @@ SIDE_BY_SIDE = 8
 """Minimum number of sample runs per worker: the largest number of lanes of a processor."""
 MARGIN = 1.25
 """Factor by which an estimate is widened on both sides, as samples do not represent all runs."""
-_PART = 16  # runs per worker and part, if they run alone: what a kill can cost
+ALONE = 16
+"""Runs per worker and part, if they run alone: what a kill can cost."""
 
 
 def run(
@@ -154,7 +155,7 @@ def _missing(
     alone = not all(group.in_lanes for group in campaign.groups)
     for first in range(1, everything + 1, replicates):
         runs = [r for r in batch(campaign, first, replicates) if r.run_id not in before]
-        size = _PART * (workers or os.cpu_count() or 1) if alone else len(runs)
+        size = ALONE * (workers or os.cpu_count() or 1) if alone else len(runs)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
 
