@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from math import isfinite
+from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from .. import layout
 from ..scenario.scenario import Scenario, Source
 from ..scenario.sources import choose
 from ..shown import Shown, folded, page, verbatim
+from ..study.design import shown as level_shown
 from .limiting import Limiting, limiting
 from .question import Question, passable
 from .sequential import Elimination, percentile
@@ -42,7 +44,7 @@ class Answer(Shown):
     chosen
         Row of the cheapest design that surely suffices; None if none does.
     cheaper
-        Row of the next cheaper one; None if there is none.
+        Row of the next cheaper one that is on the front; None if nothing is cheaper.
     nearest
         Row of the design with the smallest percentile, by its estimate.
     limits
@@ -104,9 +106,9 @@ class Answer(Shown):
         if self.chosen is not None:
             what = "The cheapest design" if self.question.costs else "The most accurate design"
             return f"{what} that suffices: {self.priced(self.chosen)}. {self._numbers(self.chosen)}"
-        if counts["open"] == 0:
+        if not counts["open"]:
             return f"No design suffices: all {total} surely fail."
-        if counts["not"] == 0:
+        if not counts["not"]:
             return f"No design surely suffices: all {total} are open.{self._too_few()}"
         return (
             f"No design surely suffices: {counts['not']} of {total} surely fail, "
@@ -129,18 +131,24 @@ class Answer(Shown):
         q, of = self.question, self.designs.loc[row]
         if not of["runs"]:
             return "It has no runs yet."
-        bounds = [
-            f"surely at {word} {self._size(of[name])}"
-            for name, word in (("lower", "least"), ("upper", "most"))
-            if isfinite(of[name]) and of["verdict"] in ({"lower": "not", "upper": "good"}[name],
-                                                        "open")
-        ]  # fmt: skip
         where = f" ({of['condition']})" if of["condition"] else ""
         return (
             f"{self._share(row)} of {of['runs']:,} runs are within {self._size(q.terms.limit)}"
             f"{where}; {100 * q.terms.share:g} % are within "
-            + ", ".join([self._size(of["estimate"]), *bounds]) + "."
+            f"{self._size(of['estimate'])}{self._bounds(row)}."
         )
+
+    def _bounds(self, row: int) -> str:
+        """The bounds of a percentile that belong to what is said of a design."""
+        of = self.designs.loc[row]
+        low, high = isfinite(of["lower"]), isfinite(of["upper"])
+        if of["verdict"] == "open" and low and high:
+            return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
+        if low and of["verdict"] != "good":
+            return f", surely at least {self._size(of['lower'])}"
+        if high and of["verdict"] != "not":
+            return f", surely at most {self._size(of['upper'])}"
+        return ""
 
     def _share(self, row: int) -> str:
         of = self.designs.loc[row]
@@ -156,7 +164,7 @@ class Answer(Shown):
             "good": "suffices, too",
         }[of["verdict"]]  # fmt: skip
         return (
-            f"The next cheaper one {fails}: {self.priced(self.cheaper)}. "
+            f"The next cheaper one worth its cost {fails}: {self.priced(self.cheaper)}. "
             f"{self._numbers(self.cheaper)}"
         )
 
@@ -203,18 +211,18 @@ class Answer(Shown):
         q, counts = self.question, self.counts
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
-        open_ = f"; {counts['open']} are open" if counts["open"] else ""
+        open_ = f", {_counted(counts['open'], 'stay')} open" if counts["open"] else ""
         return (
             f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
-            f"is wrong: {counts['good']} suffice, {counts['not']} fail{open_}; {self.spent:,} of "
-            f"at most {q.terms.most_runs:,} runs."
+            f"is wrong: {_counted(counts['good'], 'suffice')}, {_counted(counts['not'], 'fail')}"
+            f"{open_}. That took {self.spent:,} of at most {q.terms.most_runs:,} runs."
         )
 
     def _size(self, value: float) -> str:
         """A value of the response, for people."""
-        if self.question.unit == "m":
-            return layout.meters(value)
-        return f"{value:.3g}{self.question.unit and f' {self.question.unit}'}"
+        if not isfinite(value):
+            return "a loss"
+        return f"{_figure(value)}{self.question.unit and f' {self.question.unit}'}"
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the designs worth their cost.
@@ -229,10 +237,28 @@ class Answer(Shown):
         shown = self.designs if verbose else self.designs[self._worth()]
         head, rows = self.table(shown)
         title = "All designs:" if verbose else "Designs that no other one beats in cost and accuracy:"
-        lines = [*self.sentences(), "", title, *layout.table(rows, width, head, range(1, len(head)))]
+        right = range(len(self.question.study.factors) + 1, len(head))
+        lines = [*self.sentences(), "", title, *layout.table(rows, width, head, right)]
         if verbose:
             lines += ["", *self.notes()]
         return layout.fitted("\n".join(lines), width)
+
+    @property
+    def letters(self) -> dict[int, str]:
+        """Letters for the designs that are named in figure and table, by row: A, B, …, Z, AA, …"""
+        rows = self.designs.index[self._worth()].tolist()
+        return {
+            row: (ascii_uppercase[n // 26 - 1] if n >= 26 else "") + ascii_uppercase[n % 26]
+            for n, row in enumerate(rows[: 26 * 27])
+        }
+
+    def short(self, row: int) -> str:
+        """The levels of a design without the choices' names."""
+        units = self.question.study.units
+        return " · ".join(
+            level_shown(level) if isinstance(level, str) else f"{level:g} {units[name]}".rstrip()
+            for name, level in self.row(row).items()
+        )
 
     def _worth(self) -> NDArray[np.bool_]:
         kept = {self.named, self.cheaper}
@@ -242,17 +268,23 @@ class Answer(Shown):
         return worth
 
     def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-        """Head and rows of a table of designs, for people."""
-        q = self.question
+        """Head and rows of a table of designs, for people; the choices come first."""
+        q, study = self.question, self.question.study
         unit = f" [{q.unit}]" if q.unit else ""
-        head = ["design", *(["cost"] if q.costs else []), "verdict", "runs", "within",
-                f"{100 * q.terms.share:g} % within{unit}", "at least", "at most"]  # fmt: skip
+        letters = self.letters
+        head = [
+            "", *(f"{study.labels[n]}{study.units[n] and f' [{study.units[n]}]'}" for n in study.factors),
+            *(["cost"] if q.costs else []), "verdict", "runs", "within",
+            f"{100 * q.terms.share:g} % within{unit}", "at least", "at most",
+        ]  # fmt: skip
         rows = [
             [
-                self.levels(number), *([q.price(row["cost"])] if q.costs else []),
+                letters.get(number, ""), *(level_shown(row[name]) for name in study.factors),
+                *([q.price(row["cost"])] if q.costs else []),
                 VERDICTS[row["verdict"]], f"{row['runs']:,}",
                 self._share(number) if row["runs"] else "–",
-                *(_figure(row[name]) for name in ("estimate", "lower", "upper")),
+                "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
+                *(_figure(row[name]) for name in ("lower", "upper")),
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
@@ -297,6 +329,11 @@ def _figure(value: float) -> str:
     return f"{value:.3g}" if isfinite(value) else "–"
 
 
+def _counted(number: int, verb: str) -> str:
+    """How many do something."""
+    return f"{number} {verb}{'s' if number == 1 else ''}"
+
+
 def _joined(names: tuple[str, ...]) -> str:
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
@@ -325,9 +362,8 @@ def answered(
     cheaper = None
     if chosen is not None:
         below = designs[designs["cost"] < designs.loc[chosen, "cost"]]
-        if len(below):
-            order_below = below.sort_values("estimate", kind="stable")
-            cheaper = int(order_below.sort_values("cost", ascending=False, kind="stable").index[0])
+        worth = below[below["front"]] if below["front"].any() else below
+        cheaper = int(worth["cost"].idxmax()) if len(worth) else None
     nearest = _nearest(designs)
     named = nearest if chosen is None else chosen
     scenario, receiver = _scenario(question, named, int(designs.loc[named, "worst"]))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 _LOOKS = {"good": ("o", 2), "open": ("D", 3), "not": ("X", 0)}
 """Marker of each verdict, and its colour among those of receivers."""
-_WIDEST = 30.0
+_WIDEST = 5.0
 """Ratio of the largest to the smallest value from which the axis is logarithmic."""
 
 
@@ -32,12 +32,13 @@ def plot_front(answer: Answer, ax: Axes | None = None, theme: ThemeName = "light
     with use(theme, ax) as look:
         own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 5.0).add_subplot()
+            lines = -(-len(answer.letters) // _COLUMNS)
+            ax = new_figure(6.4, 4.6 + _LINE * lines).add_subplot()
         at = _places(answer)
         values = at["estimate"].to_numpy(np.float64)
         finite = values[np.isfinite(values)]
         if len(finite) and finite.max() > _WIDEST * finite.min() > 0:
-            ax.set_yscale("log")
+            _logarithmic(ax)
         for verdict, (marker, colour) in _LOOKS.items():
             mine = at[(at["verdict"] == verdict) & np.isfinite(at["estimate"])]
             bars = [
@@ -67,11 +68,11 @@ def plot_front(answer: Answer, ax: Axes | None = None, theme: ThemeName = "light
             ax.set_xticks([])
         if ax.get_yscale() == "linear":
             ax.set_ylim(bottom=0.0)
+        _letter(ax, answer, at)
         if own:
-            ax.figure.legend(loc="outside lower center", ncols=2)
+            _key(ax, answer)
         else:
             ax.legend(loc="best")
-        _name(ax, answer, at)
     return ax
 
 
@@ -83,20 +84,55 @@ def _places(answer: Answer) -> pd.DataFrame:
     return answer.designs.assign(x=order)
 
 
-def _name(ax: Axes, answer: Answer, at: pd.DataFrame) -> None:
-    """The levels of the designs on the front, or of the one that is named."""
+def _logarithmic(ax: Axes) -> None:
+    """A logarithmic axis with numbers as they are."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+def _letter(ax: Axes, answer: Answer, at: pd.DataFrame) -> None:
+    """The letters of the designs that are named."""
     finite = at[np.isfinite(at["estimate"])]
-    shown = finite[finite["front"]] if answer.question.costs else finite[:0]
-    more = [n for n in (answer.named, answer.cheaper) if n in finite.index]
-    shown = finite.loc[sorted({*shown.index, *more})]
-    ax.margins(x=0.14)
+    letters = {row: letter for row, letter in answer.letters.items() if row in finite.index}
+    ax.margins(x=0.06, y=0.08)
     ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # places the axes
-    words = ["\n".join(answer.question.named({n: v}) for n, v in answer.row(i).items())
-             for i in shown.index]  # fmt: skip
-    points = shown[["x", "estimate"]].to_numpy(np.float64)
+    points = finite.loc[[*letters], ["x", "estimate"]].to_numpy(np.float64)
     others = finite[["x", "estimate"]].to_numpy(np.float64)
+    bars = np.vstack([
+        np.column_stack([finite["x"], share * finite[name] + (1 - share) * finite["estimate"]])
+        for name in ("lower", "upper") for share in (0.25, 0.5, 0.75, 1.0)
+    ])  # fmt: skip
     x = np.linspace(*ax.get_xlim(), 200)
     limit = np.column_stack([x, np.full_like(x, answer.question.terms.limit)])
-    places: Any = free_places(ax, points, words, np.vstack([others, limit]))
-    for (left, up), word, place in zip(points, words, places, strict=True):
-        ax.text(left, up, word, fontsize=SMALL, **place)
+    drawn = np.vstack([others, bars, limit])
+    places: Any = free_places(ax, points, [*letters.values()], drawn)
+    for (left, up), letter, place in zip(points, letters.values(), places, strict=True):
+        ax.text(left, up, letter, fontsize=SMALL, fontweight="bold", **place)
+
+
+def _key(ax: Axes, answer: Answer) -> None:
+    """The legend, and what the letters stand for, below the axes."""
+    study = answer.question.study
+    title = " · ".join(study.labels[name] for name in study.factors)
+    names = [f"{letter}  {answer.short(row)}" for row, letter in answer.letters.items()]
+    rows = -(-len(names) // _COLUMNS)
+    columns = ["\n".join(names[i : i + rows]) for i in range(0, len(names), rows)]
+    figure: Any = ax.figure
+    height = figure.get_size_inches()[1]
+    room = (rows + 1) * _LINE / height
+    for number, text in enumerate(columns):
+        figure.text(0.02 + number / _COLUMNS, room - _LINE / height, text, va="top",
+                    fontsize=SMALL, linespacing=1.2)
+    figure.text(0.02, room, title, va="top", fontsize=SMALL, fontweight="bold")
+    figure.get_layout_engine().set(rect=(0, room, 1, 1 - room))
+    figure.legend(loc="outside upper center", ncols=3, columnspacing=1.4, handletextpad=0.5)
+
+
+_COLUMNS = 2
+"""Of the key to the letters."""
+_LINE = 0.165
+"""Height of a line of it [inch]."""

@@ -46,14 +46,14 @@ def _scenario(answer: Answer, folder: Path | None) -> str:
 def _page(answer: Answer, svg: str) -> Page:
     q, study = answer.question, answer.question.study
     head, rows = answer.table(answer.designs)
-    words = (2,) if q.costs else (1,)
+    words = (*range(len(study.factors) + 1), head.index("verdict"))
     first, *rest = answer.sentences()
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
     what = "Cost and accuracy" if q.costs else "Accuracy"
     alt = f"{what} of {len(answer.designs)} designs. {first}"
     caption = (
         f"{what} of all designs: the value that {100 * q.terms.share:g} % of the runs are within; "
-        "bars reach to the bounds. Named: the designs that no other one beats in both."
+        "bars reach to the bounds. Letters: the designs that no other one beats in both."
     )
     bounds = (
         "At least, at most: bounds of that value, which hold together for all designs. Runs and "
@@ -68,7 +68,7 @@ def _page(answer: Answer, svg: str) -> Page:
             Section("Cost and accuracy" if q.costs else "Accuracy", "front",
                     [Picture("front", svg, caption, alt)]),
             Section("All designs", "designs", [Table("Designs, the cheapest first", [
-                word[0].upper() + word[1:] for word in head], rows, words, bounds)]),
+                word[:1].upper() + word[1:] for word in head], rows, words, bounds)]),
             Section("Method", "method", [*map(Text, answer.notes()), Text(_METHOD)], folded=True),
             _again(answer),
         ],

@@ -26,7 +26,7 @@ RUNS, ANSWER = "runs", "answer"
 """Folders in that of an answer: a study's, with all runs, and the answer itself."""
 
 
-def answer(
+def decide(
     question: str | Path | Mapping[str, Any] | Question,
     out: str | Path,
     *,
