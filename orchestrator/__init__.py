@@ -14,13 +14,13 @@ from . import lazy
 if TYPE_CHECKING:
     from sblcosim.models.declaration import Variable
 
-    from . import analysis, limits, research, study
+    from . import analysis, limits, require, research, study
     from .api import run
     from .errors import ConfigurationError, FmuError, SblcosimError
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
-    from .listings import receivers, scenarios, studies
+    from .listings import questions, receivers, scenarios, studies
     from .results.result import Result
     from .scenario.keys import Overrides
     from .scenario.scenario import Scenario, load
@@ -49,7 +49,9 @@ __all__ = [
     "export_ssp",
     "limits",
     "load",
+    "questions",
     "receivers",
+    "require",
     "research",
     "run",
     "scenarios",
@@ -81,7 +83,9 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "export_ssp": "export.ssp",
             "limits": "",
             "load": "scenario.scenario",
+            "questions": "listings",
             "receivers": "listings",
+            "require": "",
             "research": "",
             "run": "api",
             "scenarios": "listings",

@@ -5,7 +5,7 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from . import simulate, studies, components, export, schemas
+from . import simulate, studies, requirements, components, export, schemas
 from .base import app
 
 

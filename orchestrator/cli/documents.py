@@ -9,7 +9,7 @@ from pydantic import Field, create_model
 
 from ..scenario.json_schema import Plainly
 from .document import Claimed, Document, Entry, Number, Part
-from .study_documents import Advice, Analysis, Studies, Study
+from .study_documents import Advice, Analysis, Questions, Requirement, Studies, Study
 
 Frame = Literal["absolute", "relative", "own_relative"]
 Axis = Literal["x", "y", "z", "total"]
@@ -299,6 +299,8 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "analyse": Analysis,
     "advise": Advice,
     "studies": Studies,
+    "require": Requirement,
+    "questions": Questions,
     "check": Check,
     "conformance": Conformance,
 }

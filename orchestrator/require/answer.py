@@ -78,12 +78,15 @@ class Answer(Shown):
 
     def row(self, row: int) -> dict[str, Any]:
         """The levels of a design."""
-        values = self.designs.loc[row]
-        return {name: values[name] for name in self.question.study.factors}
+        return {name: self.of(row)[name] for name in self.question.study.factors}
+
+    def of(self, row: int) -> Any:
+        """All that is known of a design."""
+        return self.designs.loc[row]
 
     def priced(self, row: int) -> str:
         """The levels of a design and its cost."""
-        cost = self.designs.loc[row, "cost"]
+        cost = self.of(row)["cost"]
         if not self.question.costs:
             return self.levels(row)
         return f"{self.levels(row)}, for {self.question.price(cost)}"
@@ -128,7 +131,7 @@ class Answer(Shown):
 
     def _numbers(self, row: int) -> str:
         """How many runs of a design are within the limit, and its percentile."""
-        q, of = self.question, self.designs.loc[row]
+        q, of = self.question, self.of(row)
         if not of["runs"]:
             return "It has no runs yet."
         where = f" ({of['condition']})" if of["condition"] else ""
@@ -140,7 +143,7 @@ class Answer(Shown):
 
     def _bounds(self, row: int) -> str:
         """The bounds of a percentile that belong to what is said of a design."""
-        of = self.designs.loc[row]
+        of = self.of(row)
         low, high = isfinite(of["lower"]), isfinite(of["upper"])
         if of["verdict"] == "open" and low and high:
             return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
@@ -151,14 +154,14 @@ class Answer(Shown):
         return ""
 
     def _share(self, row: int) -> str:
-        of = self.designs.loc[row]
+        of = self.of(row)
         share = 100 * of["passed"] / of["runs"]
         return f"{share:.4g} %" if share < 99.95 or share == 100 else f"{share:.5g} %"
 
     def _cheaper(self) -> str:
         if self.cheaper is None:
             return "Nothing is cheaper."
-        of = self.designs.loc[self.cheaper]
+        of = self.of(self.cheaper)
         fails = {
             "not": f"fails{self._by(self.cheaper)}", "open": "is open",
             "good": "suffices, too",
@@ -170,7 +173,7 @@ class Answer(Shown):
 
     def _by(self, row: int) -> str:
         """By how much a design fails."""
-        of, limit = self.designs.loc[row], self.question.terms.limit
+        of, limit = self.of(row), self.question.terms.limit
         if not isfinite(of["estimate"]):
             return ", too many of its runs being lost"
         by = f" by {self._size(of['estimate'] - limit)}"
@@ -179,9 +182,10 @@ class Answer(Shown):
         return by
 
     def _nearest(self) -> str:
-        of = self.designs.loc[self.nearest]
+        of = self.of(self.nearest)
         if of["verdict"] == "open":
-            return f"The nearest is open: {self.priced(self.nearest)}. {self._numbers(self.nearest)}"
+            is_open = f"The nearest is open: {self.priced(self.nearest)}."
+            return f"{is_open} {self._numbers(self.nearest)}"
         return (
             f"The nearest, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
             f"{self._numbers(self.nearest)}"
@@ -236,9 +240,9 @@ class Answer(Shown):
         """
         shown = self.designs if verbose else self.designs[self._worth()]
         head, rows = self.table(shown)
-        title = "All designs:" if verbose else "Designs that no other one beats in cost and accuracy:"
+        which = "All designs" if verbose else "Designs that no other one beats in cost and accuracy"
         right = range(len(self.question.study.factors) + 1, len(head))
-        lines = [*self.sentences(), "", title, *layout.table(rows, width, head, right)]
+        lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
         if verbose:
             lines += ["", *self.notes()]
         return layout.fitted("\n".join(lines), width)
@@ -254,11 +258,7 @@ class Answer(Shown):
 
     def short(self, row: int) -> str:
         """The levels of a design without the choices' names."""
-        units = self.question.study.units
-        return " · ".join(
-            level_shown(level) if isinstance(level, str) else f"{level:g} {units[name]}".rstrip()
-            for name, level in self.row(row).items()
-        )
+        return " · ".join(self.question.quantity(n, v) for n, v in self.row(row).items())
 
     def _worth(self) -> NDArray[np.bool_]:
         kept = {self.named, self.cheaper}
@@ -273,7 +273,8 @@ class Answer(Shown):
         unit = f" [{q.unit}]" if q.unit else ""
         letters = self.letters
         head = [
-            "", *(f"{study.labels[n]}{study.units[n] and f' [{study.units[n]}]'}" for n in study.factors),
+            "",
+            *(study.labels[n] + (study.units[n] and f" [{study.units[n]}]") for n in study.factors),
             *(["cost"] if q.costs else []), "verdict", "runs", "within",
             f"{100 * q.terms.share:g} % within{unit}", "at least", "at most",
         ]  # fmt: skip
@@ -296,8 +297,8 @@ class Answer(Shown):
         settled, share = q.study.settling_time_s, f"{100 * q.terms.share:g} %"
         return [
             f"A run passes if its {q.words} is at most {q.terms.limit:g}"
-            f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or is "
-            "lost does not pass.",
+            f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
+            "is lost does not pass.",
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition" if len(q.conditions) > 1 else "")
             + ". The bounds assume nothing about the distribution of the errors, and hold whenever "
@@ -363,10 +364,10 @@ def answered(
     if chosen is not None:
         below = designs[designs["cost"] < designs.loc[chosen, "cost"]]
         worth = below[below["front"]] if below["front"].any() else below
-        cheaper = int(worth["cost"].idxmax()) if len(worth) else None
+        cheaper = int(worth.index[-1]) if len(worth) else None  # the cheapest are first
     nearest = _nearest(designs)
     named = nearest if chosen is None else chosen
-    scenario, receiver = _scenario(question, named, int(designs.loc[named, "worst"]))
+    scenario, receiver = _scenario(question, named, int(designs["worst"].to_numpy()[named]))
 
     def rank(runs: pd.DataFrame, label: str) -> float:
         ordered = np.sort(passable(runs, question.response, label))

@@ -33,7 +33,7 @@ from .sequential import Rule
 PACKAGE = "sblcosim.require"
 _FRAME = "absolute_"
 """Frame of a response that names none: errors in the world."""
-_OF_STUDY = ("name", "title", "scenario", "fixed", "seed", "settling_time_s", "conditions")
+OF_STUDY = ("name", "title", "scenario", "fixed", "seed", "settling_time_s", "conditions")
 """Keys that mean the same in a study file."""
 _Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -203,12 +203,13 @@ class Question(Shown):
 
     def named(self, levels: Mapping[str, Level]) -> str:
         """Levels for people: label, level and unit."""
-        study = self.study
-        return ", ".join(
-            f"{study.labels[name]} {level_shown(level)}"
-            f"{study.units[name] and not isinstance(level, str) and f' {study.units[name]}' or ''}"
-            for name, level in levels.items()
-        )
+        labels = self.study.labels
+        return ", ".join(f"{labels[n]} {self.quantity(n, level)}" for n, level in levels.items())
+
+    def quantity(self, name: str, level: Level) -> str:
+        """A level for people, with its unit if it is a number."""
+        unit = "" if isinstance(level, str) else self.study.units[name]
+        return f"{level_shown(level)} {unit}".rstrip()
 
     def price(self, cost: float) -> str:
         """A cost for people."""
@@ -235,7 +236,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
     """
     where, raw, folder = read(source, "question", PACKAGE)
     choices = _choices(where, raw.pop("choices", None))
-    tables = {key: raw.pop(key) for key in _OF_STUDY if key in raw}
+    tables = {key: raw.pop(key) for key in OF_STUDY if key in raw}
     try:
         terms = Terms.model_validate(raw)
     except ValidationError as error:
@@ -334,8 +335,8 @@ def _costs(
             number = isinstance(cost, int | float) and not isinstance(cost, bool)
             if not number or not 0 <= cost < inf or not isfinite(cost):
                 raise ConfigurationError(
-                    f"{at}: must be finite numbers and not negative, got {shortened(instance(cost))}"
-                    f" for {level_shown(level)}"
+                    f"{at}: must be finite numbers and not negative, got "
+                    f"{shortened(instance(cost))} for {level_shown(level)}"
                 )
         costs[name] = {level: float(cost) for level, cost in mine.items()}
     return costs

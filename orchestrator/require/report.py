@@ -34,7 +34,7 @@ def save(answer: Answer, directory: str | Path) -> Path:
 
 
 def _scenario(answer: Answer, folder: Path | None) -> str:
-    worst = answer.designs.loc[answer.named, "condition"]
+    worst = answer.of(answer.named)["condition"]
     lines = [
         f"# {answer.question.study.title or answer.question.study.name}",
         f"# The answer: {answer.priced(answer.named)}.",

@@ -11,15 +11,15 @@ every share of the other side, and by Ville's inequality P(M ≥ 1/risk for any 
 holds at all times at once, whatever the responses are distributed like, and whenever one looks (H.
 Robbins, Ann. Math. Statist. 41, 1970, 1397–1409; S. R. Howard, A. Ramdas, J. McAuliffe and
 J. Sekhon, Ann. Statist. 49, 2021, 1055–1080). F is the Beta distribution with mean q and the weight
-of `WEIGHT` runs, cut off at q; p₁ is `NEAR` of the way from q to 1, or as far below: at q = 0.95,
-two points. The same counts bound the percentile q of any response, as the share of the runs below
-the true percentile is q at most (Howard and Ramdas, Bernoulli 28, 2022, 1704–1728).
+of `WEIGHT` runs, cut off at q; p₁ is `NEAR` of the way from q to the nearer of 0 and 1 away: two
+points at q = 0.95. The same counts bound the percentile q of any response, as the share of the runs
+below the true percentile is q at most (Howard and Ramdas, Bernoulli 28, 2022, 1704–1728).
 
-A share of the risk belongs to each claim. Of D designs that must hold in C conditions, one is *good*
-if it is in every condition: to say so wrongly, one must be wrong in a condition in which it is not,
-so each condition may take the whole risk/D (intersection-union test: R. L. Berger, Technometrics
-24, 1982, 295–300). It is *not* if it is not in some condition, for which each has risk/(D C). A
-design is either good or not, so both claims have the whole risk.
+A share of the risk belongs to each claim. Of D designs that must hold in C conditions, one is
+*good* if it is in every condition: to say so wrongly, one must be wrong in a condition in which it
+is not, so each condition may take the whole risk/D (intersection-union test: R. L. Berger,
+Technometrics 24, 1982, 295–300). It is *not* if it is not in some condition, for which each has
+risk/(D C). A design is either good or not, so both claims have the whole risk.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Verdict = Literal["good", "not", "open"]
 WEIGHT = 50.0
 """Of the continuous part of the mixture [runs]."""
 NEAR = 0.4
-"""Where the other part is, as a share of the way from q to 1."""
+"""How far away the other part is, as a share of the way from q to the nearer of 0 and 1."""
 FIRST, GROWTH, LANES = 96, 1.1, 8
 """Runs of an arm at its first look, factor from look to look, and what the looks are multiples of:
 the largest number of lanes of a processor."""
@@ -61,7 +61,7 @@ def evidence(passed: int, runs: int, share: float, above: bool) -> float:
     cut = special.betaincc if above else special.betainc
     failed = runs - passed
     null = passed * log(share) + failed * log1p(-share)
-    near = share + NEAR * (1 - share) * (1 if above else -1)
+    near = share + NEAR * min(share, 1 - share) * (1 if above else -1)
     point = passed * log(near) + failed * log1p(-near) - null
     kept = cut(a + passed, b + failed, share) / cut(a, b, share)
     if kept <= 0:  # nearly all of the evidence is on the other side

@@ -26,6 +26,7 @@ LONG_FUNCTIONS = {
     "analysis.workflow.of_table": _OPTIONS,
     "api.run": _OPTIONS,
     "calibrate.calibrate": _OPTIONS,
+    "cli.requirements.require": _COMMAND,
     "cli.simulate.calibrate": _COMMAND,
     "cli.simulate.run": _COMMAND,
     "cli.studies.advise": _COMMAND,
