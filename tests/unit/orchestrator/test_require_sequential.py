@@ -8,7 +8,6 @@ from itertools import takewhile
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import integrate, optimize, stats
 from sblcosim.require.sequential import (
     FIRST,
     LANES,
@@ -23,6 +22,7 @@ from sblcosim.require.sequential import (
     percentile,
     too_few,
 )
+from scipy import integrate, optimize, stats
 
 Floats = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int, float], Floats]
@@ -266,7 +266,7 @@ def test_the_budget_is_kept_and_goes_to_the_cheaper_designs_first() -> None:
 
 def test_five_percent_of_bad_runs_goes_unseen_in_twenty() -> None:
     """Why a claim takes so many: a third of all samples of 20 do not have one."""
-    assert 0.95**20 == pytest.approx(0.36, abs=0.005)
+    assert pytest.approx(0.36, abs=0.005) == 0.95**20
     n = optimize.brentq(lambda n: 0.95**n - 0.05, 1, 100)
     assert int(np.ceil(n)) == 59
     assert Rule(0.95, 0.05, 1).verdict(20, 20) == "open"
