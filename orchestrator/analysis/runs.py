@@ -9,8 +9,16 @@ from ..errors import ConfigurationError, nearest
 from .options import Options
 
 
-def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) -> None:
-    """Refuse factors and a response that are not different columns of numbers."""
+def check_columns(
+    table: pd.DataFrame, factors: tuple[str, ...], response: str, *, names: bool = False
+) -> None:
+    """Refuse factors and a response that are not different columns of numbers.
+
+    Parameters
+    ----------
+    names
+        Levels of factors may be text, too.
+    """
     if not factors:
         raise ConfigurationError("factors: must name at least one column, got none")
     if len(set(factors)) < len(factors):
@@ -22,7 +30,8 @@ def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) 
                 f"{where}: must be columns of the table, got {name!r}"
                 + nearest(name, map(str, table.columns))
             )
-        if not pd.api.types.is_numeric_dtype(table[name]):
+        text = names and where == "factors"
+        if not (text or pd.api.types.is_numeric_dtype(table[name])):
             kind = table[name].dtype
             raise ConfigurationError(f"{name}: must be a column of numbers, got {kind}")
     if response in factors:

@@ -145,7 +145,7 @@ class Analysis(Document):
 class DesignPoint(Part):
     """A point of the design, with the runs at it."""
 
-    levels: dict[str, float]
+    levels: dict[str, float | str]
     """By factor."""
     cost: float
     runs: int

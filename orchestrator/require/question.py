@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from ..analysis.conditions import BETTER_IF_LARGE
+from ..analysis.costs import of_levels
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
 from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..scenario import library
@@ -24,7 +24,6 @@ from ..scenario.schema import Table
 from ..scenario.sources import choose
 from ..shown import Shown
 from ..study.checks import line
-from ..study.definition import FactorTable
 from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
@@ -262,7 +261,12 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
     except ConfigurationError as error:
         raise ConfigurationError(str(error).replace("[factors.", "[choices.")) from None
     response = response or study.asked[0].name
-    return Question(terms, study, _costs(where, choices, study.factors), response)
+    costs = {
+        name: of_levels(f"{where}: [choices.{shortened(name)}] costs", table["costs"],
+                        study.factors[name].values)
+        for name, table in choices.items() if "costs" in table
+    }  # fmt: skip
+    return Question(terms, study, costs, response)
 
 
 class _Known(Terms):
@@ -305,55 +309,6 @@ def _response(where: str, name: str) -> tuple[str, list[str]]:
             f"{quoted(name)}{nearest(name, [*short, *better])}"
         )
     return known, [known] if known in ON_REQUEST else []
-
-
-def _costs(
-    where: str, choices: Mapping[str, Mapping[str, Any]], factors: Mapping[str, FactorTable]
-) -> dict[str, dict[Level, float]]:
-    """Costs of levels, by choice."""
-    costs = {}
-    for name, table in choices.items():
-        if "costs" not in table:
-            continue
-        at = f"{where}: [choices.{shortened(name)}] costs"
-        given, levels = table["costs"], factors[name].values
-        if isinstance(given, Mapping):
-            mine = _by_name(at, given, levels)
-        elif isinstance(given, Sequence) and not isinstance(given, str):
-            if len(given) != len(levels):
-                raise ConfigurationError(
-                    f"{at}: must have a cost for each of the levels "
-                    f"{', '.join(map(level_shown, levels))}, got {len(given)}"
-                )
-            mine = dict(zip(levels, given, strict=True))
-        else:
-            raise ConfigurationError(
-                f"{at}: must be an array of costs, or a table by level, got "
-                f"{shortened(instance(given))}"
-            )
-        for level, cost in mine.items():
-            number = isinstance(cost, int | float) and not isinstance(cost, bool)
-            if not number or not 0 <= cost < inf or not isfinite(cost):
-                raise ConfigurationError(
-                    f"{at}: must be finite numbers and not negative, got "
-                    f"{shortened(instance(cost))} for {level_shown(level)}"
-                )
-        costs[name] = {level: float(cost) for level, cost in mine.items()}
-    return costs
-
-
-def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict[Level, Any]:
-    names = {level_shown(level): level for level in levels}
-    for name in given:
-        if name not in names:
-            raise ConfigurationError(
-                f"{at}: must be of the levels {', '.join(names)}, got {quoted(str(name))}"
-                f"{nearest(str(name), names)}"
-            )
-    for name in names:
-        if name not in given:
-            raise ConfigurationError(f"{at}: must have one for each level, got none for {name}")
-    return {names[name]: cost for name, cost in given.items()}
 
 
 def passable(table: pd.DataFrame, response: str, label: str) -> NDArray[np.float64]:
