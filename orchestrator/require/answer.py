@@ -18,7 +18,6 @@ from .. import layout
 from ..scenario.scenario import Scenario, Source
 from ..scenario.sources import choose
 from ..shown import Shown, folded, page, verbatim
-from ..study.design import shown as level_shown
 from .limiting import Limiting, limiting
 from .question import Question, passable
 from .sequential import Elimination, percentile
@@ -156,7 +155,8 @@ class Answer(Shown):
     def _share(self, row: int) -> str:
         of = self.of(row)
         share = 100 * of["passed"] / of["runs"]
-        return f"{share:.4g} %" if share < 99.95 or share == 100 else f"{share:.5g} %"
+        near = abs(share - 100 * self.question.terms.share) < 0.1 or 99.9 < share < 100
+        return f"{share:.2f} %" if near else f"{share:.1f} %".replace(".0 %", " %")
 
     def _cheaper(self) -> str:
         if self.cheaper is None:
@@ -241,7 +241,7 @@ class Answer(Shown):
         shown = self.designs if verbose else self.designs[self._worth()]
         head, rows = self.table(shown)
         which = "All designs" if verbose else "Designs that no other one beats in cost and accuracy"
-        right = range(len(self.question.study.factors) + 1, len(head))
+        right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
         if verbose:
             lines += ["", *self.notes()]
@@ -268,24 +268,24 @@ class Answer(Shown):
         return worth
 
     def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-        """Head and rows of a table of designs, for people; the choices come first."""
+        """Head and rows of a table of designs, for people: letter and levels first."""
         q, study = self.question, self.question.study
         unit = f" [{q.unit}]" if q.unit else ""
         letters = self.letters
         head = [
-            "",
-            *(study.labels[n] + (study.units[n] and f" [{study.units[n]}]") for n in study.factors),
+            " · ".join(study.labels[name] for name in study.factors),
             *(["cost"] if q.costs else []), "verdict", "runs", "within",
-            f"{100 * q.terms.share:g} % within{unit}", "at least", "at most",
+            f"{100 * q.terms.share:g} % within{unit}", "surely",
         ]  # fmt: skip
         rows = [
             [
-                letters.get(number, ""), *(level_shown(row[name]) for name in study.factors),
+                f"{letters[number]}  {self.short(number)}" if number in letters
+                else self.short(number),
                 *([q.price(row["cost"])] if q.costs else []),
                 VERDICTS[row["verdict"]], f"{row['runs']:,}",
                 self._share(number) if row["runs"] else "–",
                 "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
-                *(_figure(row[name]) for name in ("lower", "upper")),
+                _span(row["verdict"], row["lower"], row["upper"]),
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
@@ -328,6 +328,14 @@ class Answer(Shown):
 
 def _figure(value: float) -> str:
     return f"{value:.3g}" if isfinite(value) else "–"
+
+
+def _span(verdict: str, low: float, high: float) -> str:
+    """The bounds of a percentile that belong to a verdict."""
+    ends = [(low, "≥"), (high, "≤")]
+    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("good", "not"),
+             strict=True) if isfinite(end) and verdict != other]  # fmt: skip
+    return ", ".join(shown) or "–"
 
 
 def _counted(number: int, verb: str) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
+import pandas as pd
+
 from .. import artifacts, style
 from ..report.common import as_toml
 from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
@@ -45,8 +47,6 @@ def _scenario(answer: Answer, folder: Path | None) -> str:
 
 def _page(answer: Answer, svg: str) -> Page:
     q, study = answer.question, answer.question.study
-    head, rows = answer.table(answer.designs)
-    words = (*range(len(study.factors) + 1), head.index("verdict"))
     first, *rest = answer.sentences()
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
     what = "Cost and accuracy" if q.costs else "Accuracy"
@@ -55,10 +55,7 @@ def _page(answer: Answer, svg: str) -> Page:
         f"{what} of all designs: the value that {100 * q.terms.share:g} % of the runs are within; "
         "bars reach to the bounds. Letters: the designs that no other one beats in both."
     )
-    bounds = (
-        "At least, at most: bounds of that value, which hold together for all designs. Runs and "
-        "shares are those of the condition that is worst for a design."
-    )
+    worth = answer.designs.loc[[*answer.letters]]
     return Page(
         study.title or f"Which design: {study.name}",
         f"Required: {q.requirement}. Path: {answer.scenario.target.trajectory}; duration: "
@@ -67,13 +64,24 @@ def _page(answer: Answer, svg: str) -> Page:
             Section("Answer", "answer", summary),
             Section("Cost and accuracy" if q.costs else "Accuracy", "front",
                     [Picture("front", svg, caption, alt)]),
-            Section("All designs", "designs", [Table("Designs, the cheapest first", [
-                word[:1].upper() + word[1:] for word in head], rows, words, bounds)]),
+            Section("Designs", "designs", [_table(answer, worth, "Designs worth their cost")],
+                    [Section("All designs", "all", [_table(answer, answer.designs, "All designs")],
+                             folded=True)]),
             Section("Method", "method", [*map(Text, answer.notes()), Text(_METHOD)], folded=True),
             _again(answer),
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
     )  # fmt: skip
+
+
+def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
+    head, rows = answer.table(designs)
+    note = (
+        "Surely: bounds of the value before, which hold together for all designs. Runs and shares "
+        "are those of the condition that is worst for a design."
+    )
+    titles = [word[:1].upper() + word[1:] for word in head]
+    return Table(f"{caption}, the cheapest first", titles, rows, (head.index("verdict"),), note)
 
 
 _METHOD = (
