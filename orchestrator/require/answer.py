@@ -168,8 +168,18 @@ class Answer(Shown):
         }[of["verdict"]]  # fmt: skip
         return (
             f"The next cheaper one worth its cost {fails}: {self.priced(self.cheaper)}. "
-            f"{self._numbers(self.cheaper)}"
+            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}"
         )
+
+    def _more(self, row: int) -> str:
+        """How many runs would decide a design that is open."""
+        of = self.of(row)
+        if of["verdict"] != "open" or not of["runs"]:
+            return ""
+        runs = self.question.rule.runs_to_decide(int(of["passed"]), int(of["runs"]))
+        if runs is None:
+            return " It is so near the limit that no number of runs is likely to decide it."
+        return f" If its share stayed so, {runs:,} runs of it would decide it."
 
     def _by(self, row: int) -> str:
         """By how much a design fails."""
@@ -185,7 +195,7 @@ class Answer(Shown):
         of = self.of(self.nearest)
         if of["verdict"] == "open":
             is_open = f"The nearest is open: {self.priced(self.nearest)}."
-            return f"{is_open} {self._numbers(self.nearest)}"
+            return f"{is_open} {self._numbers(self.nearest)}{self._more(self.nearest)}"
         return (
             f"The nearest, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
             f"{self._numbers(self.nearest)}"
@@ -385,7 +395,9 @@ def answered(
         "name": question.study.name, "settling_time_s": question.study.settling_time_s,
         "seed": question.study.seed, "responses": list(question.study.responses),
     }  # fmt: skip
-    limits = limiting(scenario, receiver, about, rank, question.terms.limit, workers)
+    limits = Limiting(float("nan"), {}, ())
+    if elimination.spent:
+        limits = limiting(scenario, receiver, about, rank, question.terms.limit, workers)
     return Answer(
         question, designs.drop(columns="worst"), elimination.spent, chosen, cheaper, nearest,
         limits, scenario,
@@ -443,7 +455,9 @@ def _scenario(question: Question, named: int, condition: int) -> tuple[Scenario,
     point = row * question.groups + design.group + 1
     scenario = study.base.override(study.overrides(point).items())
     receiver = choose(study.base, list(study.receivers))[design.receiver]
-    changes: dict[str, Any] = {"name": f"{study.name}-answer"}
+    changes: dict[str, Any] = {
+        "name": f"{study.name}-answer", "title": f"The answer to {study.title or study.name}",
+    }  # fmt: skip
     if study.receiver_factor is not None and receiver in RECEIVERS:
         changes["receiver.type"] = receiver
     return scenario.override(changes.items()), receiver

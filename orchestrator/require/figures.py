@@ -28,8 +28,8 @@ def plot_front(answer: Answer, ax: Axes | None = None, theme: ThemeName = "light
     Bars are the bounds, as far as they exist; designs without a finite value are at the top.
     Without costs, the designs stand beside each other in the order of their accuracy.
     """
-    q = answer.question
     with use(theme, ax) as look:
+        q = answer.question
         own = ax is None
         if ax is None:
             lines = -(-len(answer.letters) // _COLUMNS)

@@ -27,7 +27,7 @@ from ..study.checks import line
 from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
-from .sequential import Rule
+from .sequential import MOST_RUNS, Rule
 
 PACKAGE = "sblcosim.require"
 _FRAME = "absolute_"
@@ -65,7 +65,7 @@ class Terms(Table):
     confidence: _Share = Field(
         default=0.95, description="That no claim about any design is wrong"
     )
-    most_runs: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
+    most_runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] = Field(
         default=40_000, description="Budget of runs"
     )
     currency: str = Field(default="", description="Of the costs")
@@ -212,7 +212,8 @@ class Question(Shown):
 
     def price(self, cost: float) -> str:
         """A cost for people."""
-        return f"{cost:,g}{self.terms.currency and f' {self.terms.currency}'}"
+        number = f"{cost:,.2f}".removesuffix(".00")
+        return f"{number} {self.terms.currency}".rstrip()
 
 
 def shipped() -> tuple[str, ...]:

@@ -90,7 +90,8 @@ _METHOD = (
     "the required share exceeds the inverse of its share of the risk (Ville's inequality; Robbins "
     "1970, Howard et al. 2021): so it holds at all looks at once. The risk is shared over the "
     "designs, and for failing over the conditions, too. What limits a design is found by runs on "
-    "the same noise without each source of error, with a receiver that is told so."
+    "the same noise without each source of error, with a receiver that is told so; they are not "
+    "of the budget."
 )
 
 

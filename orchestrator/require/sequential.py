@@ -44,6 +44,9 @@ FIRST, GROWTH, LANES = 96, 1.1, 8
 """Runs of an arm at its first look, factor from look to look, and what the looks are multiples of:
 the largest number of lanes of a processor."""
 
+MOST_RUNS = 10_000_000
+"""Largest budget."""
+
 
 def looks() -> Iterator[int]:
     """Numbers of runs at which an arm is looked at, ascending without end."""
@@ -128,6 +131,16 @@ class Rule:
         if runs and passed >= self.enough(runs):
             return "good"
         return "not" if runs and passed <= self.too_few(runs) else "open"
+
+    def runs_to_decide(self, passed: int, runs: int) -> int | None:
+        """Runs at the look that would decide an arm if its share stayed; None if none would."""
+        for n in looks():
+            if n > MOST_RUNS:
+                return None
+            same = passed * n // max(runs, 1)
+            if n > runs and self.verdict(same, n) != "open":
+                return n
+        return None
 
     @property
     def least(self) -> int:

@@ -303,7 +303,18 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
         assert f"takes at least {least} runs" in answer.answer()
         assert f"{least - 96} more are needed at each of the 6" in answer.answer()
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
-    assert "are open" in exact.answer() or "is open" in exact.answer()
+    assert "The nearest is open: GPS 1 m, baseline 0.4 m" in exact.answer()
+    assert "no number of runs is likely" in exact.answer() or "would decide it." in exact.answer()
+
+
+def test_without_any_run_there_is_an_answer() -> None:
+    answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
+    assert answer.spent == 0
+    assert answer.limits.without == {}
+    assert "all 6 are open" in answer.answer()
+    assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer()
+    plot_front(answer)
+    assert "–" in answer.text(verbose=True, width=80)
 
 
 def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() -> None:

@@ -200,6 +200,17 @@ def test_all_passing_runs_that_a_claim_takes() -> None:
     assert Rule(0.95, 0.05, 8).least >= 99  # what any bound takes
 
 
+def test_how_many_runs_would_decide() -> None:
+    rule = Rule(0.95, 0.05, 8)
+    for passed, runs in ((932, 1000), (968, 1000), (96, 96), (940, 1000)):
+        n = rule.runs_to_decide(passed, runs)
+        assert n is not None
+        assert rule.verdict(passed * n // runs, n) != "open"
+        before = [m for m in takewhile(lambda m: m < n, looks()) if m > runs]  # noqa: B023
+        assert all(rule.verdict(passed * m // runs, m) == "open" for m in before)
+    assert rule.runs_to_decide(95, 100) is None
+
+
 def test_looks_are_whole_lanes_and_grow_by_a_tenth() -> None:
     ends = [*takewhile(lambda n: n < 100_000, looks())]
     assert ends[0] == FIRST
@@ -255,7 +266,7 @@ def test_designs_that_share_runs_count_them_until_each_is_decided() -> None:
 
 
 def test_the_budget_is_kept_and_goes_to_the_cheaper_designs_first() -> None:
-    e = Elimination(Rule(0.95, 0.05, 8), range(8), 300)
+    e = Elimination(Rule(0.95, 0.05, 8), range(8), 290)
     assert [(b.group, b.stop) for b in e.batches()] == [(0, 96), (1, 96), (2, 96)]
     for batch in e.batches():
         e.add(batch, {batch.group: 96})
