@@ -55,16 +55,18 @@ def plot_front(answer: Answer, ax: Axes | None = None, theme: ThemeName = "light
                     label="no other is cheaper and better")
         ax.axhline(q.terms.limit, color=look.ink, ls=LINES[1], lw=1.2,
                    label=f"limit: {q.terms.limit:g}{q.unit and f' {q.unit}'}")
-        if answer.chosen is not None:
-            row = at.loc[answer.chosen]
+        row: Any = at.loc[answer.named]
+        if np.isfinite(row["estimate"]):
             ax.plot([row["x"]], [row["estimate"]], "o", mfc="none", mec=look.ink, ms=12, mew=1.4,
-                    label="the answer")
+                    label="the nearest" if answer.chosen is None else "the answer")
         unit = f" [{q.unit}]" if q.unit else ""
         words = q.words[0].upper() + q.words[1:]
         currency = f" [{q.terms.currency}]" if q.terms.currency else ""
         ax.set(xlabel=f"Cost{currency}" if q.costs else "Designs by accuracy",
                ylabel=f"{words}:\n{100 * q.terms.share:g} % of the runs are within{unit}")
-        if not q.costs:
+        if q.costs:
+            ax.xaxis.set_major_formatter("{x:,.10g}")
+        else:
             ax.set_xticks([])
         if ax.get_yscale() == "linear":
             ax.set_ylim(bottom=0.0)

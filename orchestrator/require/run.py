@@ -17,9 +17,10 @@ from ..errors import ConfigurationError
 from ..results.responses import RESPONSES
 from ..study import executors, runner, store
 from ..study.campaign import Campaign, Run, prepare
-from .answer import Answer, answered
+from .answer import Answer
 from .question import Question, load, passable
 from .sequential import Batch, Elimination
+from .weighing import answered
 
 Floats = NDArray[np.float64]
 RUNS, ANSWER = "runs", "answer"

@@ -56,11 +56,12 @@ def test_importing_it_loads_nothing_large() -> None:
         ("scenarios", sblcosim.scenarios),
         ("studies", sblcosim.studies),
         ("receivers", sblcosim.receivers),
+        ("questions", sblcosim.questions),
     ],
 )
 def test_what_comes_along_is_what_the_command_lists(name: str, listing: Any) -> None:
     found = listing()
-    assert len(found) >= 3
+    assert len(found) >= (1 if name == "questions" else 3)
     assert all(found.values())
     printed = CliRunner().invoke(app, [name], catch_exceptions=False).stdout
     assert all(key in printed for key in found)
@@ -72,6 +73,8 @@ def test_what_comes_along_can_be_used() -> None:
         assert sblcosim.load(name).title == sblcosim.scenarios()[name]
     for name in sblcosim.studies():
         assert sblcosim.study.load(name).title == sblcosim.studies()[name]
+    for name in sblcosim.questions():
+        assert sblcosim.require.load(name).study.title == sblcosim.questions()[name]
     short = {"time.duration_s": 2.0}
     assert "ekf" in sblcosim.receivers()
     assert sblcosim.run("harbour-square", [*sblcosim.receivers()], short.items()).receivers

@@ -15,13 +15,15 @@ import pytest
 import sblcosim
 from sblcosim import require
 from sblcosim.errors import ConfigurationError
+from sblcosim.report.common import as_toml
 from sblcosim.require import limiting
-from sblcosim.require.answer import Answer, answered
+from sblcosim.require.answer import Answer
 from sblcosim.require.figures import plot_front
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination
+from sblcosim.require.weighing import answered
 from sblcosim.study import store
 from typer.testing import CliRunner
 
@@ -311,7 +313,7 @@ def test_without_any_run_there_is_an_answer() -> None:
     answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
     assert answer.spent == 0
     assert answer.limits.without == {}
-    assert "all 6 are open" in answer.answer()
+    assert "all 6 stay open" in answer.answer()
     assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer()
     plot_front(answer)
     assert "–" in answer.text(verbose=True, width=80)
@@ -428,7 +430,6 @@ def test_the_front_shows_every_design(found: tuple[Answer, Path], theme: Any) ->
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from sblcosim.cli import app
-    from sblcosim.report.common import as_toml
 
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(as_toml(QUESTION), "utf-8")
@@ -441,6 +442,6 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert Path(told["report"]).exists()
     again = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "50"])
     assert again.exit_code == 1
-    assert "No design surely suffices: all 6 are open." in again.stdout
+    assert "No design surely suffices: all 6 stay open." in again.stdout
     wrong = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "0"])
     assert wrong.exit_code == 2
