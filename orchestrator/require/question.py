@@ -107,12 +107,15 @@ class Question(Shown):
         By choice: cost of each level. A choice without costs is not in it.
     response
         Second part of the column in the table of runs.
+    tables
+        Those of its file.
     """
 
     terms: Terms
     study: Study
     costs: Mapping[str, Mapping[Level, float]]
     response: str
+    tables: Mapping[str, Any]
 
     def _gist(self) -> str:
         return (
@@ -190,7 +193,7 @@ class Question(Shown):
         index = ((drawn >> np.uint64(32)) * np.uint64(len(rows))) >> np.uint64(32)
         return rows[index.astype(np.int64)] * self.groups + group
 
-    @property
+    @cached_property
     def groups(self) -> int:
         """Number of groups of designs that share their runs."""
         return 1 + max(design.group for design in self.designs)
@@ -235,6 +238,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
         The question does not exist or is invalid.
     """
     where, raw, folder = read(source, "question", PACKAGE)
+    given = dict(raw)
     choices = _choices(where, raw.pop("choices", None))
     tables = {key: raw.pop(key) for key in OF_STUDY if key in raw}
     try:
@@ -267,7 +271,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
                         study.factors[name].values)
         for name, table in choices.items() if "costs" in table
     }  # fmt: skip
-    return Question(terms, study, costs, response)
+    return Question(terms, study, costs, response, given)
 
 
 class _Known(Terms):

@@ -106,9 +106,9 @@ def _again(answer: Answer) -> Section:
     blocks: list[Block] = [
         Code(f"sblcosim require {source} --most-runs {answer.question.terms.most_runs}"),
         Text("Equal versions and seeds give equal results to the last bit, whatever the number of "
-             "workers. Any run can be done again with its full record: sblcosim replay RUNS "
-             "RUN_ID. All that is run, as a study:"),
-        Code(as_toml(study.tables())),
+             "workers. Any run can be done again with its full record: sblcosim replay "
+             "FOLDER/runs RUN_ID. The question:"),
+        Code(as_toml(artifacts.plain(answer.question.tables))),
         Text("The scenario of the design that is named:"),
         Code(answer.scenario.dump_toml()),
     ]  # fmt: skip

@@ -190,6 +190,9 @@ class Elimination:
         self.runs = np.zeros((max(self.groups) + 1, self.rule.conditions), np.int64)
         self.seen = np.zeros((len(self.groups), self.rule.conditions), np.int64)
         self.passed = np.zeros_like(self.seen)
+        self._members: dict[int, list[int]] = {}
+        for design, group in enumerate(self.groups):
+            self._members.setdefault(group, []).append(design)
 
     def arm(self, design: int, condition: int) -> Verdict:
         """What is sure of a design in a condition."""
@@ -234,9 +237,8 @@ class Elimination:
         """Designs for which the runs of a batch count."""
         return [
             design
-            for design, group in enumerate(self.groups)
-            if group == batch.group
-            and self.seen[design, batch.condition] == batch.start
+            for design in self._members[batch.group]
+            if self.seen[design, batch.condition] == batch.start
             and self.arm(design, batch.condition) == "open"
         ]
 

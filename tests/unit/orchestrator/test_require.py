@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import tomllib
 from collections.abc import Mapping
@@ -265,6 +266,10 @@ def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
     assert answer.sentences()[0] in page
     assert "errors count from 4 s on" in page
     assert "12 s" in page
+    question = page.partition("The question:")[2].partition("<code>")[2].partition("</code>")[0]
+    again = require.load(tomllib.loads(html.unescape(question)))
+    assert again.study.tables() == answer.question.study.tables()
+    assert (again.terms, again.costs) == (answer.question.terms, answer.question.costs)
     table = pd.read_parquet(out / "answer" / "designs.parquet")
     assert len(table) == 6
     scenario = sblcosim.load(out / "answer" / "scenario.toml")
