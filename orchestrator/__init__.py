@@ -14,7 +14,7 @@ from . import lazy
 if TYPE_CHECKING:
     from sblcosim.models.declaration import Variable
 
-    from . import analysis, limits, research, study
+    from . import analysis, limits, require, research, study
     from .api import run
     from .areas.survey import map_area
     from .comparison.budget import budget
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .estimation.after import Smoothed, smooth
     from .export.container import export_fmu
     from .export.ssp import export_ssp
-    from .listings import receivers, scenarios, studies
+    from .listings import questions, receivers, scenarios, studies
     from .results.result import Result
     from .scenario.keys import Overrides
     from .scenario.scenario import Scenario, load
@@ -56,7 +56,9 @@ __all__ = [
     "limits",
     "load",
     "map_area",
+    "questions",
     "receivers",
+    "require",
     "research",
     "run",
     "run_many",
@@ -92,7 +94,9 @@ if not TYPE_CHECKING:  # a checker would take any name for one of ours
             "limits": "",
             "load": "scenario.scenario",
             "map_area": "areas.survey",
+            "questions": "listings",
             "receivers": "listings",
+            "require": "",
             "research": "",
             "run": "api",
             "run_many": "comparison.many",

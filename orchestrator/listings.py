@@ -21,6 +21,13 @@ def studies() -> Listing:
     return Listing({name: load(name).title for name in shipped()})
 
 
+def questions() -> Listing:
+    """The questions for `sblcosim.require.load`: their names, each with its title."""
+    from .require.question import load, shipped
+
+    return Listing({name: load(name).study.title for name in shipped()})
+
+
 def receivers() -> Listing:
     """The receivers that `sblcosim.run` knows by name, each with what it is."""
     return Listing({name: component.description for name, component in RECEIVERS.items()})

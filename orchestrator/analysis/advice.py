@@ -34,13 +34,14 @@ from numpy.typing import NDArray
 from .. import layout
 from ..errors import ConfigurationError, nearest
 from ..shown import Shown, folded, page, verbatim
+from ..study.design import Level
+from ..study.design import shown as level_shown
 from .bounds import LEAST_RUNS, mean_bound, percentile_bound, runs_to_see, share_bound
+from .costs import of_column
 from .runs import check_columns
 from .sentences import ordinal
 
 Floats = NDArray[np.float64]
-LEVEL_TOLERANCE = 1e-9
-"""How far, relatively, a level may be from the one that a cost is given for."""
 PERCENTILE = 90.0
 """Default percentile."""
 
@@ -199,8 +200,8 @@ class Advice(Shown, Question):
         )
 
     def _levels(self, row: int) -> str:
-        levels = self.points.loc[row, list(self.factors)].astype(float)
-        return ", ".join(f"{name} {level:g}" for name, level in levels.items())
+        levels = self.points.loc[row, list(self.factors)].to_dict()
+        return ", ".join(f"{name} {level_shown(level)}" for name, level in levels.items())
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """What to buy, then the points worth their cost.
@@ -299,7 +300,7 @@ def advise(
     table: pd.DataFrame,
     factors: Sequence[str],
     response: str,
-    costs: Mapping[str, Mapping[float, float]],
+    costs: Mapping[str, Mapping[Level, float]],
     *,
     limit: float | None = None,
     percentile: float | None = PERCENTILE,
@@ -358,12 +359,12 @@ def advise(
 def _check(
     table: pd.DataFrame,
     question: Question,
-    costs: Mapping[str, Mapping[float, float]],
+    costs: Mapping[str, Mapping[Level, float]],
     lost: str | None,
 ) -> None:
     """Refuse a question that the table cannot answer."""
     factors, percentile, limit = question.factors, question.percentile, question.limit
-    check_columns(table, factors, question.response)
+    check_columns(table, factors, question.response, numbers=False)
     if percentile is not None and not 0 < percentile < 100:
         raise ConfigurationError(f"percentile: must be between 0 and 100, got {percentile}")
     for name in ("confidence", "contamination"):
@@ -387,7 +388,7 @@ def _check(
 
 
 def _answered(
-    question: Question, runs: pd.DataFrame, costs: Mapping[str, Mapping[float, float]]
+    question: Question, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
 ) -> Advice:
     """The points, weighed; `runs` has the factors and ``value``, infinite if lost."""
     factors, limit, percentile = question.factors, question.limit, question.percentile
@@ -409,7 +410,9 @@ def _answered(
             upper = inf
         rows.append((n, lost, share_bound(lost, n, risk), estimate, upper))
     points = groups.size().reset_index()[list(factors)]
-    points["cost"] = sum((_cost(points[name], costs[name]) for name in costs), np.zeros(len(rows)))
+    points["cost"] = np.zeros(len(rows))
+    for name in costs:
+        points["cost"] += of_column(points[name], costs[name])
     columns = ["runs", "lost", "lost_upper", "estimate", "upper"]
     points[columns] = pd.DataFrame(rows, columns=columns)
     points = points.sort_values(["cost", "estimate"], kind="stable", ignore_index=True)
@@ -428,22 +431,3 @@ def _answered(
         runs_needed=needed,
         free=tuple(name for name in factors if name not in costs),
     )
-
-
-def _cost(levels: pd.Series[float], costs: Mapping[float, float]) -> Floats:
-    """Cost of each level in a column."""
-    known = np.array([float(level) for level in costs])
-    prices = np.array([float(price) for price in costs.values()])
-    if not (np.isfinite(prices) & (prices >= 0)).all():
-        raise ConfigurationError(
-            f"costs.{levels.name}: must be finite and not negative, got {list(costs.values())}"
-        )
-    values = levels.to_numpy(np.float64)
-    same = np.isclose(values[:, None], known, rtol=LEVEL_TOLERANCE, atol=0)
-    if not same.any(axis=1).all():
-        missing = values[~same.any(axis=1)][0]
-        raise ConfigurationError(
-            f"costs.{levels.name}: must have every level of the design, got none for {missing:g}"
-        )
-    price: Floats = prices[same.argmax(axis=1)]
-    return price

@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
 from ..results.drawing import free_places
-from ..study.design import INTERACTION_SIGN
+from ..study.design import INTERACTION_SIGN, shown
 from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
@@ -332,7 +332,7 @@ def _label_front(ax: Axes, advice: Advice, points: pd.DataFrame, front: pd.DataF
     words: list[str] = []
     before: dict[Any, Any] = {}
     for levels in front[list(advice.factors)].to_dict(orient="records"):
-        new = [f"{name} {value:g}" for name, value in levels.items() if before.get(name) != value]
+        new = [f"{name} {shown(v)}" for name, v in levels.items() if before.get(name) != v]
         words.append("\n".join(new))
         before = levels
     at = front[["cost", "estimate"]].to_numpy(np.float64)

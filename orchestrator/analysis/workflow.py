@@ -17,11 +17,13 @@ from ..results.responses import RESPONSES, readable, unit_of
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
 from ..study.batch import VALUE
+from ..study.design import Level
 from ..study.parts import Wanted
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
 from .conditions import of_choices
+from .costs import of_levels
 from .factorial import Factorial, analyse
 from .general import GeneralFactorial
 from .general import analyse as analyse_levels
@@ -261,13 +263,17 @@ def words(column: str, table: pd.DataFrame, *, of_all: bool = False) -> str:
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
     """The same with the labels of the study in a folder of results."""
     study = study_of(results)
-    text = words(advice.response, store.table(results, needed(study, advice.response)))
+    if "." in advice.response:
+        text = words(advice.response, store.table(results, needed(study, advice.response)))
+    else:  # of any receiver, where the receivers are a factor
+        known = RESPONSES.get(advice.response)
+        text = readable(advice.response) if known is None else known.words
     return advice.named(study.labels, text)
 
 
 def advice_on_study(
     results: str | Path,
-    costs: str | Path | Mapping[str, Sequence[float]],
+    costs: str | Path | Mapping[str, Any],
     response: str = RESPONSE,
     *,
     receiver: str | None = None,
@@ -283,8 +289,8 @@ def advice_on_study(
     Parameters
     ----------
     costs
-        By factor: the cost of each of its levels, in the order of the study; a TOML file
-        (``gps = [900, 40]``) or a mapping.
+        By factor: the cost of each of its levels, in the order of the study or by name; a TOML
+        file (``gps = [900, 40]``) or a mapping.
 
     Raises
     ------
@@ -296,41 +302,29 @@ def advice_on_study(
     prices = _prices(study, costs)
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)
-    lost = f"{column.partition('.')[0]}.lost"
+    chosen = of_choices(study, points, column)
     return advise(
-        in_numbers(points, column), list(study.factors), column, prices, limit=limit,
+        chosen.table, chosen.factors, chosen.response, prices, limit=limit,
         percentile=percentile, contamination=contamination, confidence=confidence,
-        unit=unit_of(response), lost=lost if lost in table and lost != column else None,
+        unit=unit_of(column), lost="lost" if "lost" in chosen.table else None,
     )
 
 
 def _prices(
-    study: Study, costs: str | Path | Mapping[str, Sequence[float]]
-) -> dict[str, dict[float, float]]:
+    study: Study, costs: str | Path | Mapping[str, Any]
+) -> dict[str, dict[Level, float]]:
     """Cost of each level by factor, from a file or a mapping."""
     where, given = ("costs", dict(costs)) if isinstance(costs, Mapping) else _read(Path(costs))
-    prices: dict[str, dict[float, float]] = {}
-    for name, values in given.items():
+    for name in given:
         if name not in study.factors:
             raise ConfigurationError(
                 f"{where}: must be costs of factors of the study, got {quoted(name)}"
                 f"{nearest(str(name), study.factors)}"
             )
-        levels = study.factors[name].levels
-        if not isinstance(values, Sequence) or isinstance(values, str):
-            raise ConfigurationError(
-                f"{where}: {name}: must be an array of costs, got {quoted(values)}"
-            )
-        if len(values) != len(levels):
-            raise ConfigurationError(
-                f"{where}: {name}: must have a cost for each of the levels "
-                f"{', '.join(f'{x:g}' for x in levels)}, got {len(values)}"
-            )
-        for value in values:
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ConfigurationError(f"{where}: {name}: must be numbers, got {quoted(value)}")
-        prices[name] = dict(zip(levels, values, strict=True))
-    return prices
+    return {
+        name: of_levels(f"{where}: {name}", values, study.factors[name].values)
+        for name, values in given.items()
+    }
 
 
 def _centre(study: Study) -> list[int]:

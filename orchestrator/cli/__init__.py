@@ -5,7 +5,8 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from . import simulate, tournament, areas, studies, budgets, components, export, schemas
+from . import simulate, tournament, areas, studies, requirements, budgets, components, export
+from . import schemas
 from .base import app
 
 

@@ -31,6 +31,13 @@ def studies(incomplete: str) -> Offers:
     return starting(((name, "") for name in shipped("sblcosim.study")), incomplete)
 
 
+def questions(incomplete: str) -> Offers:
+    """Offer the questions that come along."""
+    from ..scenario.library import shipped
+
+    return starting(((name, "") for name in shipped("sblcosim.require")), incomplete)
+
+
 def likes(incomplete: str) -> Offers:
     """Offer the systems that a scenario may begin like."""
     from ..scenario.likes import LIKES

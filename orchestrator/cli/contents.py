@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..report.factorial import Findings
     from ..report.means import Means
     from ..report.space import Indices
+    from ..require.answer import Answer as Requirement
     from ..simulation.plan import Plan
     from ..study.parts import Parts
     from ..study.study import Study as Definition
@@ -276,3 +277,31 @@ def _answer(found: Advice, shown: Advice) -> dict[str, Any]:
             for row in rows
         ],
     }  # fmt: skip
+
+
+def requirement(found: Requirement, folder: Path) -> study_documents.Requirement:
+    """The answer to a question."""
+    from ..require.report import REPORT, SCENARIO
+
+    terms = found.question.terms
+    kept = [name for name in study_documents.DesignDecided.model_fields if name != "levels"]
+    return study_documents.Requirement.of(
+        {
+            **{name: getattr(terms, name) for name in ("limit", "share", "confidence",
+                                                       "most_runs")},
+            **{name: getattr(found, name) for name in ("chosen", "cheaper", "nearest")},
+            "folder": str(folder),
+            "report": str(folder / REPORT),
+            "scenario": None if found.chosen is None else str(folder / SCENARIO),
+            "answer": found.answer(),
+            "response": found.question.response,
+            "unit": found.question.unit,
+            "runs": found.spent,
+            "limits": [{"name": n, "without": v} for n, v in found.limits.without.items()],
+            "enough": found.limits.enough,
+            "designs": [
+                {"levels": found.row(number), **{name: row[name] for name in kept}}
+                for number, row in enumerate(found.designs.to_dict(orient="records"))
+            ],
+        }
+    )  # fmt: skip

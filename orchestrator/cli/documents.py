@@ -11,7 +11,7 @@ from ..scenario.json_schema import Plainly
 from .area_documents import Map
 from .budget_documents import Budget
 from .document import Claimed, Document, Entry, Number, Part
-from .study_documents import Advice, Analysis, Studies, Study
+from .study_documents import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournament_documents import Comparison, Runs
 
 Frame = Literal["absolute", "relative", "own_relative"]
@@ -306,6 +306,8 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "advise": Advice,
     "budget": Budget,
     "studies": Studies,
+    "require": Requirement,
+    "questions": Questions,
     "check": Check,
     "conformance": Conformance,
 }

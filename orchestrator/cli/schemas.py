@@ -15,6 +15,7 @@ from .base import app, table
 _FILES: Mapping[str, str] = {
     "scenario": "scenario files; 'sblcosim new' writes it beside a scenario",
     "study": "study files; write it beside yours, whose first line is then #:schema ./FILE",
+    "question": "question files, likewise",
 }
 
 
@@ -37,7 +38,7 @@ def schema(
         str | None,
         typer.Argument(
             metavar="[NAME]",
-            help="scenario, study, or COMMAND.json.",
+            help="scenario, study, question, or COMMAND.json.",
             autocompletion=_offers,
         ),
     ] = None,
@@ -63,6 +64,10 @@ def _schema(name: str) -> dict[str, Any]:
         from ..study.file_schema import study_schema
 
         return study_schema()
+    if name == "question":
+        from ..require.file_schema import question_schema
+
+        return question_schema()
     from .documents import schema as schema_of
 
     return schema_of(name.removesuffix(".json"))

@@ -165,7 +165,7 @@ def study(
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
-                raise typer.Exit(_stopped(stop)) from None
+                raise typer.Exit(stopped(stop)) from None
             told = contents.carried_out(settled, out, there)
     if as_json:
         show(told)
@@ -225,7 +225,7 @@ def _say_what_is_there(done: int, runs: int, out: Path) -> None:
     typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
 
 
-def _stopped(stop: KeyboardInterrupt) -> int:
+def stopped(stop: KeyboardInterrupt) -> int:
     """Exit code."""
     return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
@@ -426,7 +426,7 @@ def paper(
             )
         except KeyboardInterrupt as stop:
             _say_what_is_there(*papers.progress_of(out, quick), out)
-            raise typer.Exit(_stopped(stop)) from None
+            raise typer.Exit(stopped(stop)) from None
     for number, text in outcome.answers.items():
         say(f"Scenario {number}: {text}\n")
     rows = [(name, f"{seconds:6.1f} s") for name, seconds in outcome.seconds.items()]

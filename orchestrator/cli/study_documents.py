@@ -13,6 +13,12 @@ class Studies(Document):
     studies: list[Entry]
 
 
+class Questions(Document):
+    """The questions that come with the project."""
+
+    questions: list[Entry]
+
+
 class CovarianceOverPoints(Part):
     """Of how many points of a study a covariance is right; each point over its replicates."""
 
@@ -194,7 +200,7 @@ class Analysis(Document):
 class DesignPoint(Part):
     """A point of the design, with the runs at it."""
 
-    levels: dict[str, float]
+    levels: dict[str, float | str]
     """By factor."""
     cost: float
     runs: int
@@ -237,3 +243,61 @@ class Advice(Document, Answer):
     folder: str
     beside: Answer | None
     """The other question, answered from the same runs; null without a limit."""
+
+
+class DesignDecided(Part):
+    """A design of a question, in the condition that is worst for it."""
+
+    levels: dict[str, float | str]
+    """By choice."""
+    cost: float
+    verdict: Literal["good", "not", "open"]
+    """It surely suffices, it surely does not, or neither is sure."""
+    condition: str
+    """Empty if there is one only."""
+    runs: int
+    """That count: until it was decided."""
+    passed: int
+    estimate: Number
+    """What the required share of the runs is within; null if too many are lost."""
+    lower: Number
+    upper: Number
+    front: bool
+    """No other design is cheaper and better."""
+
+
+class Limiting(Part):
+    """A source of error of the design that is named."""
+
+    name: str
+    without: Number
+    """What the required share of the runs would be within without it."""
+
+
+class Requirement(Document):
+    """The answer to a question; the designs by cost, the cheapest first."""
+
+    folder: str
+    report: str
+    scenario: str | None
+    """File of the design that was chosen."""
+    answer: str
+    response: str
+    unit: str
+    limit: float
+    share: float
+    confidence: float
+    most_runs: int
+    runs: int
+    """That were done, of all designs."""
+    chosen: int | None
+    """Index of the cheapest design that surely suffices."""
+    cheaper: int | None
+    """Index of the next cheaper one that is worth its cost."""
+    nearest: int
+    """Index of the design that is nearest to the requirement."""
+    limits: list[Limiting]
+    """The largest first."""
+    enough: list[str]
+    """Sources without which a design that fails would suffice; empty if not even that is enough."""
+    designs: list[DesignDecided]

@@ -77,6 +77,7 @@ def requirement(error: ErrorDetails) -> tuple[str, list[str]]:
         "greater_than_equal": "must be at least {ge}",
         "less_than_equal": "must be at most {le}",
         "greater_than": "must be more than {gt}",
+        "less_than": "must be less than {lt}",
     }
     return wording.get(kind, error["msg"]).format(**context), []
 

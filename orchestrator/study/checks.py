@@ -325,11 +325,11 @@ def _near(key: str, known: Sequence[str]) -> str:
 _KINDS: dict[str, type[FactorTable]] = {"factors": FactorTable, "conditions": ConditionTable}
 
 
-def line(error: ErrorDetails, where: str) -> str:
-    """An error that pydantic found, in our own wording."""
+def line(error: ErrorDetails, where: str, top: type[Table] = Definition) -> str:
+    """An error that pydantic found in a table, in our own wording."""
     location = [str(part) for part in error["loc"]]
-    at, models = location[0], Definition.model_fields
-    table: type[Table] = Definition
+    at, models = location[0], top.model_fields
+    table = top
     if at == "design" and len(location) > 1:
         table, at, location = DesignTable, f"[design] {location[1]}", location[1:]
     elif at in _KINDS and len(location) > 2:
@@ -338,10 +338,10 @@ def line(error: ErrorDetails, where: str) -> str:
     elif at in _KINDS and len(location) == 2:
         at = f"[{at}.{shortened(location[1])}]"
     if error["type"] == "extra_forbidden":
-        inside = "" if table is Definition else at.partition("] ")[0] + "] "
+        inside = "" if table is top else at.partition("] ")[0] + "] "
         return (
             f"{where}: {inside}there is no key {quoted(location[0])}"
-            f"{nearest(location[0], table.model_fields if table is not Definition else models)}"
+            f"{nearest(location[0], table.model_fields if table is not top else models)}"
         )
     if error["type"] == "missing":
         return f"{where}: {at}: must be given, got nothing"

@@ -39,7 +39,8 @@ SIDE_BY_SIDE = 8
 """Minimum number of sample runs per worker: the largest number of lanes of a processor."""
 MARGIN = 1.25
 """Factor by which an estimate is widened on both sides, as samples do not represent all runs."""
-_PART = 16  # runs per worker and part, if they run alone: what a kill can cost
+ALONE = 16
+"""Runs per worker and part, if they run alone: what a kill can cost."""
 
 
 def run(
@@ -181,7 +182,7 @@ def _missing(
         runs = batch(campaign, first, replicates)
         if what is not None:
             runs = [r for r in runs if not what.has(r)]
-        size = _PART * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
+        size = ALONE * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
 

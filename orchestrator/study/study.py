@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-_SHIPPED = resources.files("sblcosim.study") / "shipped"
-
 
 class Study(Definition):
     """A factorial campaign. Made by `load`; its attributes are the keys of a study file."""
@@ -133,9 +131,18 @@ def load(
     ConfigurationError
         The study does not exist or is invalid.
     """
-    where, raw, folder = _read(source)
-    if isinstance(source, str | Path) and "name" not in raw:
-        raw["name"] = Path(source).stem
+    where, raw, folder = read(source)
+    return of_tables(where, raw, folder, responses, receivers)
+
+
+def of_tables(
+    where: str,
+    raw: dict[str, Any],
+    folder: Path,
+    responses: Sequence[str | Callable[..., Any] | Response] = (),
+    receivers: Sequence[Source] = (),
+) -> Study:
+    """As `load`, of tables whose source is called ``where`` and whose files are in a folder."""
     scenario = raw.get("scenario")
     if isinstance(scenario, str) and os.path.isfile(folder / scenario):
         raw["scenario"] = str(folder / scenario)
@@ -231,23 +238,38 @@ def study_of(results: str | Path) -> Study:
     )
 
 
-def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path]:
-    """Name of the source for messages, its tables, and the folder for relative paths."""
+def read(
+    source: str | Path | Mapping[str, Any], what: str = "study", package: str = "sblcosim.study"
+) -> tuple[str, dict[str, Any], Path]:
+    """Name of the source for messages, its tables, and the folder for relative paths.
+
+    Parameters
+    ----------
+    what, package
+        What it is, and which package has those that come along.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file, or it is not TOML.
+    """
     if isinstance(source, Mapping):
-        where = shortened(str(source.get("name", "study")))
+        where = shortened(str(source.get("name", what)))
         check_values(where, source)
         return where, dict(source), Path.cwd()
     if not isinstance(source, str | Path):
         raise ConfigurationError(
-            f"study: must be a name, a TOML file or tables, got {instance(source)}"
+            f"{what}: must be a name, a TOML file or tables, got {instance(source)}"
         )
-    path = Path(source)
+    path, known = Path(source), library.shipped(package)
     name = str(source).removesuffix(".toml")
-    if name in shipped() and not os.path.isfile(path):
-        text = (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+    if name in known and not os.path.isfile(path):
+        text = (resources.files(package) / "shipped" / f"{name}.toml").read_text(encoding="utf-8")
     else:
-        text = read_text(path, shipped(), "study")
-    return shown(path), parse(shown(path), text), path.resolve().parent
+        text = read_text(path, known, what)
+    raw = parse(shown(path), text)
+    raw.setdefault("name", path.stem)
+    return shown(path), raw, path.resolve().parent
 
 
 # --- Checks and messages -------------------------------------------------------------------------

@@ -119,8 +119,8 @@ def test_the_cheapest_design_that_is_good_enough_is_named(results: Path) -> None
     [
         ("gsp = [1, 2]", "must be costs of factors of the study, got 'gsp'; did you mean 'gps'?"),
         ("gps = [1]", "gps: must have a cost for each of the levels 0.1, 3.5, got 1"),
-        ("gps = 3", "gps: must be an array of costs, got 3"),
-        ("gps = [1, 'a']", "gps: must be numbers, got 'a'"),
+        ("gps = 3", "gps: must be an array of costs, or a table by level, got 3"),
+        ("gps = [1, 'a']", "gps: must be numbers, finite and not negative, got 'a' for 3.5"),
         ("gps = [1, ", "must be TOML: "),
         (None, "no such file"),
     ],

@@ -98,7 +98,7 @@ def test_anything_typed_gives_a_result_or_a_line(
     "study study.toml --executor X", "study study.toml --master X", "study study.toml --out X",
     "smooth X", "smooth DEEP", "smooth run --out X", "smooth run --set X",
     "smooth run --set receiver.X=1", "replay X y", "replay results X", "replay results 0 --out X",
-    "analyse X",
+    "analyse X", "require X",
     "analyse results --response X", "analyse results --receiver X", "analyse results --out X",
     "analyse results --transform X", "advise X --costs costs.toml", "advise results --costs X",
     "advise results --costs costs.toml --limit 2 --response X", "paper --out X", "build X",

@@ -30,6 +30,7 @@ LONG_FUNCTIONS = {
     "calibrate.calibrate": _OPTIONS,
     "cli.areas.map_": _COMMAND,
     "cli.budgets.budget": _COMMAND,
+    "cli.requirements.require": _COMMAND,
     "cli.simulate.calibrate": _COMMAND,
     "cli.simulate.run": _COMMAND,
     "cli.tournament.compare": _COMMAND,

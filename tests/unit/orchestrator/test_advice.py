@@ -5,7 +5,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim.analysis import bounds
+from sblcosim import study
+from sblcosim.analysis import bounds, workflow
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
 from sblcosim.analysis.sentences import ordinal
@@ -329,3 +330,50 @@ def test_what_cannot_be_advised_on_is_refused_in_one_line(options, message):
     with pytest.raises(ConfigurationError, match=message) as caught:
         advise(**given)
     assert "\n" not in str(caught.value)
+
+
+def test_advice_on_a_grid_of_names_in_conditions(tmp_path):
+    """Text levels, and conditions put together as the study says."""
+    made = study.load({
+        "name": "grid", "scenario": "paper-scenario-1", "replicates": 12,
+        "fixed": {"time": {"duration_s": 8.0}}, "design": {"kind": "grid"},
+        "factors": {
+            "gps": {"keys": ["platform.gps_grade"], "levels": ["standalone", "rtk_fixed"]},
+            "arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 1.0, 3.0]},
+        },
+        "conditions": {
+            "noise": {"keys": ["acoustics.range_std_m"], "levels": [0.05, 0.2], "combine": "all"},
+        },
+    })  # fmt: skip
+    runs = made.run(tmp_path)
+    costs = {"gps": {"rtk_fixed": 500, "standalone": 30}, "arm": [1, 2, 3]}
+    found = workflow.advice_on_study(tmp_path, costs, limit=50.0, percentile=50.0)
+    assert found.points["cost"].tolist() == [31, 32, 33, 501, 502, 503]
+    assert (found.points["runs"] == 12).all()
+    first = found.points.iloc[0]
+    value = "ekf.absolute_total_rms_m"
+    mine = runs[(runs["gps"] == "standalone") & (runs["arm"] == 0.4)]
+    worst = mine.groupby("replicate").agg({value: "max", "ekf.lost": "mean"})
+    worst = worst[value].where(worst["ekf.lost"] == 0, np.inf)
+    assert first["estimate"] == np.sort(worst)[5]
+    shown = workflow.readable_advice(found, tmp_path)
+    assert "gps rtk_fixed, arm" in shown.answer() or "gps standalone, arm" in shown.answer()
+    assert plot_front(shown).get_xlabel() == "Cost"
+    with pytest.raises(ConfigurationError, match="got none for rtk_fixed"):
+        workflow.advice_on_study(tmp_path, {"gps": {"standalone": 30}})
+
+
+def test_advice_where_the_receivers_are_a_choice(tmp_path):
+    made = study.load({
+        "name": "who", "scenario": "paper-scenario-1", "replicates": 10,
+        "fixed": {"time": {"duration_s": 8.0}}, "design": {"kind": "grid"},
+        "factors": {
+            "receiver": {"keys": ["receivers"], "levels": ["ekf", "sequential"]},
+            "arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]},
+        },
+    })  # fmt: skip
+    made.run(tmp_path)
+    found = workflow.advice_on_study(tmp_path, {"receiver": [10, 0]}, limit=100.0)
+    assert found.points["cost"].tolist() == [0, 0, 10, 10]
+    assert set(found.points["receiver"]) == {"ekf", "sequential"}
+    assert "RMS total error" in workflow.readable_advice(found, tmp_path).text()

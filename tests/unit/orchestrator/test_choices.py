@@ -43,6 +43,7 @@ from sblcosim.models.declaration import Variable
 from sblcosim.report import factorial as report
 from sblcosim.report import page
 from sblcosim.report.paper import figures as paper_figures
+from sblcosim.require import figures as require_figures
 from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
@@ -151,6 +152,7 @@ CALLS: dict[str, Any] = {
     "report.factorial.find error": partial(of_runs, report.find),
     "analysis.factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.figures.plot_front theme": partial(effect_figures.plot_front, ADVICE),
+    "require.figures.plot_front theme": partial(require_figures.plot_front, None),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.factorial.find transform": partial(of_runs, report.find),
     "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),

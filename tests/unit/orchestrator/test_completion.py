@@ -46,6 +46,7 @@ def offered(line: str) -> list[str]:
         ("sblcosim run --seed abc harbour-s", ["harbour-spiral", "harbour-square"]),
         ("sblcosim new mine.toml --from real", ["realistic-dive"]),
         ("sblcosim study ", [*studies()]),
+        ("sblcosim require one", ["one-metre"]),
         ("sblcosim plan realistic-dive --receiver ", [*RECEIVERS]),
         ("sblcosim run realistic-dive --receiver ekf --receiver seq", ["sequential"]),
         ("sblcosim build e", [name for name in COMPONENTS if name.startswith("e")]),

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 def test_the_names_are_few_and_all_there() -> None:
     assert dir(sblcosim) == sorted(sblcosim.__all__)
-    assert len(dir(sblcosim)) <= 31
+    assert len(dir(sblcosim)) <= 33
     assert [name for name in dir(sblcosim) if name.startswith("_")] == ["__version__"]
     assert all(getattr(sblcosim, name) is not None for name in sblcosim.__all__)
     for package in (sblcosim.analysis, sblcosim.limits, sblcosim.study, sblcosim.research):
@@ -56,11 +56,12 @@ def test_importing_it_loads_nothing_large() -> None:
         ("scenarios", sblcosim.scenarios),
         ("studies", sblcosim.studies),
         ("receivers", sblcosim.receivers),
+        ("questions", sblcosim.questions),
     ],
 )
 def test_what_comes_along_is_what_the_command_lists(name: str, listing: Any) -> None:
     found = listing()
-    assert len(found) >= 3
+    assert len(found) >= (1 if name == "questions" else 3)
     assert all(found.values())
     printed = CliRunner().invoke(app, [name], catch_exceptions=False).stdout
     assert all(key in printed for key in found)
@@ -72,6 +73,8 @@ def test_what_comes_along_can_be_used() -> None:
         assert sblcosim.load(name).title == sblcosim.scenarios()[name]
     for name in sblcosim.studies():
         assert sblcosim.study.load(name).title == sblcosim.studies()[name]
+    for name in sblcosim.questions():
+        assert sblcosim.require.load(name).study.title == sblcosim.questions()[name]
     short = {"time.duration_s": 2.0}
     assert "ekf" in sblcosim.receivers()
     assert sblcosim.run("harbour-square", [*sblcosim.receivers()], short.items()).receivers

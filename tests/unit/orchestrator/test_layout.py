@@ -80,6 +80,20 @@ levels = [0.1, 3.5]
 keys = ["acoustics.range_std_m"]
 levels = [0.1, 0.2]
 """
+QUESTION = """
+scenario = "paper-scenario-1"
+response = "total_rms_m"
+limit = 30.0
+share = 0.5
+most_runs = 700
+settling_time_s = 2.0
+[fixed.time]
+duration_s = 5.0
+[choices.gps_of_the_platform]
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+costs = [1000, 2]
+"""
 COMMANDS = [
     ["run", "paper-scenario-1", "--receiver", "coupled", "--receiver", "sequential", "--verbose",
      "--set", "time.duration_s=5", "--no-figures"],
@@ -93,6 +107,7 @@ COMMANDS = [
     ["advise", "studies/s", "--costs", "costs.toml", "--verbose"],
     ["budget", "paper-scenario-1", "--verbose", "--runs", "30", "--no-figures", "--better",
      "--set", "time.duration_s=5", "--with", "GPS+heading+range-noise"],
+    ["require", "q.toml", "--verbose"], ["questions"],
     ["conformance", "fmus/fmi2/target.fmu", "--check", "description"],
     ["check", "fmus/fmi2/ekf.fmu"],
     ["new", "mine.toml"],
@@ -111,6 +126,7 @@ for command in json.loads(sys.argv[1]):
 def printed(folder: Path, columns: int | None) -> dict[str, list[str]]:
     """Lines of each command, on a terminal of so many columns or in a pipe."""
     (folder / "s.toml").write_text(STUDY)
+    (folder / "q.toml").write_text(QUESTION)
     (folder / "costs.toml").write_text("gps_of_the_platform = [900, 40]\n")
     command = [sys.executable, "-c", SCRIPT, json.dumps(COMMANDS)]
     environment = os.environ | {"COLUMNS": "33"} if columns is None else {**os.environ}

@@ -457,7 +457,7 @@ def test_components_that_are_not_ours_run_one_by_one(
     small().run(tmp_path / "lanes")
     for module in (lanes, lanes_driver):
         monkeypatch.setattr(module, "unsupported", lambda plan: "ekf")
-    monkeypatch.setattr(runner, "_PART", 1)
+    monkeypatch.setattr(runner, "ALONE", 1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
     assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (

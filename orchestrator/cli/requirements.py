@@ -1,0 +1,102 @@
+"""Commands for questions: which design is the cheapest that surely suffices."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import completion
+from .base import (
+    JsonOption,
+    VerboseOption,
+    app,
+    numeric,
+    say,
+    show,
+    table,
+    waiting,
+    width,
+)
+from .studies import ExecutorOption, SchedulerOption, WorkersOption, stopped
+
+
+@app.command()
+def require(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="QUESTION",
+            help="TOML file, or a name from 'sblcosim questions'.",
+            autocompletion=completion.questions,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder; what is there already is not run again [default: answers/NAME].",
+        ),
+    ] = None,
+    most_runs: Annotated[
+        int | None,
+        numeric("--most-runs", int, "N", "Budget, in place of the question's.", low=1),
+    ] = None,
+    workers: WorkersOption = None,
+    executor: ExecutorOption = "threads",
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Find the cheapest design that surely meets a requirement; runs go where they decide.
+
+    The folder gets a report, the front of cost and accuracy, and the design's scenario. After
+    Ctrl-C or a crash the same command goes on. The exit code is 1 if no design surely suffices.
+    """
+    with waiting(remaining=True) as progress:
+        from ..require import question as questions
+        from ..require import report, run
+
+        asked = questions.load(source)
+        out = out or Path("answers", asked.study.name)
+        try:
+            found = run.decide(
+                asked, out, most_runs=most_runs, workers=workers, executor=executor,
+                scheduler=scheduler, progress=progress,
+            )  # fmt: skip
+        except KeyboardInterrupt as stop:
+            from ..study import store
+
+            done = len(store.finished(out / run.RUNS))
+            command = shlex.join(["sblcosim", *sys.argv[1:]])
+            typer.echo(f"interrupted; {done} runs are in {out}; go on with: {command}", err=True)
+            raise typer.Exit(stopped(stop)) from None
+    folder = out / run.ANSWER
+    if as_json:
+        from . import contents
+
+        show(contents.requirement(found, folder))
+    else:
+        typer.echo(found.text(verbose=verbose, width=width()))
+        say(f"\nwritten to {folder}; the report is {folder / report.REPORT}")
+    if found.chosen is None:
+        raise typer.Exit(1)
+
+
+@app.command()
+def questions(as_json: JsonOption = False) -> None:
+    """List the questions that come with the project."""
+    from .. import listings
+
+    found = listings.questions()
+    if as_json:
+        from .document import Entry
+        from .study_documents import Questions
+
+        show(Questions(questions=[Entry(name=name, title=title) for name, title in found.items()]))
+    else:
+        table([*found.items()])

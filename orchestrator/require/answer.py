@@ -1,0 +1,354 @@
+"""The answer to a question: designs by cost and accuracy, and what there is to say of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from math import isfinite
+from string import ascii_uppercase
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .. import layout
+from ..scenario.scenario import Scenario
+from ..shown import Shown, folded, page, verbatim
+from .limiting import Limiting
+from .question import Question
+
+Floats = NDArray[np.float64]
+VERDICTS = {"good": "suffices", "not": "fails", "open": "open"}
+"""Words for verdicts."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Answer(Shown):
+    """An answer.
+
+    Attributes
+    ----------
+    designs
+        One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and of
+        the condition that is worst for it ``condition``, ``runs`` and ``passed`` of them,
+        ``estimate`` of the percentile of the response that is to be within the limit, ``lower`` and
+        ``upper`` bound of it; ``front``: no design is both cheaper and better, by the estimates.
+    spent
+        Runs that were done, of all designs.
+    chosen
+        Row of the cheapest design that surely suffices; None if none does.
+    cheaper
+        Row of the next cheaper one that is on the front; None if nothing is cheaper.
+    nearest
+        Row of the design with the smallest percentile, by its estimate.
+    limits
+        What limits the design that is named: the chosen one, or the nearest.
+    scenario
+        Of the design that is named, in the condition that is worst for it.
+    """
+
+    question: Question
+    designs: pd.DataFrame
+    spent: int
+    chosen: int | None
+    cheaper: int | None
+    nearest: int
+    limits: Limiting
+    scenario: Scenario
+
+    @property
+    def named(self) -> int:
+        """Row of the design that the answer is about."""
+        return self.nearest if self.chosen is None else self.chosen
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of designs by verdict."""
+        return {v: int((self.designs["verdict"] == v).sum()) for v in VERDICTS}
+
+    def levels(self, row: int) -> str:
+        """The levels of a design, for people."""
+        return self.question.named(self.row(row))
+
+    def row(self, row: int) -> dict[str, Any]:
+        """The levels of a design."""
+        return {name: self.of(row)[name] for name in self.question.study.factors}
+
+    def of(self, row: int) -> Any:
+        """All that is known of a design."""
+        return self.designs.loc[row]
+
+    def priced(self, row: int) -> str:
+        """The levels of a design and its cost."""
+        cost = self.of(row)["cost"]
+        if not self.question.costs:
+            return self.levels(row)
+        return f"{self.levels(row)}, for {self.question.price(cost)}"
+
+    def answer(self) -> str:
+        """In a few sentences: which, what of the next cheaper one, what limits it, how sure."""
+        return " ".join(self.sentences())
+
+    def sentences(self) -> list[str]:
+        """The sentences of the answer."""
+        found = [self._found()]
+        if self.chosen is not None:
+            found += [self._cheaper()] if self.question.costs else []
+        else:
+            found += [self._nearest()]
+        return [text for text in (*found, self.limited(), self.sure()) if text]
+
+    def _found(self) -> str:
+        counts, total = self.counts, len(self.designs)
+        if self.chosen is not None:
+            what = "The cheapest design" if self.question.costs else "The most accurate design"
+            return f"{what} that suffices: {self.priced(self.chosen)}. {self._numbers(self.chosen)}"
+        if not counts["open"]:
+            return f"No design suffices: all {total} surely fail."
+        if not counts["not"]:
+            return f"No design surely suffices: all {total} stay open.{self._too_few()}"
+        return (
+            f"No design surely suffices: of {total}, {_counted(counts['not'], 'fail')} for sure, "
+            f"{_counted(counts['open'], 'stay')} open.{self._too_few()}"
+        )
+
+    def _too_few(self) -> str:
+        """What a claim takes, where the budget is too small for any."""
+        least, most = self.question.rule.least, int(self.designs["runs"].max())
+        if most >= least:
+            return ""
+        arms = len(self.designs) * len(self.question.conditions)
+        return (
+            f" To say that one suffices takes at least {least} runs of it, all of them good ones; "
+            f"there are {most}, {least - most} more are needed at each of the {arms}."
+        )
+
+    def _numbers(self, row: int) -> str:
+        """How many runs of a design are within the limit, and its percentile."""
+        q, of = self.question, self.of(row)
+        if not of["runs"]:
+            return "It has no runs yet."
+        where = f" ({of['condition']})" if of["condition"] else ""
+        return (
+            f"{self._share(row)} of {of['runs']:,} runs are within {self._size(q.terms.limit)}"
+            f"{where}; {100 * q.terms.share:g} % are within "
+            f"{self._size(of['estimate'])}{self._bounds(row)}."
+        )
+
+    def _bounds(self, row: int) -> str:
+        """The bounds of a percentile that belong to what is said of a design."""
+        of = self.of(row)
+        low, high = isfinite(of["lower"]), isfinite(of["upper"])
+        if of["verdict"] == "open" and low and high:
+            return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
+        if low and of["verdict"] != "good":
+            return f", surely at least {self._size(of['lower'])}"
+        if high and of["verdict"] != "not":
+            return f", surely at most {self._size(of['upper'])}"
+        return ""
+
+    def _share(self, row: int) -> str:
+        of = self.of(row)
+        share = 100 * of["passed"] / of["runs"]
+        near = abs(share - 100 * self.question.terms.share) < 0.1 or 99.9 < share < 100
+        return f"{share:.2f} %" if near else f"{share:.1f} %".replace(".0 %", " %")
+
+    def _cheaper(self) -> str:
+        if self.cheaper is None:
+            return "Nothing is cheaper."
+        of = self.of(self.cheaper)
+        fails = {
+            "not": f"fails{self._by(self.cheaper)}", "open": "is open",
+            "good": "suffices, too",
+        }[of["verdict"]]  # fmt: skip
+        return (
+            f"The next cheaper one worth its cost {fails}: {self.priced(self.cheaper)}. "
+            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}"
+        )
+
+    def _more(self, row: int) -> str:
+        """How many runs would decide a design that is open."""
+        of = self.of(row)
+        if of["verdict"] != "open" or not of["runs"]:
+            return ""
+        runs = self.question.rule.runs_to_decide(int(of["passed"]), int(of["runs"]))
+        if runs is None:
+            return " It is so near the limit that no number of runs is likely to decide it."
+        return f" If its share stayed so, {runs:,} runs of it would decide it."
+
+    def _by(self, row: int) -> str:
+        """By how much a design fails."""
+        of, limit = self.of(row), self.question.terms.limit
+        if not isfinite(of["estimate"]):
+            return ", too many of its runs being lost"
+        by = f" by {self._size(of['estimate'] - limit)}"
+        if of["verdict"] == "not":
+            by += f", surely by {self._size(of['lower'] - limit)} or more"
+        return by
+
+    def _nearest(self) -> str:
+        of = self.of(self.nearest)
+        if of["verdict"] == "open":
+            is_open = f"The nearest is open: {self.priced(self.nearest)}."
+            return f"{is_open} {self._numbers(self.nearest)}{self._more(self.nearest)}"
+        return (
+            f"The nearest, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
+            f"{self._numbers(self.nearest)}"
+        )
+
+    def limited(self) -> str:
+        """What limits the design that is named, and which change would do."""
+        found, limit = self.limits, self.question.terms.limit
+        if not found.without:
+            return ""
+        first, *rest = [*found.without.items()][:3]
+        text = (
+            f"What limits it is {first[0]}: without its error "
+            f"{100 * self.question.terms.share:g} % would be within {self._size(first[1])}"
+        )
+        helping = [(n, v) for n, v in rest if v < found.everything]
+        text += "".join(f"; without {name} {self._size(value)}" for name, value in helping) + "."
+        if self.chosen is None and found.everything > limit:
+            if found.enough:
+                text += f" It would do without {_joined(found.enough)}."
+            else:
+                text += " Not even without all of them would it do."
+        return text
+
+    def sure(self) -> str:
+        """How sure all this is."""
+        q, counts = self.question, self.counts
+        met = len(q.conditions)
+        what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
+        open_ = f", {_counted(counts['open'], 'stay')} open" if counts["open"] else ""
+        return (
+            f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
+            f"is wrong: {_counted(counts['good'], 'suffice')}, {_counted(counts['not'], 'fail')}"
+            f"{open_}. That took {self.spent:,} of at most {q.terms.most_runs:,} runs."
+        )
+
+    def _size(self, value: float) -> str:
+        """A value of the response, for people."""
+        if not isfinite(value):
+            return "a loss"
+        return f"{_figure(value)}{self.question.unit and f' {self.question.unit}'}"
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the designs worth their cost.
+
+        Parameters
+        ----------
+        verbose
+            With all designs, and how to read the numbers.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        shown = self.designs if verbose else self.designs[self._worth()]
+        head, rows = self.table(shown)
+        which = "All designs" if verbose else "Designs that no other one beats in cost and accuracy"
+        right = [i for i, name in enumerate(head) if i and name != "verdict"]
+        lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
+        if verbose:
+            lines += ["", *self.notes()]
+        return layout.fitted("\n".join(lines), width)
+
+    @property
+    def letters(self) -> dict[int, str]:
+        """Letters for the designs that are named in figure and table, by row: A, B, …, Z, AA, …"""
+        rows = self.designs.index[self._worth()].tolist()
+        return {
+            row: (ascii_uppercase[n // 26 - 1] if n >= 26 else "") + ascii_uppercase[n % 26]
+            for n, row in enumerate(rows[: 26 * 27])
+        }
+
+    def short(self, row: int) -> str:
+        """The levels of a design without the choices' names."""
+        return " · ".join(self.question.quantity(n, v) for n, v in self.row(row).items())
+
+    def _worth(self) -> NDArray[np.bool_]:
+        kept = {self.named, self.cheaper}
+        worth: NDArray[np.bool_] = (
+            self.designs["front"].to_numpy(bool) | self.designs.index.isin([*kept])
+        )
+        return worth
+
+    def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+        """Head and rows of a table of designs, for people: letter and levels first."""
+        q, study = self.question, self.question.study
+        unit = f" [{q.unit}]" if q.unit else ""
+        letters = self.letters
+        head = [
+            " · ".join(study.labels[name] for name in study.factors),
+            *(["cost"] if q.costs else []), "verdict", "runs", "within",
+            f"{100 * q.terms.share:g} % within{unit}", "surely",
+        ]  # fmt: skip
+        rows = [
+            [
+                f"{letters[number]}  {self.short(number)}" if number in letters
+                else self.short(number),
+                *([q.price(row["cost"])] if q.costs else []),
+                VERDICTS[row["verdict"]], f"{row['runs']:,}",
+                self._share(number) if row["runs"] else "–",
+                "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
+                _span(row["verdict"], row["lower"], row["upper"]),
+            ]
+            for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
+        ]  # fmt: skip
+        return head, rows
+
+    def notes(self) -> list[str]:
+        """How to read the numbers."""
+        q = self.question
+        settled, share = q.study.settling_time_s, f"{100 * q.terms.share:g} %"
+        return [
+            f"A run passes if its {q.words} is at most {q.terms.limit:g}"
+            f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
+            "is lost does not pass.",
+            f"A design suffices if at least {share} of all runs that there could be pass"
+            + (" in each condition" if len(q.conditions) > 1 else "")
+            + ". The bounds assume nothing about the distribution of the errors, and hold whenever "
+            "one looks. The lower bounds of all designs hold together, and so do the upper ones.",
+            "A design is left alone as soon as it is decided, so the runs of designs differ.",
+        ]
+
+    def _gist(self) -> str:
+        chosen = "none" if self.chosen is None else self.levels(self.chosen)
+        return f"to {self.question.study.name}, on {len(self.designs)} designs; {chosen}"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        head, rows = self.table(self.designs)
+        cells = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+        )
+        return page(
+            f"Which design: {self.question.requirement}",
+            f"<p>{escape(self.answer())}</p>",
+            f"<table><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr>{cells}</table>",
+            folded("How to read the numbers", verbatim("\n".join(self.notes()))),
+        )
+
+
+def _figure(value: float) -> str:
+    return f"{value:.3g}" if isfinite(value) else "–"
+
+
+def _span(verdict: str, low: float, high: float) -> str:
+    """The bounds of a percentile that belong to a verdict."""
+    ends = [(low, "≥"), (high, "≤")]
+    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("good", "not"),
+             strict=True) if isfinite(end) and verdict != other]  # fmt: skip
+    return ", ".join(shown) or "–"
+
+
+def _counted(number: int, verb: str) -> str:
+    """How many do something."""
+    return f"{number} {verb}{'s' if number == 1 else ''}"
+
+
+def _joined(names: tuple[str, ...]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last

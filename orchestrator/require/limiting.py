@@ -1,0 +1,165 @@
+"""What limits a design: the percentile of its response without each source of error, in turn.
+
+All runs with the same seed have the same noise, whatever is switched off.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import NoEffectWarning
+from ..scenario.scenario import Scenario, Source
+from ..study import runner
+from ..study.definition import value_of
+from ..study.study import load
+
+RUNS = 400
+"""Runs without each source."""
+FLOOR = 0.01
+"""Standard deviation of ranges and of depth readings that are switched off [m]."""
+EVERYTHING = "everything"
+"""Name of the runs in which nothing is switched off."""
+_ERRORS = ("std", "bias_std", "markov_std")
+_IMU = ("std", "bias", "turn_on_std", "markov_std", "drift")
+_SOURCES: Mapping[str, Mapping[str, float]] = {
+    "the GPS": {
+        f"platform.gps_{axis}_{part}_m": 0.0 for axis in ("horizontal", "vertical")
+        for part in _ERRORS
+    },
+    "the heading sensor": {
+        f"platform.imu_heading_{part}_deg{'_s' * (part == 'drift')}": 0.0 for part in _IMU
+    },
+    "the tilt sensor": {
+        f"platform.imu_tilt_{part}_deg{'_s' * (part == 'drift')}": 0.0 for part in _IMU
+    },
+    "the waves": {
+        f"platform.{axis}_amplitude_{unit}": 0.0 for axis, unit in (
+            ("roll", "deg"), ("pitch", "deg"), ("yaw", "deg"),
+            ("surge", "m"), ("sway", "m"), ("heave", "m"),
+        )
+    },
+    "the noise of ranges": {"acoustics.range_std_m": FLOOR},
+    "late ranges": {"acoustics.outlier_probability": 0.0},
+    "lost packets": {"acoustics.loss_probability": 0.0},
+    "the clock": {
+        f"acoustics.clock_{part}": 0.0
+        for part in ("offset_s", "offset_std_s", "drift_s_s", "drift_std_s_s")
+    },
+    "the depth sensor": {
+        "target.depth_std_m": FLOOR, "target.depth_bias_m": 0.0, "target.depth_bias_std_m": 0.0,
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Limiting:
+    """What a design's percentile would be.
+
+    Attributes
+    ----------
+    everything
+        With all sources of error, by these runs.
+    without
+        By source: without it, the smallest first.
+    enough
+        Fewest of the largest sources without which it would be within the limit; empty if it is,
+        or if that is not enough either.
+    """
+
+    everything: float
+    without: Mapping[str, float]
+    enough: tuple[str, ...]
+
+
+def switches(scenario: Scenario) -> dict[str, dict[str, float]]:
+    """The sources of error in a scenario: keys to change, and to what, to be without each."""
+    found = {}
+    for name, off in _SOURCES.items():
+        now = {key: value_of(scenario, key) for key in off}
+        changed = {
+            key: off[key] for key, value in now.items()
+            if isinstance(value, int | float) and abs(value) > off[key]
+        }  # fmt: skip
+        if changed:
+            found[name] = changed
+    water = scenario.acoustics.sound_speed_m_s
+    if scenario.acoustics.assumed_sound_speed_m_s != water:
+        found["the assumed speed of sound"] = {"acoustics.assumed_sound_speed_m_s": water}
+    return found
+
+
+def limiting(
+    scenario: Scenario,
+    receiver: Source,
+    about: Mapping[str, Any],
+    percentile: Callable[[Any, str], float],
+    limit: float,
+    workers: int | None = None,
+) -> Limiting:
+    """Switch off each source of error of a design, and as many as it takes.
+
+    Parameters
+    ----------
+    about
+        Keys of the study of these runs: responses, settling time and seed.
+    percentile
+        Of some runs of that study, and of a receiver's label.
+    limit
+        Of the percentile.
+    """
+    off = switches(scenario)
+    if not off:
+        return Limiting(float("nan"), {}, ())
+    found = _percentiles(scenario, receiver, about, percentile, off, workers)
+    everything = found.pop(EVERYTHING)
+    order = sorted(found, key=lambda name: found[name])
+    enough: tuple[str, ...] = ()
+    if everything > limit:
+        enough = tuple(order[:1]) if found[order[0]] <= limit else ()
+        sums = {str(n): _joined(off, order[:n]) for n in range(2, len(order) + 1)}
+        if not enough and sums:
+            more = _percentiles(scenario, receiver, about, percentile, sums, workers)
+            few = next((int(n) for n in sums if more[n] <= limit), 0)
+            enough = tuple(order[:few])
+    return Limiting(everything, {name: found[name] for name in order}, enough)
+
+
+def _joined(off: Mapping[str, Mapping[str, float]], names: Sequence[str]) -> dict[str, float]:
+    return {key: value for name in names for key, value in off[name].items()}
+
+
+def _percentiles(
+    scenario: Scenario,
+    receiver: Source,
+    about: Mapping[str, Any],
+    percentile: Callable[[Any, str], float],
+    off: Mapping[str, Mapping[str, float]],
+    workers: int | None,
+) -> dict[str, float]:
+    """The percentile with everything, and without each source."""
+    own = {key: value_of(scenario, key) for key in next(iter(off.values()))}
+    levels = {EVERYTHING: _nested(own), **{name: _nested(keys) for name, keys in off.items()}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NoEffectWarning)  # of what describes an error that is off
+        study = load(
+            {
+                **about, "scenario": scenario.given(), "receivers": [receiver],
+                "design": {"kind": "grid"}, "seeding": "common", "replicates": RUNS,
+                "factors": {"without": {"levels": levels}},
+            }
+        )
+        table = runner.simulated(study, workers=workers)
+    label = next(c.partition(".")[0] for c in table.columns if c.endswith(".lost"))
+    groups = table.groupby("without", sort=False)
+    return {str(name): percentile(runs, label) for name, runs in groups}
+
+
+def _nested(keys: Mapping[str, Any]) -> dict[str, Any]:
+    tables: dict[str, Any] = {}
+    for key, value in keys.items():
+        table, _, name = key.partition(".")
+        tables.setdefault(table, {})[name] = value
+    return tables

@@ -1,0 +1,115 @@
+"""The folder of an answer: report, front, table of designs, and the scenario that is named."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pandas as pd
+
+from .. import artifacts, style
+from ..report.common import as_toml
+from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
+from .answer import Answer
+from .figures import plot_front
+from .question import shipped
+
+REPORT, SCENARIO = "report.html", "scenario.toml"
+
+
+def save(answer: Answer, directory: str | Path) -> Path:
+    """Write an answer into a folder.
+
+    The file `SCENARIO` is there if a design surely suffices.
+    """
+    q = answer.question
+    about = {"question": q.terms.model_dump() | {"name": q.study.name}}
+    with artifacts.folder(directory, about) as folder:
+        artifacts.write_table(answer.designs, folder, "designs")
+        axes = plot_front(answer)
+        style.save(axes, folder, "front")
+        if answer.chosen is not None:
+            (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
+        svg = (folder / "front.svg").read_text("utf-8")
+        (folder / REPORT).write_text(render(_page(answer, svg)), "utf-8")
+    return Path(directory)
+
+
+def _scenario(answer: Answer, folder: Path | None) -> str:
+    worst = answer.of(answer.named)["condition"]
+    lines = [
+        f"# {answer.question.study.title or answer.question.study.name}",
+        f"# The answer: {answer.priced(answer.named)}.",
+        *([f"# Of the conditions, the one that is worst for it: {worst}."] if worst else []),
+    ]
+    return "\n".join([*lines, "", answer.scenario.dump_toml(folder)])
+
+
+def _page(answer: Answer, svg: str) -> Page:
+    q, study = answer.question, answer.question.study
+    first, *rest = answer.sentences()
+    summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
+    what = "Cost and accuracy" if q.costs else "Accuracy"
+    alt = f"{what} of {len(answer.designs)} designs. {first}"
+    caption = (
+        f"{what} of all designs: the value that {100 * q.terms.share:g} % of the runs are within; "
+        "bars reach to the bounds. Letters: the designs that no other one beats in both."
+    )
+    worth = answer.designs.loc[[*answer.letters]]
+    return Page(
+        study.title or f"Which design: {study.name}",
+        f"Required: {q.requirement}. Path: {answer.scenario.target.trajectory}; duration: "
+        f"{_duration(answer)}; errors count from {study.settling_time_s:g} s on.",
+        [
+            Section("Answer", "answer", summary),
+            Section("Cost and accuracy" if q.costs else "Accuracy", "front",
+                    [Picture("front", svg, caption, alt)]),
+            Section("Designs", "designs", [_table(answer, worth, "Designs worth their cost")],
+                    [Section("All designs", "all", [_table(answer, answer.designs, "All designs")],
+                             folded=True)]),
+            Section("Method", "method", [*map(Text, answer.notes()), Text(_METHOD)], folded=True),
+            _again(answer),
+        ],
+        f"sblcosim {artifacts.software()['sblcosim']}",
+    )  # fmt: skip
+
+
+def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
+    head, rows = answer.table(designs)
+    note = (
+        "Surely: bounds of the value before, which hold together for all designs. Runs and shares "
+        "are those of the condition that is worst for a design."
+    )
+    titles = [word[:1].upper() + word[1:] for word in head]
+    return Table(f"{caption}, the cheapest first", titles, rows, (head.index("verdict"),), note)
+
+
+_METHOD = (
+    "A run passes or fails. Designs that are open go on together, from look to look, each a tenth "
+    "more runs than the one before. A claim is made when a mixture of likelihood ratios against "
+    "the required share exceeds the inverse of its share of the risk (Ville's inequality; Robbins "
+    "1970, Howard et al. 2021): so it holds at all looks at once. The risk is shared over the "
+    "designs, and for failing over the conditions, too. What limits a design is found by runs on "
+    "the same noise without each source of error, with a receiver that is told so; they are not "
+    "of the budget."
+)
+
+
+def _duration(answer: Answer) -> str:
+    duration = answer.scenario.time.duration_s
+    return "until the path's end" if duration == "path" else f"{duration:g} s"
+
+
+def _again(answer: Answer) -> Section:
+    study = answer.question.study
+    source = study.name if study.name in shipped() else shlex.quote(f"{study.name}.toml")
+    blocks: list[Block] = [
+        Code(f"sblcosim require {source} --most-runs {answer.question.terms.most_runs}"),
+        Text("Equal versions and seeds give equal results to the last bit, whatever the number of "
+             "workers. Any run can be done again with its full record: sblcosim replay "
+             "FOLDER/runs RUN_ID. The question:"),
+        Code(as_toml(artifacts.plain(answer.question.tables))),
+        Text("The scenario of the design that is named:"),
+        Code(answer.scenario.dump_toml()),
+    ]  # fmt: skip
+    return Section("How to reproduce", "reproduce", blocks, folded=True)

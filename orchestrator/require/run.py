@@ -1,0 +1,190 @@
+"""Answer a question: run batches where they decide, in a folder that can be resumed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .. import artifacts
+from ..errors import ConfigurationError
+from ..results.responses import RESPONSES
+from ..study import executors, parts, runner, store
+from ..study.campaign import Campaign, Run, prepare
+from .answer import Answer
+from .question import Question, load, passable
+from .sequential import Batch, Elimination
+from .weighing import answered
+
+Floats = NDArray[np.float64]
+RUNS, ANSWER = "runs", "answer"
+"""Folders in that of an answer: a study's, with all runs, and the answer itself."""
+
+
+def decide(
+    question: str | Path | Mapping[str, Any] | Question,
+    out: str | Path,
+    *,
+    most_runs: int | None = None,
+    workers: int | None = None,
+    executor: str | Executor = "threads",
+    scheduler: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Answer:
+    """Answer a question; runs that are in the folder already are not done again.
+
+    The answer depends neither on the executor nor on the number of workers.
+
+    Parameters
+    ----------
+    question
+        As of `sblcosim.require.load`, or its result.
+    out
+        Folder. It gets ``runs``, the folder of a study with all runs, and ``answer`` with the
+        report, the front, the table of designs and the scenario of the design that is named.
+    most_runs
+        Budget in place of the question's.
+    workers, executor, scheduler
+        As of `sblcosim.study.runner.run`.
+    progress
+        Called with the completed share, 0 to 1.
+
+    Raises
+    ------
+    ConfigurationError
+        The question is invalid, a design cannot be run, the folder belongs to something else, or
+        the response is unknown in all runs.
+    """
+    asked = question if isinstance(question, Question) else load(question)
+    if most_runs is not None:
+        asked = asked.with_budget(most_runs)
+    out = Path(out)
+    artifacts.check(out / ANSWER)
+    elimination, values = decided(
+        asked, out / RUNS, workers=workers, executor=executor, scheduler=scheduler,
+        progress=progress,
+    )  # fmt: skip
+    found = answered(asked, elimination, values, workers)
+    from .report import save
+
+    save(found, out / ANSWER)
+    return found
+
+
+def decided(
+    question: Question,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    executor: str | Executor = "threads",
+    scheduler: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
+    """Run until all is decided; return what is, and the responses by design and condition."""
+    folder = folder.resolve()
+    campaign = prepare(question.study)
+    store.check_folder(folder, campaign)
+    with (
+        executors.ready(
+            campaign, executor=executor, scheduler=scheduler, workers=workers
+        ) as simulated,
+        store.at_work(folder),
+    ):
+        store.open_folder(folder, campaign)
+        known: dict[str, Floats] = {}
+        if store.finished(folder):
+            known = _responses(question, store.table(folder))
+
+        def carried_out(runs: Sequence[Run]) -> None:
+            missing = [run for run in runs if run.run_id not in known]
+            for part, rows in simulated(_parts(campaign, missing, workers), _silent):
+                parts.write(folder, campaign, part, rows)
+                known.update(_responses(question, rows))
+
+        return _eliminated(question, campaign, known, carried_out, progress)
+
+
+def _eliminated(
+    question: Question,
+    campaign: Campaign,
+    known: Mapping[str, Floats],
+    carried_out: Callable[[Sequence[Run]], None],
+    progress: Callable[[float], None] | None,
+) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
+    """Rounds of batches; ``carried_out`` makes the responses of runs known."""
+    designs = question.designs
+    receivers = list(campaign.receivers)
+    elimination = Elimination(
+        question.rule, [design.group for design in designs], question.terms.most_runs
+    )
+    values: dict[tuple[int, int], list[Floats]] = {}
+    while batches := elimination.batches():
+        rounds = [(batch, _runs(question, campaign, batch)) for batch in batches]
+        carried_out([run for _, runs in rounds for run in runs])
+        for batch, runs in rounds:
+            made = np.array([known[run.run_id] for run in runs])
+            passed = {}
+            for number in elimination.counting(batch):
+                mine = made[:, receivers.index(designs[number].receiver)]
+                values.setdefault((number, batch.condition), []).append(mine)
+                passed[number] = int((mine <= question.terms.limit).sum())
+            elimination.add(batch, passed)
+        if progress is not None:
+            closed = sum(elimination.verdict(n) != "open" for n in range(len(designs)))
+            spent = elimination.spent / question.terms.most_runs
+            progress(min(max(closed / len(designs), spent), 0.99))
+    return elimination, {arm: np.concatenate(parts) for arm, parts in values.items()}
+
+
+def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[Run]:
+    places = question.places(batch.group, batch.condition, batch.start, batch.stop)
+    runs = []
+    for replicate, place in enumerate(places.tolist(), batch.start + 1):
+        point = campaign.points[place]
+        seed = campaign.study.run_seed(point.number, replicate)
+        runs.append(Run(place, replicate, seed, point.run_id(seed)))
+    return runs
+
+
+def _parts(
+    campaign: Campaign, runs: Sequence[Run], workers: int | None
+) -> Iterator[Sequence[Run]]:
+    """Runs in the parts that are stored together: what a kill can cost."""
+    longest = max(group.steps for group in campaign.groups)
+    size = max(1, min(runner.BATCH, runner.BATCH_STEPS // longest))
+    if not all(group.in_lanes for group in campaign.groups):
+        size = runner.ALONE * (workers or os.cpu_count() or 1)
+    for i in range(0, len(runs), size):
+        yield runs[i : i + size]
+
+
+def _responses(question: Question, table: pd.DataFrame) -> dict[str, Floats]:
+    """The response of each receiver in each run, infinite where it is missing or lost."""
+    receivers = list(dict.fromkeys(c.partition(".")[0] for c in table.columns if "." in c))
+    columns = [passable(table, question.response, label) for label in receivers]
+    if len(table) and all(np.isinf(column).all() for column in columns):
+        _check_known(question, table, receivers)
+    return dict(zip(table["run_id"], np.column_stack(columns), strict=True))
+
+
+def _check_known(question: Question, table: pd.DataFrame, receivers: Sequence[str]) -> None:
+    """Refuse a response that no receiver has."""
+    needs = RESPONSES[question.response].needs if question.response in RESPONSES else ""
+    went_well = table[table["error"].isna()]
+    if needs and len(went_well) and went_well[
+        [f"{label}.{question.response}" for label in receivers]
+    ].isna().all(axis=None):
+        raise ConfigurationError(
+            f"{question.study.name}: response: must be known in some runs, got none; no estimate "
+            f"of {', '.join(receivers)} has a {needs}"
+        )
+
+
+def _silent(runs: Sequence[Run], share: float) -> None:
+    """Ignore progress within a part."""

@@ -1,0 +1,271 @@
+"""Sure decisions about shares, made while runs come in.
+
+A run passes or fails. Of each *arm*, a design in one of the conditions that it must hold in, it is
+asked whether its share of passing runs is at least q. With s of n runs passing, the evidence
+against the share being q is a mixture of likelihood ratios,
+
+    M = ½ (p₁/q)ˢ ((1 − p₁)/(1 − q))ⁿ⁻ˢ + ½ ∫ (p/q)ˢ ((1 − p)/(1 − q))ⁿ⁻ˢ dF(p).
+
+For *good* all p are above q, for *bad* all are below. Then M is a nonnegative supermartingale under
+every share of the other side, and by Ville's inequality P(M ≥ 1/risk for any n) ≤ risk: the bound
+holds at all times at once, whatever the responses are distributed like, and whenever one looks (H.
+Robbins, Ann. Math. Statist. 41, 1970, 1397–1409; S. R. Howard, A. Ramdas, J. McAuliffe and
+J. Sekhon, Ann. Statist. 49, 2021, 1055–1080). F is the Beta distribution with mean q and the weight
+of `WEIGHT` runs, cut off at q; p₁ is `NEAR` of the way from q to the nearer of 0 and 1 away: two
+points at q = 0.95. The same counts bound the percentile q of any response, as the share of the runs
+below the true percentile is q at most (Howard and Ramdas, Bernoulli 28, 2022, 1704–1728).
+
+A share of the risk belongs to each claim. Of D designs that must hold in C conditions, one is
+*good* if it is in every condition: to say so wrongly, one must be wrong in a condition in which it
+is not, so each condition may take the whole risk/D (intersection-union test: R. L. Berger,
+Technometrics 24, 1982, 295–300). It is *not* if it is not in some condition, for which each has
+risk/(D C). A design is either good or not, so both claims have the whole risk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from math import log, log1p
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+Verdict = Literal["good", "not", "open"]
+
+WEIGHT = 50.0
+"""Of the continuous part of the mixture [runs]."""
+NEAR = 0.4
+"""How far away the other part is, as a share of the way from q to the nearer of 0 and 1."""
+FIRST, GROWTH, LANES = 96, 1.1, 8
+"""Runs of an arm at its first look, factor from look to look, and what the looks are multiples of:
+the largest number of lanes of a processor."""
+
+MOST_RUNS = 10_000_000
+"""Largest budget."""
+
+
+def looks() -> Iterator[int]:
+    """Numbers of runs at which an arm is looked at, ascending without end."""
+    runs = FIRST
+    while True:
+        yield runs
+        runs = max(runs + LANES, LANES * round(GROWTH * runs / LANES))
+
+
+def evidence(passed: int, runs: int, share: float, above: bool) -> float:
+    """Logarithm of the mixture M, for a share that is above, or below, the required one."""
+    from scipy import special
+
+    a, b = WEIGHT * share, WEIGHT * (1 - share)
+    cut = special.betaincc if above else special.betainc
+    failed = runs - passed
+    null = passed * log(share) + failed * log1p(-share)
+    near = share + NEAR * min(share, 1 - share) * (1 if above else -1)
+    point = passed * log(near) + failed * log1p(-near) - null
+    kept = cut(a + passed, b + failed, share) / cut(a, b, share)
+    if kept <= 0:  # nearly all of the evidence is on the other side
+        return float(point - log(2))
+    whole = special.betaln(a + passed, b + failed) - special.betaln(a, b) + log(kept) - null
+    return float(np.logaddexp(point, whole) - log(2))
+
+
+@cache
+def enough(runs: int, share: float, risk: float) -> int:
+    """Fewest passing runs that surely make the required share; more than there are if none do."""
+    low, high = 0, runs + 1  # the evidence grows with each run that passes
+    while low < high:
+        middle = (low + high) // 2
+        if evidence(middle, runs, share, above=True) >= -log(risk):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@cache
+def too_few(runs: int, share: float, risk: float) -> int:
+    """Most passing runs that surely do not make the required share; −1 if there is no such."""
+    low, high = -1, runs
+    while low < high:
+        middle = (low + high + 1) // 2
+        if evidence(middle, runs, share, above=False) >= -log(risk):
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When a design is surely good, and when it is surely not.
+
+    Attributes
+    ----------
+    share
+        Of the runs, that must pass.
+    risk
+        Of any wrong claim about any design.
+    designs, conditions
+        How many there are; each design must hold in all of the conditions.
+    """
+
+    share: float
+    risk: float
+    designs: int
+    conditions: int = 1
+
+    def enough(self, runs: int) -> int:
+        """Fewest passing runs of an arm that is surely good; more than there are if none are."""
+        return enough(runs, self.share, self.risk / self.designs)
+
+    def too_few(self, runs: int) -> int:
+        """Most passing runs of an arm that is surely not good; −1 if there is no such number."""
+        return too_few(runs, self.share, self.risk / (self.designs * self.conditions))
+
+    def verdict(self, passed: int, runs: int) -> Verdict:
+        """What is sure of an arm."""
+        if runs and passed >= self.enough(runs):
+            return "good"
+        return "not" if runs and passed <= self.too_few(runs) else "open"
+
+    def runs_to_decide(self, passed: int, runs: int) -> int | None:
+        """Runs at the look that would decide an arm if its share stayed; None if none would."""
+        for n in looks():
+            if n > MOST_RUNS:
+                return None
+            same = passed * n // max(runs, 1)
+            if n > runs and self.verdict(same, n) != "open":
+                return n
+        return None
+
+    @property
+    def least(self) -> int:
+        """Runs of the first look that may say *good*: if all of them pass."""
+        return next(n for n in looks() if self.enough(n) <= n)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs to do: those of a group of designs in a condition, after the first ``start``."""
+
+    group: int
+    condition: int
+    start: int
+    stop: int
+
+
+@dataclass
+class Elimination:
+    """Which designs are decided, and which runs come next.
+
+    All arms that are open go from look to look together, those of the cheaper designs first if the
+    budget does not reach for all. A design is left alone when it is decided, one of its arms when
+    that is good.
+
+    Attributes
+    ----------
+    groups
+        By design, the cheapest first: the group of designs with which it shares its runs.
+    most_runs
+        Budget of runs, over everything.
+    runs
+        Done so far, by group and condition.
+    seen, passed
+        By design and condition: the runs that count, the first ones until it was decided, and how
+        many of them have passed.
+    """
+
+    rule: Rule
+    groups: Sequence[int]
+    most_runs: int
+    runs: Ints = field(init=False)
+    seen: Ints = field(init=False)
+    passed: Ints = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.runs = np.zeros((max(self.groups) + 1, self.rule.conditions), np.int64)
+        self.seen = np.zeros((len(self.groups), self.rule.conditions), np.int64)
+        self.passed = np.zeros_like(self.seen)
+        self._members: dict[int, list[int]] = {}
+        for design, group in enumerate(self.groups):
+            self._members.setdefault(group, []).append(design)
+
+    def arm(self, design: int, condition: int) -> Verdict:
+        """What is sure of a design in a condition."""
+        return self.rule.verdict(
+            int(self.passed[design, condition]), int(self.seen[design, condition])
+        )
+
+    def verdict(self, design: int) -> Verdict:
+        """What is sure of a design."""
+        arms = {self.arm(design, c) for c in range(self.rule.conditions)}
+        return "not" if "not" in arms else "open" if "open" in arms else "good"
+
+    @property
+    def spent(self) -> int:
+        """Runs so far."""
+        return int(self.runs.sum())
+
+    def batches(self) -> list[Batch]:
+        """What comes next: nothing if all is decided, or the budget does not reach any more."""
+        left, found = self.most_runs - self.spent, {}
+        for design, group in enumerate(self.groups):
+            if self.verdict(design) != "open":
+                continue
+            for condition in range(self.rule.conditions):
+                done = int(self.runs[group, condition])
+                stop = next(n for n in looks() if n > done)
+                if (group, condition) in found or self.arm(design, condition) != "open":
+                    continue
+                if stop - done <= left:
+                    found[group, condition] = Batch(group, condition, done, stop)
+                    left -= stop - done
+        return list(found.values())
+
+    def add(self, batch: Batch, passed: Mapping[int, int]) -> None:
+        """Note how many runs of a batch have passed, by design; of decided ones nothing counts."""
+        self.runs[batch.group, batch.condition] = batch.stop
+        for design in self.counting(batch):
+            self.seen[design, batch.condition] = batch.stop
+            self.passed[design, batch.condition] += passed[design]
+
+    def counting(self, batch: Batch) -> list[int]:
+        """Designs for which the runs of a batch count."""
+        return [
+            design
+            for design in self._members[batch.group]
+            if self.seen[design, batch.condition] == batch.start
+            and self.arm(design, batch.condition) == "open"
+        ]
+
+
+def percentile(values: NDArray[np.float64], rule: Rule) -> tuple[float, float, float]:
+    """The percentile of an arm's response that is to be within the limit, and its two bounds.
+
+    Parameters
+    ----------
+    values
+        Of the runs in any order, infinite if they failed.
+
+    Returns
+    -------
+    estimate, lower, upper
+        The run that the required share of the runs is not above, and the runs between which the
+        percentile is; the lower bounds of all designs hold together, and so do the upper ones.
+        Infinite where there is none.
+    """
+    n = len(values)
+    if n == 0:
+        return float("nan"), -np.inf, np.inf
+    ordered = np.sort(values)
+    rank = max(int(np.ceil(rule.share * n - 1e-9)), 1)
+    few, many = rule.too_few(n), rule.enough(n)
+    return (
+        float(ordered[rank - 1]),
+        float(ordered[few]) if few >= 0 else -np.inf,
+        float(ordered[many - 1]) if many <= n else np.inf,
+    )

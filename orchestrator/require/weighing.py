@@ -1,0 +1,125 @@
+"""From the runs of a question to its answer: designs compared, and one of them named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sblcosim.models import RECEIVERS
+
+from ..scenario.scenario import Scenario, Source
+from ..scenario.sources import choose
+from .answer import Answer
+from .limiting import Limiting, limiting
+from .question import Question, passable
+from .sequential import Elimination, percentile
+
+Floats = NDArray[np.float64]
+
+
+def answered(
+    question: Question,
+    elimination: Elimination,
+    values: Mapping[tuple[int, int], Floats],
+    workers: int | None = None,
+) -> Answer:
+    """The answer that follows from the runs.
+
+    Parameters
+    ----------
+    values
+        Responses of the runs that count, by design and condition.
+    workers
+        For the runs that tell what limits a design.
+    """
+    designs = _table(question, elimination, values)
+    good = designs[designs["verdict"] == "good"]
+    # Of equal cost, the more accurate one; a missing estimate is the worst.
+    order = ["cost", "estimate"] if question.costs else ["estimate"]
+    chosen = None if good.empty else int(good.sort_values(order, kind="stable").index[0])
+    cheaper = None
+    if chosen is not None:
+        below = designs[designs["cost"] < designs.loc[chosen, "cost"]]
+        worth = below[below["front"]] if below["front"].any() else below
+        cheaper = int(worth.index[-1]) if len(worth) else None  # the cheapest are first
+    nearest = _nearest(designs)
+    named = nearest if chosen is None else chosen
+    scenario, receiver = _scenario(question, named, int(designs["worst"].to_numpy()[named]))
+
+    def rank(runs: pd.DataFrame, label: str) -> float:
+        ordered = np.sort(passable(runs, question.response, label))
+        return float(ordered[int(np.ceil(question.terms.share * len(ordered) - 1e-9)) - 1])
+
+    about = {
+        "name": question.study.name, "settling_time_s": question.study.settling_time_s,
+        "seed": question.study.seed, "responses": list(question.study.responses),
+    }  # fmt: skip
+    limits = Limiting(float("nan"), {}, ())
+    if elimination.spent:
+        limits = limiting(scenario, receiver, about, rank, question.terms.limit, workers)
+    return Answer(
+        question, designs.drop(columns="worst"), elimination.spent, chosen, cheaper, nearest,
+        limits, scenario,
+    )  # fmt: skip
+
+
+def _table(
+    question: Question, elimination: Elimination, values: Mapping[tuple[int, int], Floats]
+) -> pd.DataFrame:
+    """One row per design, as `Answer.designs`, and ``worst``: the number of its condition."""
+    rows, arms = [], [*question.conditions]
+    for number, design in enumerate(question.designs):
+        verdict = elimination.verdict(number)
+        found = [
+            (percentile(values.get((number, c), np.empty(0)), question.rule), c)
+            for c in range(len(arms))
+        ]
+        worst = max(found, key=lambda one: _badness(elimination, number, *one))
+        (estimate, lower, upper), at = worst
+        rows.append({
+            **design.levels, "cost": design.cost, "verdict": verdict,
+            "condition": question.named(dict(arms[at])),
+            "runs": int(elimination.seen[number, at]),
+            "passed": int(elimination.passed[number, at]),
+            "estimate": estimate, "lower": lower, "upper": upper, "worst": at,
+        })  # fmt: skip
+    designs = pd.DataFrame(rows)
+    rank = designs["estimate"].fillna(np.inf)
+    by = designs.assign(rank=rank).sort_values(["cost", "rank"], kind="stable")["rank"]
+    designs["front"] = by < by.cummin().shift(fill_value=np.inf)
+    return designs
+
+
+def _badness(
+    elimination: Elimination, number: int, numbers: tuple[float, float, float], condition: int
+) -> tuple[int, float, float]:
+    """What makes a condition the worst one for a design."""
+    verdict = elimination.arm(number, condition)
+    seen, passed = (int(a[number, condition]) for a in (elimination.seen, elimination.passed))
+    estimate = numbers[0] if seen else -np.inf
+    return ["good", "open", "not"].index(verdict), estimate, (seen - passed) / max(seen, 1)
+
+
+def _nearest(designs: pd.DataFrame) -> int:
+    """Row of the design that is nearest to what is required."""
+    failing = 1 - designs["passed"] / designs["runs"].clip(lower=1)
+    ranked = designs.assign(estimate=designs["estimate"].fillna(np.inf), failing=failing)
+    return int(ranked.sort_values(["estimate", "failing", "cost"], kind="stable").index[0])
+
+
+def _scenario(question: Question, named: int, condition: int) -> tuple[Scenario, Source]:
+    """The scenario of a design in a condition, and its receiver."""
+    design, study = question.designs[named], question.study
+    row = [*question.conditions.values()][condition][0]
+    point = row * question.groups + design.group + 1
+    scenario = study.base.override(study.overrides(point).items())
+    receiver = choose(study.base, list(study.receivers))[design.receiver]
+    changes: dict[str, Any] = {
+        "name": f"{study.name}-answer", "title": f"The answer to {study.title or study.name}",
+    }  # fmt: skip
+    if study.receiver_factor is not None and receiver in RECEIVERS:
+        changes["receiver.type"] = receiver
+    return scenario.override(changes.items()), receiver

@@ -1,0 +1,452 @@
+"""Questions and their answers: what a file says, what is run, and what is said of it."""
+
+from __future__ import annotations
+
+import html
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim import require
+from sblcosim.errors import ConfigurationError
+from sblcosim.report.common import as_toml
+from sblcosim.require import limiting
+from sblcosim.require.answer import Answer
+from sblcosim.require.figures import plot_front
+from sblcosim.require.file_schema import question_schema
+from sblcosim.require.question import Question, passable
+from sblcosim.require.run import decided
+from sblcosim.require.sequential import Elimination
+from sblcosim.require.weighing import answered
+from sblcosim.study import store
+from typer.testing import CliRunner
+
+QUESTION: dict[str, Any] = {
+    "name": "small",
+    "title": "Which GPS, and how long a baseline?",
+    "scenario": "paper-scenario-1",
+    "fixed": {"time": {"duration_s": 12.0}},
+    "settling_time_s": 4.0,
+    "response": "total_rms_m",
+    "limit": 1.0,
+    "share": 0.9,
+    "most_runs": 3000,
+    "currency": "€",
+    "choices": {
+        "gps": {
+            "label": "GPS", "keys": ["platform.gps_horizontal_std_m"],
+            "levels": [0.1, 1.0, 3.5], "costs": [500, 100, 20],
+        },
+        "arm": {
+            "label": "baseline", "keys": ["platform.arm_length_m"],
+            "levels": [0.4, 3.0], "costs": [10, 60],
+        },
+    },
+}  # fmt: skip
+
+
+def changed(**changes: Any) -> dict[str, Any]:
+    """The question with other values of some keys; None: without the key."""
+    tables = {k: v for k, v in {**QUESTION, **changes}.items() if v is not None}
+    json.dumps(tables)  # plain data
+    return tables
+
+
+def choices(name: str, **changes: Any) -> dict[str, Any]:
+    """The choices with a change in one of them."""
+    mine = {**QUESTION["choices"][name], **changes}
+    return {**QUESTION["choices"], name: {k: v for k, v in mine.items() if v is not None}}
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limiting, "RUNS", 40)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
+    out = tmp_path_factory.mktemp("small")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limiting, "RUNS", 40)
+        return require.decide(QUESTION, out), out
+
+
+def pretended(
+    question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1
+) -> Answer:
+    """The answer if so many runs of each design were within the limit."""
+    rng = np.random.default_rng(seed)
+    elimination = Elimination(
+        question.rule, [d.group for d in question.designs], question.terms.most_runs
+    )
+    values: dict[tuple[int, int], list[Any]] = {}
+    while batches := elimination.batches():
+        for batch in batches:
+            passed = {}
+            for number in elimination.counting(batch):
+                good = rng.random(batch.stop - batch.start) < share[number]
+                made = question.terms.limit * np.where(
+                    good, rng.uniform(0.9, 1.0, len(good)) * (1 - scale * 0.01),
+                    1 + scale * rng.random(len(good)),
+                )  # fmt: skip
+                values.setdefault((number, batch.condition), []).append(made)
+                passed[number] = int((made <= question.terms.limit).sum())
+            elimination.add(batch, passed)
+    return answered(question, elimination, {k: np.concatenate(v) for k, v in values.items()}, 1)
+
+
+# --- Files ---------------------------------------------------------------------------------------
+
+
+def test_the_shipped_question_is_what_it_says() -> None:
+    question = require.load("one-metre")
+    assert sblcosim.questions()["one-metre"] == question.study.title
+    assert question.response == "absolute_total_p95_m"
+    assert (question.terms.limit, question.terms.share) == (1.0, 0.95)
+    scenario = question.study.base
+    assert scenario.platform.beaufort == 4
+    assert scenario.target.radius_m == 30.0
+    assert scenario.receiver.type == "coupled"
+    assert len(question.designs) == 48
+    costs = [design.cost for design in question.designs]
+    assert costs == sorted(costs)
+    assert costs[0] == 30 + 60 + 20
+    file = Path(str(require.__file__)).parent / "shipped" / "one-metre.toml"
+    tables = tomllib.loads(file.read_text("utf-8"))
+    jsonschema.validate(tables, question_schema())
+    assert {"settling_time_s", "scenario"} <= set(tables)
+    assert {"duration_s"} <= set(tables["scenario"]["time"])
+    assert {"trajectory", "radius_m"} <= set(tables["scenario"]["target"])
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (changed(response="total_p96_m"), "small: response: must be the name of a response, or "
+         "FILE.py:FUNCTION, got 'total_p96_m'; did you mean 'total_p95_m'?"),
+        (changed(response="availability"), "of which less is better"),
+        (changed(choices=choices("gps", levels=[0.1, 1.0, 0.1])),
+         "small: [choices.gps] levels: must have levels that differ, got 0.1 twice"),
+        (changed(choices=choices("gps", costs=[1, 2])),
+         "small: [choices.gps] costs: must have a cost for each of the levels 0.1, 1, 3.5, got 2"),
+        (changed(choices=choices("gps", costs={"0.1": 1, "1": 2})),
+         "small: [choices.gps] costs: must have one for each level, got none for 3.5"),
+        (changed(choices=choices("gps", costs={"0.1": 1, "1": 2, "3.6": 3})),
+         "must be of the levels 0.1, 1, 3.5, got '3.6'; did you mean '3.5'?"),
+        (changed(choices=choices("gps", costs=[1, 2, -3])),
+         "must be numbers, finite and not negative, got -3 for 3.5"),
+        (changed(choices=choices("gps", costs=[1, 2, float("nan")])), "must be numbers, finite"),
+        (changed(choices=choices("gps", costs=5)), "must be an array of costs, or a table by"),
+        (changed(choices=choices("gps", keys=["platform.gps_horizontal_std"])),
+         "[choices.gps] keys: there is no key 'platform.gps_horizontal_std'; did you mean"),
+        (changed(choices=choices("gps", price=[1])), "[choices.gps] there is no key 'price'"),
+        (changed(choices=None), "small: choices: must have at least one, got nothing"),
+        (changed(choices={}), "small: choices: must have at least one, got"),
+        (changed(choices={"gps": 3}), "small: [choices.gps]: must be a table, got 3"),
+        (changed(settling_time_s=None), "small: settling_time_s: must be given, got nothing"),
+        (changed(settling_time_s=12.0), "settling_time_s: must be less than the length of the run"),
+        (changed(limit=None), "small: limit: must be given, got nothing"),
+        (changed(limits=1.0), "small: there is no key 'limits'; did you mean 'limit'?"),
+        (changed(replicates=5), "small: there is no key 'replicates'"),
+        (changed(share=1.0), "small: share: must be less than 1"),
+        (changed(share=95), "small: share: must be less than 1"),
+        (changed(confidence=0), "small: confidence: must be more than 0"),
+        (changed(limit="1 m"), "small: limit: must be a number, got"),
+        (changed(most_runs=0), "small: most_runs: must be at least 1, got 0"),
+        (changed(scenario=None), "small: scenario: must be given, got nothing"),
+        (changed(scenario="paper-scenario-9"), "paper-scenario-9"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(tables: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        decided(require.load(tables), Path("nowhere"))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+    assert "factors" not in str(error.value)
+    assert not Path("nowhere").exists()
+
+
+def test_an_unknown_question_suggests_the_nearest() -> None:
+    with pytest.raises(ConfigurationError, match="must be a TOML file or one of one-metre"):
+        require.load("one-meter")
+
+
+def test_costs_by_name_and_by_order_are_the_same() -> None:
+    named = require.load(
+        changed(choices=choices("gps", costs={"3.5": 20, "0.1": 500, "1": 100}))
+    )
+    assert named.costs == require.load(QUESTION).costs
+
+
+def test_the_cost_of_a_design_is_the_sum_over_its_choices() -> None:
+    free = require.load(changed(choices=choices("arm", costs=None)))
+    for question in (free, require.load(QUESTION)):
+        for design in question.designs:
+            gps = {0.1: 500, 1.0: 100, 3.5: 20}[float(design.levels["gps"])]
+            arm = {0.4: 10, 3.0: 60}[float(design.levels["arm"])]
+            assert design.cost == gps + (arm if question is not free else 0)
+            point = question.study.points.values[design.group]
+            assert point == (design.levels["gps"], design.levels["arm"])
+
+
+def test_a_response_without_a_frame_is_absolute() -> None:
+    assert require.load(changed(response="total_p95_m")).response == "absolute_total_p95_m"
+    assert require.load(changed(response="relative_total_p95_m")).response.startswith("relative")
+    assert require.load(changed(response="total_rms_m")).response == "absolute_total_rms_m"
+
+
+# --- Which runs ----------------------------------------------------------------------------------
+
+CONDITIONS = {
+    "sea": {"keys": ["platform.beaufort"], "levels": [1, 4], "combine": "all"},
+    "loss": {"keys": ["acoustics.loss_probability"], "levels": [0.0, 0.1, 0.25]},
+}
+
+
+def test_conditions_hold_one_by_one_or_count_together() -> None:
+    question = require.load(changed(conditions=CONDITIONS))
+    assert [*question.conditions] == [(("sea", 1),), (("sea", 4),)]
+    assert question.rule.conditions == 2
+    values = question.study.points.values
+    for condition, sea in enumerate((1, 4)):
+        places = question.places(5, condition, 0, 3000)
+        assert {values[p][:3] for p in places} == {(*values[5][:2], sea)}
+        shares = pd.Series([values[p][3] for p in places]).value_counts(normalize=True)
+        assert shares.to_numpy() == pytest.approx(1 / 3, abs=0.03)
+        # The draw of a replicate is the same in any batch.
+        assert (question.places(5, condition, 700, 800) == places[700:800]).all()
+
+
+def test_a_run_depends_on_its_design_condition_and_number_only() -> None:
+    one = require.load(QUESTION)
+    more = one.with_budget(9000)
+    assert one.study.run_seed(3, 17) == more.study.run_seed(3, 17)
+    assert more.terms.most_runs == 9000
+    seeds = {one.study.run_seed(p, r) for p in range(1, 7) for r in range(1, 200)}
+    assert len(seeds) == 6 * 199
+
+
+# --- Answers -------------------------------------------------------------------------------------
+
+
+def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
+    answer, out = found
+    chosen = answer.of(answer.named)
+    assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "good")
+    text = answer.answer()
+    assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
+    assert "The next cheaper one worth its cost fails by" in text
+    assert "What limits it is " in text
+    assert "With a confidence of 95 % no claim about any of the 6 designs is wrong" in text
+    assert answer.spent < 3000
+    # The same from the table of runs.
+    runs = store.table(out / "runs")
+    assert len(runs) == answer.spent
+    for number, design in enumerate(answer.question.designs):
+        mine = runs[runs["point"] == design.group + 1].sort_values("replicate")
+        value = mine["ekf.absolute_total_rms_m"].where(~mine["ekf.lost"].astype(bool), np.inf)
+        row = answer.of(number)
+        assert (row["runs"], row["passed"]) == (len(mine), (value <= 1.0).sum())
+        assert row["estimate"] == np.quantile(value, 0.9, method="inverted_cdf")
+
+
+def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
+    answer, out = found
+    names = {path.name for path in (out / "answer").iterdir()}
+    assert names == {"report.html", "front.svg", "front.png", "designs.csv", "designs.parquet",
+                     "scenario.toml", "manifest.json"}  # fmt: skip
+    page = (out / "answer" / "report.html").read_text("utf-8")
+    assert answer.sentences()[0] in page
+    assert "errors count from 4 s on" in page
+    assert "12 s" in page
+    question = page.partition("The question:")[2].partition("<code>")[2].partition("</code>")[0]
+    again = require.load(tomllib.loads(html.unescape(question)))
+    assert again.study.tables() == answer.question.study.tables()
+    assert (again.terms, again.costs) == (answer.question.terms, answer.question.costs)
+    table = pd.read_parquet(out / "answer" / "designs.parquet")
+    assert len(table) == 6
+    scenario = sblcosim.load(out / "answer" / "scenario.toml")
+    assert scenario.platform.gps_horizontal_std_m == 0.1
+    assert scenario.platform.arm_length_m == 3.0
+    assert scenario.time.duration_s == 12.0
+    assert scenario.target.trajectory == "semicircle"
+    result = sblcosim.run(scenario)
+    assert result.record.time_ns[-1] == 12_000_000_000
+
+
+def test_any_run_can_be_done_again(found: tuple[Answer, Path]) -> None:
+    out = found[1] / "runs"
+    run = store.table(out).iloc[100]
+    result = sblcosim.study.replay(out, run["run_id"])
+    assert result.seeds["acoustics"] == run["seed"]
+
+
+
+
+def test_none_suffices_is_an_answer() -> None:
+    question = require.load(QUESTION)
+    answer = pretended(question, {n: 0.3 + 0.08 * n for n in range(6)})
+    assert answer.chosen is None
+    text = answer.answer()
+    assert text.startswith("No design suffices: all 6 surely fail.")
+    assert "The nearest, " in text
+    assert ", surely by " in text
+    assert answer.nearest == answer.designs["estimate"].idxmin()
+
+
+def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
+    question = require.load(changed(most_runs=580))
+    answer = pretended(question, dict.fromkeys(range(6), 1.0))
+    least = question.rule.least
+    assert answer.designs["verdict"].eq("open").all() == (least > 96)
+    if least > 96:
+        assert f"takes at least {least} runs" in answer.answer()
+        assert f"{least - 96} more are needed at each of the 6" in answer.answer()
+    exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
+    assert "The nearest is open: GPS 1 m, baseline 0.4 m" in exact.answer()
+    assert "no number of runs is likely" in exact.answer() or "would decide it." in exact.answer()
+
+
+def test_without_any_run_there_is_an_answer() -> None:
+    answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
+    assert answer.spent == 0
+    assert answer.limits.without == {}
+    assert "all 6 stay open" in answer.answer()
+    assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer()
+    plot_front(answer)
+    assert "–" in answer.text(verbose=True, width=80)
+
+
+def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() -> None:
+    question = require.load(QUESTION)
+    answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
+    assert answer.chosen == 1
+    assert answer.cheaper == 0
+    assert answer.counts == {"good": 3, "not": 3, "open": 0}
+    cheap = pretended(question, dict.fromkeys(range(6), 0.99))
+    assert cheap.chosen == 0
+    assert "Nothing is cheaper." in cheap.answer()
+
+
+def test_without_costs_the_most_accurate_is_named() -> None:
+    tables = {n: {k: v for k, v in t.items() if k != "costs"}
+              for n, t in QUESTION["choices"].items()}  # fmt: skip
+    question = require.load(changed(choices=tables))
+    answer = pretended(question, {0: 0.99, 1: 1.0, 2: 0.2, 3: 0.3, 4: 0.2, 5: 0.1}, scale=0.1)
+    assert answer.chosen == answer.designs["estimate"].idxmin()
+    assert answer.answer().startswith("The most accurate design that suffices: ")
+    assert "cheap" not in answer.answer()
+    assert plot_front(answer).get_xlabel() == "Designs by accuracy"
+
+
+def test_conditions_are_named_where_they_are_worst() -> None:
+    conditions = {"sea": {**CONDITIONS["sea"], "label": "Beaufort"}}
+    question = require.load(changed(conditions=conditions))
+    answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
+    assert set(answer.designs["condition"]) <= {"Beaufort 1", "Beaufort 4"}
+    assert "6 designs in 2 conditions" in answer.answer()
+    beaufort = int(answer.of(answer.named)["condition"].split()[-1])
+    assert answer.scenario.platform.beaufort == beaufort
+
+
+def test_receivers_may_be_a_choice(tmp_path: Path) -> None:
+    chosen = {"keys": ["receivers"], "levels": ["ekf", "sequential"], "costs": [5, 0]}
+    question = require.load(
+        changed(choices={"who": chosen, "gps": QUESTION["choices"]["gps"]}, limit=2.0)
+    )
+    answer = require.decide(question, tmp_path)
+    runs = store.table(tmp_path / "runs")
+    assert len(answer.designs) == 6
+    assert len(runs) == answer.spent < 6 * 96 * 6
+    for number, design in enumerate(question.designs):
+        mine = runs[runs["point"] == design.group + 1].sort_values("replicate")
+        own = mine[f"{design.receiver}.absolute_total_rms_m"]
+        lost = mine[f"{design.receiver}.lost"].astype(bool)
+        row = answer.of(number)
+        assert row["passed"] == ((own <= 2.0) & ~lost).iloc[: row["runs"]].sum()
+    if answer.chosen is not None:
+        written = sblcosim.load(tmp_path / "answer" / "scenario.toml")
+        assert written.receiver.type == answer.of(answer.named)["who"]
+
+
+def test_what_limits_a_design_is_what_is_large_in_it() -> None:
+    scenario = sblcosim.load(
+        "paper-scenario-1",
+        {"platform.gps_horizontal_std_m": 3.5, "acoustics.range_std_m": 0.02,
+         "time.duration_s": 12.0, "platform.imu_heading_std_deg": 0.1,
+         "platform.imu_tilt_std_deg": 0.1},
+    )  # fmt: skip
+    about = {"name": "x", "settling_time_s": 4.0, "seed": 1}
+
+    def mean(runs: pd.DataFrame, label: str) -> float:
+        return float(runs[f"{label}.absolute_total_rms_m"].mean())
+
+    for limit, few in ((0.5, 1), (1e-4, 0), (1e3, 0)):
+        found = limiting.limiting(scenario, "ekf", about, mean, limit)
+        assert next(iter(found.without)) == "the GPS"
+        assert found.without["the GPS"] < 0.3 * found.everything
+        assert len(found.enough) == few
+    assert "the clock" not in limiting.switches(scenario)
+
+
+def test_a_failed_or_lost_run_does_not_pass() -> None:
+    table = pd.DataFrame({
+        "a.absolute_total_rms_m": [0.5, 0.5, np.nan, 0.5, 0.5],
+        "a.lost": pd.array([False, True, None, False, False], "boolean"),
+        "error": [None, None, "the FMU has crashed", "a: estimates must be", "b: estimates must"],
+    })  # fmt: skip
+    values = passable(table, "absolute_total_rms_m", "a")
+    assert (values <= 1.0).tolist() == [True, False, False, False, True]
+    assert np.isinf(values[1:4]).all()
+
+
+def test_a_response_that_no_receiver_has_is_refused(tmp_path: Path) -> None:
+    tables = changed(response="own_relative_total_rms_m")
+    with pytest.raises(ConfigurationError, match="response: must be known in some runs, got none"):
+        require.decide(tables, tmp_path)
+
+
+# --- Figures, the command, and its document ------------------------------------------------------
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_front_shows_every_design(found: tuple[Answer, Path], theme: Any) -> None:
+    answer = found[0]
+    ax = plot_front(answer, theme=theme)
+    drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() in "oXD"])
+    finite = answer.designs[np.isfinite(answer.designs["estimate"])]
+    for cost, value in finite[["cost", "estimate"]].to_numpy():
+        assert any(np.allclose(point, (cost, value)) for point in drawn)
+    texts = {text.get_text() for text in ax.texts}
+    shown = {x for row, x in answer.letters.items() if row in finite.index}
+    assert shown <= texts
+    assert "€" in ax.get_xlabel()
+    assert "[m]" in ax.get_ylabel()
+    sizes = {text.get_fontsize() for text in [*ax.texts, *ax.figure.texts]}
+    assert min(sizes) >= 8
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sblcosim.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(as_toml(QUESTION), "utf-8")
+    jsonschema.validate(tomllib.loads(Path("small.toml").read_text("utf-8")), question_schema())
+    result = CliRunner().invoke(app, ["require", "small.toml", "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["designs"][told["chosen"]]["levels"] == {"gps": 0.1, "arm": 3.0}
+    assert Path(told["scenario"]).exists()
+    assert Path(told["report"]).exists()
+    again = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "50"])
+    assert again.exit_code == 1
+    assert "No design surely suffices: all 6 stay open." in again.stdout
+    wrong = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "0"])
+    assert wrong.exit_code == 2
