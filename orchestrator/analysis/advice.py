@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from math import ceil, inf, log
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ from ..errors import ConfigurationError, nearest
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
 from ..study.design import shown as level_shown
-from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
+from .bounds import LEAST_RUNS, mean_bound, percentile_bound, runs_to_see, share_bound
 from .costs import of_column
 from .runs import check_columns
 from .sentences import ordinal
@@ -364,7 +364,7 @@ def _check(
 ) -> None:
     """Refuse a question that the table cannot answer."""
     factors, percentile, limit = question.factors, question.percentile, question.limit
-    check_columns(table, factors, question.response, names=True)
+    check_columns(table, factors, question.response, numbers=False)
     if percentile is not None and not 0 < percentile < 100:
         raise ConfigurationError(f"percentile: must be between 0 and 100, got {percentile}")
     for name in ("confidence", "contamination"):
@@ -395,7 +395,7 @@ def _answered(
     groups = runs.groupby(list(factors), sort=True)["value"]
     risk = (1 - question.confidence) / groups.ngroups
     share = 1 - question.contamination if percentile is None else percentile / 100
-    needed = ceil(log(risk) / log(share) - TOLERANCE)
+    needed = runs_to_see(1 - share, risk)
     if percentile is None:
         needed = max(needed, LEAST_RUNS)
     rows = []

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .. import artifacts
 from ..errors import ConfigurationError
 from ..results.responses import RESPONSES
-from ..study import executors, runner, store
+from ..study import executors, parts, runner, store
 from ..study.campaign import Campaign, Run, prepare
 from .answer import Answer
 from .question import Question, load, passable
@@ -96,15 +96,15 @@ def decided(
         ) as simulated,
         store.at_work(folder),
     ):
-        store.open_folder(folder, campaign)
+        there = store.open_folder(folder, campaign)
         known: dict[str, Floats] = {}
-        if store.finished(folder):
-            known = _responses(question, store.table(folder))
+        if there.paths:
+            known = _responses(question, parts.table(there, _wanted(question)))
 
         def carried_out(runs: Sequence[Run]) -> None:
             missing = [run for run in runs if run.run_id not in known]
             for part, rows in simulated(_parts(campaign, missing, workers), _silent):
-                store.write(folder, part, rows)
+                parts.write(folder, campaign, part, rows)
                 known.update(_responses(question, rows))
 
         return _eliminated(question, campaign, known, carried_out, progress)
@@ -162,6 +162,13 @@ def _parts(
         size = runner.ALONE * (workers or os.cpu_count() or 1)
     for i in range(0, len(runs), size):
         yield runs[i : i + size]
+
+
+def _wanted(question: Question) -> parts.Wanted:
+    """Columns that an answer needs."""
+    own = ("point", "replicate", "run_id", "error")
+    last = (question.response, "lost")
+    return lambda names: [n for n in names if n in own or n.partition(".")[2] in last]
 
 
 def _responses(question: Question, table: pd.DataFrame) -> dict[str, Floats]:
