@@ -27,6 +27,7 @@ from ..study.checks import line
 from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
+from ..study.tables import RECEIVERS_KEY
 from .sequential import MOST_RUNS, Rule
 
 PACKAGE = "sblcosim.require"
@@ -246,14 +247,20 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
     except ValidationError as error:
         lines = dict.fromkeys(line(e, where, _Known) for e in error.errors())
         raise ConfigurationError("\n".join(lines)) from None
+    if "scenario" not in tables:
+        raise ConfigurationError(f"{where}: scenario: must be given, got nothing")
     if "settling_time_s" not in tables:
         raise ConfigurationError(
             f"{where}: settling_time_s: must be given, got nothing; 0 counts errors from the start"
         )
     response, asked = _response(where, terms.response)
+    # Side by side, receivers are on the same noise; every bound here holds whatever runs share.
+    alone = ([RECEIVERS_KEY], (RECEIVERS_KEY,))
+    receivers = any(table.get("keys") in alone for table in choices.values())
     made = {
         **tables,
         "design": {"kind": "grid"},
+        "seeding": "common" if receivers else "independent",
         "replicates": terms.most_runs,
         "responses": asked,
         "factors": {

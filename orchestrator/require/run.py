@@ -96,10 +96,10 @@ def decided(
         ) as simulated,
         store.at_work(folder),
     ):
-        store.open_folder(folder, campaign)
+        there = store.open_folder(folder, campaign)
         known: dict[str, Floats] = {}
-        if store.finished(folder):
-            known = _responses(question, store.table(folder))
+        if there.paths:
+            known = _responses(question, parts.table(there, _wanted(question)))
 
         def carried_out(runs: Sequence[Run]) -> None:
             missing = [run for run in runs if run.run_id not in known]
@@ -162,6 +162,13 @@ def _parts(
         size = runner.ALONE * (workers or os.cpu_count() or 1)
     for i in range(0, len(runs), size):
         yield runs[i : i + size]
+
+
+def _wanted(question: Question) -> parts.Wanted:
+    """Columns that an answer needs."""
+    own = ("point", "replicate", "run_id", "error")
+    last = (question.response, "lost")
+    return lambda names: [n for n in names if n in own or n.partition(".")[2] in last]
 
 
 def _responses(question: Question, table: pd.DataFrame) -> dict[str, Floats]:

@@ -127,7 +127,7 @@ def test_a_larger_budget_goes_on_from_the_runs_that_are_there(
 ) -> None:
     few = require.decide(question, tmp_path, most_runs=800)
     assert few.spent <= 800
-    runs = set(store.finished(tmp_path / "runs"))
+    runs = set(store.finished(tmp_path / "runs").run_id.tolist())
     require.decide(question, tmp_path)
-    assert runs <= set(store.finished(tmp_path / "runs"))
+    assert runs <= set(store.finished(tmp_path / "runs").run_id.tolist())
     assert written(tmp_path) == reference

@@ -365,7 +365,7 @@ def test_advice_on_a_grid_of_names_in_conditions(tmp_path):
 
 def test_advice_where_the_receivers_are_a_choice(tmp_path):
     made = study.load({
-        "name": "who", "scenario": "paper-scenario-1", "replicates": 10,
+        "name": "who", "scenario": "paper-scenario-1", "replicates": 10, "seeding": "common",
         "fixed": {"time": {"duration_s": 8.0}}, "design": {"kind": "grid"},
         "factors": {
             "receiver": {"keys": ["receivers"], "levels": ["ekf", "sequential"]},
