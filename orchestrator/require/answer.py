@@ -204,7 +204,7 @@ class Answer(Shown):
             return ""
         first, *rest = [*found.without.items()][:3]
         text = (
-            f"What limits it is {first[0]}: without its error "
+            f"What limits it most is {first[0]}: with that error gone "
             f"{100 * self.question.terms.share:g} % would be within {self._size(first[1])}"
         )
         helping = [(n, v) for n, v in rest if v < found.everything]

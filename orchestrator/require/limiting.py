@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..comparison import sources
 from ..errors import NoEffectWarning
 from ..scenario.scenario import Scenario, Source
 from ..study import runner
@@ -18,40 +19,8 @@ from ..study.study import load
 
 RUNS = 400
 """Runs without each source."""
-FLOOR = 0.01
-"""Standard deviation of ranges and of depth readings that are switched off [m]."""
 EVERYTHING = "everything"
 """Name of the runs in which nothing is switched off."""
-_ERRORS = ("std", "bias_std", "markov_std")
-_IMU = ("std", "bias", "turn_on_std", "markov_std", "drift")
-_SOURCES: Mapping[str, Mapping[str, float]] = {
-    "the GPS": {
-        f"platform.gps_{axis}_{part}_m": 0.0 for axis in ("horizontal", "vertical")
-        for part in _ERRORS
-    },
-    "the heading sensor": {
-        f"platform.imu_heading_{part}_deg{'_s' * (part == 'drift')}": 0.0 for part in _IMU
-    },
-    "the tilt sensor": {
-        f"platform.imu_tilt_{part}_deg{'_s' * (part == 'drift')}": 0.0 for part in _IMU
-    },
-    "the waves": {
-        f"platform.{axis}_amplitude_{unit}": 0.0 for axis, unit in (
-            ("roll", "deg"), ("pitch", "deg"), ("yaw", "deg"),
-            ("surge", "m"), ("sway", "m"), ("heave", "m"),
-        )
-    },
-    "the noise of ranges": {"acoustics.range_std_m": FLOOR},
-    "late ranges": {"acoustics.outlier_probability": 0.0},
-    "lost packets": {"acoustics.loss_probability": 0.0},
-    "the clock": {
-        f"acoustics.clock_{part}": 0.0
-        for part in ("offset_s", "offset_std_s", "drift_s_s", "drift_std_s_s")
-    },
-    "the depth sensor": {
-        "target.depth_std_m": FLOOR, "target.depth_bias_m": 0.0, "target.depth_bias_std_m": 0.0,
-    },
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -74,21 +43,12 @@ class Limiting:
     enough: tuple[str, ...]
 
 
-def switches(scenario: Scenario) -> dict[str, dict[str, float]]:
-    """The sources of error in a scenario: keys to change, and to what, to be without each."""
-    found = {}
-    for name, off in _SOURCES.items():
-        now = {key: value_of(scenario, key) for key in off}
-        changed = {
-            key: off[key] for key, value in now.items()
-            if isinstance(value, int | float) and abs(value) > off[key]
-        }  # fmt: skip
-        if changed:
-            found[name] = changed
-    water = scenario.acoustics.sound_speed_m_s
-    if scenario.acoustics.assumed_sound_speed_m_s != water:
-        found["the assumed speed of sound"] = {"acoustics.assumed_sound_speed_m_s": water}
-    return found
+def switches(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Keys to change, and to what, to be without each of a scenario's sources of error."""
+    return {
+        sources.SOURCES[name].words: sources.switched(scenario, [name])
+        for name in sources.of_scenario(scenario)
+    }
 
 
 def limiting(
