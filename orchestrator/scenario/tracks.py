@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any, Protocol
 
 from sblcosim.models.target.variables import TRACK_POINTS
 
-from ..errors import ConfigurationError, shortened
+from ..errors import ConfigurationError, ConfigurationWarning, shortened
 from ..tracks.place import Origin
 
 FILE = "file"
@@ -18,6 +19,8 @@ PARAMETERS = ("track_count", "track_time", "track")
 """Parameters of the Target that only a track needs."""
 TOLERANCE = 0.1
 """Default of ``track_tolerance_m``."""
+ABOVE = 2.0
+"""Above the water a diver may be, by the waves and the instruments [m]; more is told."""
 CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
@@ -81,6 +84,15 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
                 f"{recorded.where(i, 1)}: must be within {FARTHEST / 1e3:g} km of the origin "
                 f"([place]), got {far / 1e3:,.0f} km"
             )
+    dry = [i for i, depth in enumerate(points[:, 2].tolist()) if depth < -ABOVE]
+    if dry:
+        warnings.warn(
+            f"{recorded.where(dry[0], 3)}: should be under water (a depth, or an elevation below "
+            f"0), got up to {-points[:, 2].min():,.4g} m above it at {len(dry):,} of "
+            f"{len(points):,} points",
+            ConfigurationWarning,
+            stacklevel=2,
+        )
     tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
     kept = fitted(recorded.times, points, tolerance)
     own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}

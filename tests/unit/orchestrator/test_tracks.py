@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sblcosim.errors import ConfigurationError
+from sblcosim.errors import ConfigurationError, ConfigurationWarning
 from sblcosim.scenario.scenario import load
 from sblcosim.tracks import resample
 from sblcosim.tracks.place import Origin
@@ -287,6 +287,16 @@ def test_a_scenario_holds_the_points_instead_of_the_file(tmp_path: Path) -> None
     assert made.override({"target.trajectory": "circle"}).about_track == ""
     with pytest.raises(ConfigurationError, match="no such file"):
         load(file)
+
+
+def test_a_diver_above_the_water_is_told(tmp_path: Path) -> None:
+    """As in a GPX file with heights of the land."""
+    land = gpx((40.0, 570.5, 0), (40.00001, 571.0, 10), (40.00002, -1.0, 20))
+    with pytest.warns(
+        ConfigurationWarning,
+        match=r"line 5.*, ele\): should be under water .*got up to 571 m above it at 2 of 3 points",
+    ):
+        load(scenario(tmp_path, land))
 
 
 def test_the_origin_is_that_of_the_scenario_or_the_first_point(tmp_path: Path) -> None:
