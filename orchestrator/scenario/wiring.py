@@ -38,8 +38,8 @@ from ..simulation.execution import initial_outputs
 from ..simulation.receiver import for_beacons
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from . import arrangement, effects, tracks
-from .assumptions import beacons_of
+from . import effects, tracks
+from .doubts import doubts
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 from .sources import choose, file_of, known_source, named
@@ -83,7 +83,8 @@ def connect(
     Warns
     -----
     ConfigurationWarning
-        An input of a third-party component is not connected; a given key has no effect.
+        An input of a third-party component is not connected; a given key has no effect; something
+        is perhaps not what is meant (`doubts`).
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -108,7 +109,8 @@ def connect(
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
         warnings.warn(line, NoEffectWarning, stacklevel=2)
-    _warn_of_arrangement(scenario)
+    for line in doubts(scenario):
+        warnings.warn(line, ConfigurationWarning, stacklevel=2)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -277,17 +279,6 @@ def _check_contract(label: str, source: Source) -> None:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise ConfigurationError(
             f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
-        )
-
-
-def _warn_of_arrangement(scenario: Scenario) -> None:
-    """Say what the beacons cannot tell."""
-    platform = scenario.platform
-    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
-    if problem is not None:
-        key = "beacon_m" if platform.beacon_m else "arm_length_m"
-        warnings.warn(
-            f"{scenario.where('platform', key)}: {problem}", ConfigurationWarning, stacklevel=3
         )
 
 
