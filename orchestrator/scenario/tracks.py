@@ -101,9 +101,14 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
     tables["target"] = own
     name = shortened(Path(target.track_file).name, 80)
     added = f" and {kept.added:,} on the straight lines between them" if kept.added else ""
+    others = ""
+    if recorded.left_out:
+        which = shortened(", ".join(recorded.left_out), 240)
+        begins = "it begins" if len(recorded.left_out) == 1 else "they begin"
+        others = f"; left out: {which}, as {begins} before the track before has ended"
     return tables, (
         f"{name}: the diver follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
-        f"{added}, never farther than {kept.deviation:.2g} m from the recorded track"
+        f"{added}, never farther than {kept.deviation:.2g} m from the recorded track{others}"
     )
 
 

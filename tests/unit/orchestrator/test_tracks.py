@@ -362,3 +362,37 @@ def test_a_track_that_is_not_followed_is_said(tmp_path: Path) -> None:
     made = load({"target": {"trajectory": "file", "track_tolerance_m": 0.1, **points}})
     idle = effects.idle(made, effects.components_of(made), effects.given(made))
     assert idle == {("target", "track_tolerance_m"): "there is no track_file"}
+
+
+NEXT = "</trkseg></trk><trk><name>{}</name><trkseg>"
+
+
+def test_tracks_that_follow_each_other_are_one(tmp_path: Path) -> None:
+    one, two = [(42.5, -10, 0), (42.50001, -10, 10)], [(42.50002, -11, 20), (42.50001, -10, 30)]
+    file = scenario(tmp_path, gpx(*one, NEXT.format("second"), *two))
+    apart = read(tmp_path / "dive.gpx")
+    assert apart.left_out == ()
+    whole = read(written(tmp_path, gpx(*one, *two), "whole.gpx"))
+    np.testing.assert_array_equal(apart.points, whole.points)
+    np.testing.assert_array_equal(apart.times, whole.times)
+    assert "left out" not in load(file).about_track
+
+
+def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
+    """Those of a run: the true path, then the receivers' estimates of it."""
+    truth, later = [(42.5, -10, 0), (42.50001, -10, 30)], [(42.50002, -10, 40)]
+    beside = [(42.6, 500, 29), (42.7, -10, 50)]
+    text = gpx(*truth, NEXT.format("coupled"), *beside, NEXT.format("later"), *later,
+               NEXT.format(""), *beside)  # fmt: skip
+    file = scenario(tmp_path, text)
+    track = read(tmp_path / "dive.gpx")
+    np.testing.assert_array_equal(
+        track.points, read(written(tmp_path, gpx(*truth, *later), "alone.gpx")).points
+    )
+    assert track.left_out == ("coupled", "trk 4")
+    assert track.where(2, 3).endswith("(trkpt 5, ele)")
+    line = text[: text.index("10:00:40")].count("\n") + 1
+    assert f"line {line}," in track.where(2, 3)
+    assert load(file).about_track.endswith(
+        "; left out: coupled, trk 4, as they begin before the track before has ended"
+    )
