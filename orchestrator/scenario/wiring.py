@@ -83,8 +83,7 @@ def connect(
     Warns
     -----
     ConfigurationWarning
-        An input of a third-party component is not connected; a given key has no effect; something
-        is perhaps not what is meant (`doubts`).
+        An input of a third-party component is not connected; a given key has no effect; `doubts`.
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -109,8 +108,7 @@ def connect(
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
         warnings.warn(line, NoEffectWarning, stacklevel=2)
-    for line in doubts(scenario):
-        warnings.warn(line, ConfigurationWarning, stacklevel=2)
+    _warn_of_doubts(scenario)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -280,6 +278,11 @@ def _check_contract(label: str, source: Source) -> None:
         raise ConfigurationError(
             f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
         )
+
+
+def _warn_of_doubts(scenario: Scenario) -> None:
+    for line in doubts(scenario):
+        warnings.warn(line, ConfigurationWarning, stacklevel=3)
 
 
 def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:

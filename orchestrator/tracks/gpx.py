@@ -10,7 +10,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ConfigurationError, one_line, shortened
+from ..errors import ConfigurationError, escaped, one_line, shortened
 from .track import FARTHEST, LEAST, Recorded, Where
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _in_turn(tracks: Sequence[GPXTrack]) -> tuple[list[tuple[int, GPXTrackPoint]
         number += len(points)
         begin, end = points[0].time if points else None, kept[-1][1].time if kept else None
         if begin is not None and end is not None and begin < end:
-            left_out.append(shortened(one_line(track.name or f"trk {i}"), 80))
+            left_out.append(shortened(escaped(track.name or f"trk {i}"), 80))
         else:
             kept += numbered
     return kept, left_out

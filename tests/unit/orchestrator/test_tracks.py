@@ -396,3 +396,25 @@ def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
     assert load(file).about_track.endswith(
         "; left out: coupled, trk 4, as they begin before the track before has ended"
     )
+
+
+def test_a_jump_in_a_track_is_told(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    load(scenario(tmp_path, table(NED, "0,0,0,5", "2,40,0,5", "4,40,0,5")))  # 20 m/s
+    assert not recwarn.list
+    rows = ("0,0,0,5", "2,0,0,5", "4,300,400,5", "6,300,400,5", "7,360,400,5")
+    with pytest.warns(ConfigurationWarning) as caught:
+        load(scenario(tmp_path, table(NED, *rows), "track_tolerance_m = 5.0"))
+    assert [str(w.message) for w in caught] == [
+        f"{tmp_path / 'dive.csv'}, line 4, column 2 (north_m): should be reached at 20 m/s at "
+        "most, got 250 m/s from the point before, up to 250 m/s at 2 points"
+    ]
+
+
+def test_a_track_in_milliseconds_is_told(tmp_path: Path) -> None:
+    load(scenario(tmp_path, table(NED, "0,0,0,5", "86400,4,0,5")))
+    with pytest.warns(ConfigurationWarning) as caught:
+        load(scenario(tmp_path, table(NED, "0,0,0,5", "1000000,4,0,5")))
+    assert [str(w.message) for w in caught] == [
+        f"{tmp_path / 'dive.csv'}, line 3, column 1 (time_s): should be within a day of the first "
+        "point, got a track that lasts 277.8 h; times are in seconds"
+    ]
