@@ -28,6 +28,8 @@ class ReceiverEntry(Part):
 
     name: str
     description: str
+    purpose: str
+    """What it is for."""
     keys: list[str]
     """Keys of the table ``[receiver]`` that it has."""
 

@@ -292,11 +292,12 @@ def receivers(as_json: JsonOption = False) -> None:
     if as_json:
         from sblcosim.models import RECEIVERS
 
+        from ..scenario.doubts import PURPOSES
         from .documents import ReceiverEntry, Receivers
 
         entries = [
             ReceiverEntry(
-                name=name, description=component.description,
+                name=name, description=component.description, purpose=PURPOSES.get(name, ""),
                 keys=[variable.key for variable in component.of("parameter")],
             )
             for name, component in RECEIVERS.items()

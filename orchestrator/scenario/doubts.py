@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from . import arrangement
 from .assumptions import beacons_of
-from .scenario import Scenario
+from .scenario import Scenario, Source
 from .tracks import ABOVE
 
 
-def doubts(scenario: Scenario) -> Iterator[str]:
-    """What may be a mistake; one line each, which names the key."""
+PURPOSES: Mapping[str, str] = {
+    "ekf": "comparisons with the paper",
+    "sequential": "beacons anywhere whose reported positions are good: it estimates no error",
+    "coupled": "beacons on one platform, which share the errors of its GPS and IMU",
+    "fixed_lag": "beacons as for coupled, where estimates may come some time after their epochs",
+    "long_baseline": "beacons with errors of their own: below buoys, or surveyed on the bottom",
+    "multilateration": "comparisons: what the ranges say without a filter",
+}
+"""What each of our receivers is for."""
+
+
+def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
+    """What may be a mistake; one line each, which names the key or the receiver.
+
+    Parameters
+    ----------
+    chosen
+        The receivers of the run, by label.
+    """
+    yield from _of_receivers(scenario, chosen)
     yield from _of_waypoints(scenario)
     yield from _of_arrangement(scenario)
 
@@ -38,3 +56,17 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
     if problem is not None:
         key = "beacon_m" if platform.beacon_m else "arm_length_m"
         yield f"{scenario.where('platform', key)}: {problem}"
+
+
+def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
+    """Receivers for beacons with other errors than those of the scenario."""
+    own = arrangement.has_own_errors(scenario.platform)
+    shared = arrangement.shares_errors(scenario.platform)
+    for label, source in chosen.items():
+        if own and source in ("coupled", "fixed_lag"):
+            here, instead = "each beacon has an error of its own", "long_baseline"
+        elif shared and source == "long_baseline":
+            here, instead = "all beacons share those of one platform", "coupled"
+        else:
+            continue
+        yield f"receiver {label}: is for {PURPOSES[source]}; here {here}: try {instead}"

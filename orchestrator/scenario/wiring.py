@@ -108,7 +108,7 @@ def connect(
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
         warnings.warn(line, NoEffectWarning, stacklevel=2)
-    _warn_of_doubts(scenario)
+    _warn_of_doubts(scenario, chosen)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -280,8 +280,8 @@ def _check_contract(label: str, source: Source) -> None:
         )
 
 
-def _warn_of_doubts(scenario: Scenario) -> None:
-    for line in doubts(scenario):
+def _warn_of_doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
+    for line in doubts(scenario, chosen):
         warnings.warn(line, ConfigurationWarning, stacklevel=3)
 
 

@@ -73,7 +73,8 @@ def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
 
 
 def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
-    components = connect(PAPER, list(RECEIVERS)).components
+    with pytest.warns(ConfigurationWarning, match="receiver long_baseline: is for"):
+        components = connect(PAPER, list(RECEIVERS)).components
     raw = connect(PAPER).components["raw"]
     expected = {
         "range_std": 0.1, "depth_std": 0.01, "measurement_noise": 2, "beacon_position_source": 2,
