@@ -9,7 +9,6 @@ from .assumptions import beacons_of
 from .scenario import Scenario, Source
 from .tracks import ABOVE
 
-
 PURPOSES: Mapping[str, str] = {
     "ekf": "comparisons with the paper",
     "sequential": "beacons anywhere whose reported positions are good: it estimates no error",

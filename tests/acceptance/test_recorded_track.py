@@ -166,7 +166,7 @@ def test_the_folder_of_a_run_repeats_it_and_has_its_paths_for_maps(
 
 
 def test_the_path_of_a_run_is_a_track_for_another(tmp_path: Path, run: Result) -> None:
-    saved = run.save(tmp_path / "run", figures=False)
+    run.save(tmp_path / "run", figures=False)
     (tmp_path / "again.toml").write_text(
         '[target]\ntrajectory = "file"\ntrack_file = "run/path.gpx"\ntrack_tolerance_m = 0.01\n'
         f"[place]\nlatitude_deg = 42.5\nlongitude_deg = 14.2\nheight_m = {PLACE.height_m}\n"

@@ -257,6 +257,14 @@ def test_the_first_lines_are_a_verdict_for_each_receiver(result):
     assert str(far).startswith("ekf: lost; 50 m RMS")
 
 
+def test_a_lost_receiver_is_not_said_to_look_right():
+    errors = {"ekf": np.array([[50.0, 0, 0]])}
+    wide = str(run_of(("ekf",), make_record(errors, variance=900.0))).splitlines()[0]
+    assert wide == "ekf: lost; 50 m RMS, 95 % within 50 m; claims 52 m"
+    small = str(run_of(("ekf",), make_record(errors))).splitlines()[0]
+    assert small.endswith("claims 0.87 m: do not trust its covariance")
+
+
 def test_one_run_is_said_not_to_tell_unless_it_does(result):
     telling = "Whether a covariance is right, one run cannot tell; a study can.\n"
     sure = make_record({"ekf": np.array([[3.0, 4, 0]])})
