@@ -96,6 +96,12 @@ def test_the_command_writes_what_it_writes_of_a_scenario(tmp_path: Path) -> None
     about = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert about["scenario_name"] == "a-dive"
     assert about["seeds"]["target"] == sblcosim.load(DIVE).target.seed
+    # What a package lacks, as docs/howto/other-tools.md says.
+    assert not {"scenario.toml", "path.geojson", "path.gpx"} & names
+    assert json.loads(done.stdout)["limits"] == {}
+    smooth = CliRunner().invoke(app, ["smooth", str(tmp_path / "out")])
+    assert smooth.exit_code == 2
+    assert "out: a run of a package cannot be smoothed" in smooth.stderr
 
 
 def test_the_default_folder_has_the_name_of_the_file(
