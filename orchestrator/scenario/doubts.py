@@ -20,6 +20,10 @@ PURPOSES: Mapping[str, str] = {
 """What each of our receivers is for."""
 
 
+SOUND = (1350.0, 1650.0)
+"""Speeds of sound in any water that is dived in, and some more [m/s]."""
+
+
 def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     """What may be a mistake; one line each, which names the key or the receiver.
 
@@ -30,6 +34,7 @@ def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
     """
     yield from _of_receivers(scenario, chosen)
     yield from _of_waypoints(scenario)
+    yield from _of_sound(scenario)
     yield from _of_arrangement(scenario)
 
 
@@ -46,6 +51,18 @@ def _of_waypoints(scenario: Scenario) -> Iterator[str]:
             f"{scenario.where('target', 'waypoint_m')}[{dry[0]},3]: should be under water (down is "
             f"positive), got a depth of {depths[dry[0] - 1]:g} m{rows}"
         )
+
+
+def _of_sound(scenario: Scenario) -> Iterator[str]:
+    """Speeds that sound has in no water."""
+    low, high = SOUND
+    for key in ("sound_speed_m_s", "assumed_sound_speed_m_s"):
+        speed = getattr(scenario.acoustics, key)
+        if scenario.acoustics.fmu is None and not low <= speed <= high:
+            yield (
+                f"{scenario.where('acoustics', key)}: should be from {low:g} to {high:g} m/s, as "
+                f"in water, got {speed:g} m/s"
+            )
 
 
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:

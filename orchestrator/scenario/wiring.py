@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, cast
 
-from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.models import RECEIVERS, declared
 from sblcosim.models.declaration import Variable
@@ -112,7 +112,7 @@ def connect(
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
-        stop_ns=_stop_ns(scenario, parts["target"]),
+        stop_ns=_stop_ns(scenario, parts),
     )
 
 
@@ -403,13 +403,25 @@ def _fmu_at_start(
     return tuple(map(float, outputs[name].flat))
 
 
-def _stop_ns(scenario: Scenario, target: _Part) -> int:
-    duration = scenario.time.duration_s
+def _stop_ns(scenario: Scenario, parts: Mapping[str, _Part]) -> int:
+    target, duration = parts["target"], scenario.time.duration_s
+    common = math.lcm(*(part.spec.interval_ns for part in parts.values()))
+    if duration != PATH and nanoseconds(duration) < common:
+        raise ConfigurationError(
+            f"{scenario.where('time', 'duration_s')}: must be at least {common / SECOND:g} s, the "
+            f"least common multiple of all intervals, got {duration!r}"
+        )
     if duration == PATH:
         duration = 0.0
         if "path_duration" in target.names:
             (duration,) = _at_start(target.spec, "path_duration")
         if not 0.0 < duration < math.inf:
+            speed = ("target", "speed_m_s")
+            if target.spec.parameters.get("speed") == 0.0 and speed not in scenario.idle():
+                raise ConfigurationError(
+                    f"{scenario.where(*speed)}: must be more than 0 for a run until the end of the "
+                    "path ([time] duration_s is 'path'), got 0.0"
+                )
             raise ConfigurationError(
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
                 f"not tell when its path ends, got 'path'"

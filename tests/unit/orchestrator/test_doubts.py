@@ -49,6 +49,19 @@ def test_waypoints_that_nobody_follows_are_not_told() -> None:
     assert not said({"target.waypoint_m": rows, "target.trajectory": "semicircle"})
 
 
+# Sound -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", ["sound_speed_m_s", "assumed_sound_speed_m_s"])
+def test_a_speed_that_sound_has_in_no_water_is_told(key: str) -> None:
+    for speed, told in ((1349.0, True), (1350.0, False), (1650.0, False), (1651.0, True)):
+        line = (
+            f"override acoustics.{key}: should be from 1350 to 1650 m/s, as in water, got "
+            f"{speed:g} m/s"
+        )
+        assert said({f"acoustics.{key}": speed}) == [line] * told
+
+
 # Receivers that do not suit ----------------------------------------------------------------------
 
 OWN = "each beacon has an error of its own: try long_baseline"
