@@ -118,8 +118,31 @@ WRONG: dict[str, tuple[str, str]] = {
              "line 1, column 2: must be the name of a column of a track, as north_m is missing, "
              "got 'nort_m'; did you mean 'north_m'?"),
     "unit": (table("time_s,lat,lon,depth_m"),
-             "line 1, column 2: must be the name of a column of a track, as latitude_deg is "
-             "missing, got 'lat'; did you mean 'latitude_deg'?"),
+             "line 1, column 2: must be names of columns of a track, as latitude_deg, "
+             "longitude_deg are missing, got 'lat', 'lon'; did you mean 'latitude_deg', "
+             "'longitude_deg'?"),
+    "all names": (table("time,north,east,depth"),
+                  "line 1, column 2: must be names of columns of a track, as north_m, east_m, "
+                  "down_m are missing, got 'north', 'east', 'depth'; did you mean 'north_m', "
+                  "'east_m', "
+                  "'down_m'?"),
+    "all on earth": (table("t;Lon [deg];Lat [deg];depth"),
+                     "line 1, column 1: must be names of columns of a track, as time_s, "
+                     "latitude_deg, longitude_deg, depth_m are missing, got 't', 'Lat [deg]', 'Lon "
+                     "[deg]', 'depth'; did you mean 'time_s', 'latitude_deg', 'longitude_deg', "
+                     "'depth_m'?"),
+    "no header": (table("0,1.5,2,3", "1,2,2,3"),
+                  "line 1, column 1: must be the names of the columns (time_s, north_m, east_m, "
+                  "down_m), got '0'"),
+    "commas": (table(NED.replace(",", ";"), "0;1;2;3", "1;1,5;2;3"),
+               "line 3, column 2 (north_m): must be a number from -100000 to 100000, got '1,5'; "
+               "numbers must have a decimal point, no comma"),
+    "commas of times": (table(NED.replace(",", ";"), "0,5;1;2;3", "1;1;2;3"),
+                        "line 2, column 1 (time_s): must be a number of seconds, got '0,5'; "
+                        "numbers must have a decimal point, no comma"),
+    "commas among commas": (table(NED, "0,1,5,2,5,3,5"),
+                            "line 2, column 5: must have as many columns as the names, 4, got 7; "
+                            "numbers must have a decimal point, no comma"),
     "no time": (table("north_m,east_m,down_m,note"),
                 "line 1, column 5: must be time_s or time, got no such column in north_m"),
     "both times": (table("time,time_s,north_m,east_m,down_m"),
