@@ -47,11 +47,10 @@ def reference(
     Its model is that of the receiver ``coupled`` without arcs and outliers, or that of
     ``long_baseline`` where each beacon has an error of its own (`has_own_errors`), its priors and
     noises are the scenario's true ones, its measurements those that were really received; outliers
-    take their share of the information (`fisher_factor`). Errors that this model does not have are
-    named (`Limits.without`). Where the motion is drawn from the model
-    (``trajectory = "white_noise_acceleration"``), no receiver can be better on the average over
-    runs, with the stated priors. On any other path q is a choice: by default that of the path over
-    the filter's own memory (`path_psd`).
+    take their share of the information (`fisher_factor`); other errors are named, in ``without``.
+    Where the motion is drawn from the model (``trajectory = "white_noise_acceleration"``), no
+    receiver can be better on the average over runs, with the stated priors. On any other path q is
+    a choice: by default that of the path over the filter's own memory (`path_psd`).
 
     Parameters
     ----------
