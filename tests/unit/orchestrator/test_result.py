@@ -11,7 +11,9 @@ import pytest
 from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
+from sblcosim.results.catalogue import jobs
 from sblcosim.results.description import RunDescription
+from sblcosim.results.result import FIGURES as FIGURES_OF_A_RUN
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import shipped
 from sblcosim.simulation.record import Record
@@ -334,6 +336,19 @@ def test_json_is_plain_and_holds_errors_and_summary(result):
     assert (verdict["verdict"], verdict["runs"], verdict["low"]) == ("one run", 1, None)
     assert verdict["factor"] == pytest.approx(np.sqrt(100 / 3))
     assert verdict["words"].startswith("looks optimistic by a factor of 5.77; one run cannot tell")
+
+
+def test_a_platform_at_rest_has_no_figure_of_its_angles():
+    moving = make_record({"ekf": np.ones((1, 3))})
+    still = {"platform.attitude": np.tile([0.0, 0.0, 0.3], (101, 1))}
+    for record, drawn in (
+        (moving, True),
+        (without(moving, **still), False),
+        (without(moving, **still, **{"platform.reported_attitude": np.zeros((101, 3))}), True),
+    ):
+        names = [job.name for job in jobs(FIGURES_OF_A_RUN, run_of(("ekf",), record))]
+        assert ("inclination" in names) == drawn
+        assert len(names) == 4 + drawn
 
 
 def test_saved_folder_is_complete(result, tmp_path):
