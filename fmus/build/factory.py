@@ -22,6 +22,7 @@ from platformdirs import user_cache_path
 from sblcosim.models import COMPONENTS, file_name
 from sblcosim.models.declaration import Component
 
+from .. import unchanged
 from ..errors import BuildError, DamageWarning, nearest
 from ..files import SEAL, intact, scratch, sha256_of, write_sealed
 from ..platforms import suffix, this_platform
@@ -76,6 +77,15 @@ def build(
         There is no such component, it cannot be made for such constants, CasADi or a compiler is
         missing, or the compiler fails.
     """
+    if baked is None:
+        asked = ("build", name, fmi, all_platforms, *sorted(constants.items()))
+        return unchanged.once(asked, lambda: _built(name, fmi, all_platforms, None, **constants))
+    return _built(name, fmi, all_platforms, baked, **constants)
+
+
+def _built(
+    name: str, fmi: Fmi, all_platforms: bool, baked: Component | None, **constants: int
+) -> Path:
     if name not in COMPONENTS:
         raise BuildError(
             f"a component must be one of {', '.join(COMPONENTS)}; got {name!r}"

@@ -36,8 +36,9 @@ class Import:
     name: str = ""
 
 
+@cache
 def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
-    """Hash of everything that the FMU of a component is made from, but the tools.
+    """Hash of everything that the FMU of a component is made from, but the tools; read once.
 
     Parameters
     ----------

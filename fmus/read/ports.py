@@ -12,6 +12,7 @@ from typing import Any
 from fmpy.model_description import ModelDescription, ModelVariable
 from sblcosim.models.declaration import Number, Variable
 
+from .. import unchanged
 from ..terminals import port_names
 from .archive import opened
 from .description import check_interface, describe, library_of, split, terminals_of
@@ -109,6 +110,10 @@ def read(path: Path) -> Fmu:
         The file is missing, is not an FMU, cannot be read, is larger than the bounds of
         `sblcosim.fmus.read` allow, is not for Co-Simulation, or has no binary for this machine.
     """
+    return unchanged.once(("read", path), lambda: _read(path))
+
+
+def _read(path: Path) -> Fmu:
     with opened(path) as archive:
         known = _READ.get(archive.sha256)
         if known is None:

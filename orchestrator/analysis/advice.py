@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from math import ceil, inf, log
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from .. import layout
 from ..errors import ConfigurationError, nearest
 from ..shown import Shown, folded, page, verbatim
-from .bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
+from .bounds import LEAST_RUNS, mean_bound, percentile_bound, runs_to_see, share_bound
 from .runs import check_columns
 from .sentences import ordinal
 
@@ -394,7 +394,7 @@ def _answered(
     groups = runs.groupby(list(factors), sort=True)["value"]
     risk = (1 - question.confidence) / groups.ngroups
     share = 1 - question.contamination if percentile is None else percentile / 100
-    needed = ceil(log(risk) / log(share) - TOLERANCE)
+    needed = runs_to_see(1 - share, risk)
     if percentile is None:
         needed = max(needed, LEAST_RUNS)
     rows = []

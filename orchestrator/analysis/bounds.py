@@ -11,7 +11,7 @@ P(Σ Eᵢ (xᵢ − t) > 0), by Lugannani and Rice's saddlepoint formula (Adv. A
 
 from __future__ import annotations
 
-from math import ceil, inf
+from math import ceil, inf, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,22 @@ LEAST_RUNS = 3
 """Runs that a mean needs for its bound, whatever the contamination."""
 REACH = 2.0
 """How far from the median, in units of the worst run's distance, runs are taken to be possible."""
+
+
+def runs_to_see(share: float, risk: float) -> int:
+    """Runs to take so that one of a share of bad runs is among them, but for this risk.
+
+    n = ln(risk)/ln(1 − share), as (1 − share)ⁿ ≤ risk: 59 for a share and a risk of 5 %.
+    """
+    return ceil(log(risk) / log(1 - share) - TOLERANCE)
+
+
+def runs_for_t(skewness: float) -> int:
+    """Runs from which on t intervals of a mean hold for skewed runs, roughly.
+
+    n = 25 g² (Cochran, Sampling Techniques, 3rd edition, 1977, section 2.15).
+    """
+    return ceil(25 * skewness**2 - TOLERANCE)
 
 
 def mean_bound(y: Floats, risk: float) -> tuple[float, float]:

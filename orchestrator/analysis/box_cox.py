@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from math import log
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from ..errors import ConfigurationError
-from .model import Floats, coded_levels, design_matrix
+from .model import Floats, coded_points, design_matrix
 from .tables import Analysis
 
 
@@ -36,24 +38,32 @@ def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.Da
             f"{analysis.response}: must be positive and as it is for a Box–Cox profile, got "
             + ("a logarithm" if analysis.transform != "none" else f"{y.min():g}")
         )
-    coded = coded_levels(analysis.table, analysis.levels)
-    x = design_matrix(coded, analysis.terms)
+    points, of_run = coded_points(analysis.table, analysis.levels)
+    x = design_matrix(points, analysis.terms)
+    terms, blocks = x.shape[1], None
     if analysis.seeding == "common":
         replicate = analysis.replicate_effects
         assert replicate is not None
-        blocks = pd.get_dummies(analysis.table[replicate.index.name], dtype=float)
-        x = np.hstack([x, blocks.to_numpy()[:, 1:]])
-    if len(y) <= x.shape[1]:
+        blocks, numbers = pd.factorize(analysis.table[replicate.index.name])
+        terms += len(numbers) - 1
+    if len(y) <= terms:
         raise ConfigurationError(
-            f"runs: must be more than the {x.shape[1]} terms for a Box–Cox profile, got {len(y)}"
+            f"runs: must be more than the {terms} terms for a Box–Cox profile, got {len(y)}"
         )
-    q = np.linalg.qr(x)[0]
+    runs = np.bincount(of_run)
+    q = np.linalg.qr(np.sqrt(runs)[:, None] * x)[0]
     logs = np.log(y)
     logs -= logs.mean()  # scaled by the geometric mean, so that no power overflows
 
+    @cache
     def height(power: float) -> float:
         z = np.expm1(power * logs) / power if abs(power) > 1e-12 else logs
-        left = float(((z - q @ (q.T @ z)) ** 2).sum())
+        means = _means(of_run, z)
+        within = z - means[of_run]
+        if blocks is not None:  # replicates are complete: their means and the terms are orthogonal
+            within -= _means(blocks, within)[blocks]
+        between = np.sqrt(runs) * means
+        left = float((within**2).sum() + ((between - q @ (q.T @ between)) ** 2).sum())
         return -len(y) / 2 * log(left / len(y)) if left > 0 else np.inf
 
     depth = float(stats.chi2.ppf(analysis.confidence, 1)) / 2
@@ -64,6 +74,11 @@ def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.Da
         value = np.array([height(power) for power in grid])
     inside = value >= value.max() - depth - 1e-6
     return pd.DataFrame({"lambda": grid, "log_likelihood": value, "inside": inside})
+
+
+def _means(group: NDArray[np.intp], values: Floats) -> Floats:
+    means: Floats = np.bincount(group, values) / np.bincount(group)
+    return means
 
 
 def _summit(

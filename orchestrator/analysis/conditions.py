@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ class Choices:
     Attributes
     ----------
     table
-        ``point`` and ``replicate`` of the first of the runs that are in a row, the factors, the
+        ``point`` (of the design without its conditions) and ``replicate``, the factors, the
         response, and ``lost`` (share of the runs in the row, if known).
     factors
         Names of all factors, that of the receivers among them.
@@ -61,6 +62,8 @@ def of_choices(study: Definition, table: pd.DataFrame, column: str) -> Choices:
             part["lost"] = table[f"{label}.lost"].to_numpy(np.float64, na_value=np.nan)
         parts.append(part)
     long = pd.concat(parts, ignore_index=True)
+    met = math.prod(len(c.values) for c in study.conditions.values())
+    long["point"] = (long["point"] - 1) % (len(study.points.values) // met) + 1
     factors = [*study.factors]
     values = [c for c in (name, "lost") if c in long]
     worst = "min" if response in BETTER_IF_LARGE else "max"
@@ -68,17 +71,19 @@ def of_choices(study: Definition, table: pd.DataFrame, column: str) -> Choices:
     for combine, how in (("average", "mean"), ("all", worst)):
         gone = [n for n, c in study.conditions.items() if c.combine == combine]
         if gone:
-            kept = ["replicate", *factors, *(c for c in study.conditions if c in long)]
-            long = _combined(long, [k for k in kept if k not in gone], values, name, how)
+            kept = [c for c in study.conditions if c in long and c not in gone]
+            by = ["replicate", "point", *([] if own is None else [own]), *kept]
+            long = _combined(long, by, [f for f in factors if f != own], values, name, how)
     return Choices(long[["point", "replicate", *factors, *values]], tuple(factors), name)
 
 
 def _combined(
-    table: pd.DataFrame, by: Sequence[str], values: Sequence[str], response: str, how: str
+    table: pd.DataFrame, by: Sequence[str], same: Sequence[str], values: Sequence[str],
+    response: str, how: str,
 ) -> pd.DataFrame:
-    """One row for each group of rows; missing where one of them is."""
-    groups = table.groupby([*by], sort=False, observed=True)
-    made = groups["point"].min().to_frame()
+    """One row for each group of rows, which agree in some columns; missing where one of them is."""
+    groups = table.groupby([*by], sort=False)
+    made = groups[[*same]].first() if same else groups.size().to_frame()[[]]
     for value in values:
         made[value] = groups[value].agg(how if value == response else "mean")
         made.loc[groups[value].count() < groups.size(), value] = np.nan

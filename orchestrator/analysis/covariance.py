@@ -32,10 +32,14 @@ def by_point(table: pd.DataFrame, factors: Sequence[str] = ()) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     for receiver, frame, column in _columns(table):
-        good = table[table["error"].isna() | table[column].notna()]
-        for point, runs in good.groupby("point", sort=True):
-            verdict = of_runs(runs[column].to_numpy(np.float64, na_value=np.nan))
-            levels = {name: runs[name].iloc[0] for name in factors}
+        rows_of = np.flatnonzero(table["error"].isna() | table[column].notna())
+        point_of = table["point"].to_numpy()
+        rows_of = rows_of[np.argsort(point_of[rows_of], kind="stable")]
+        values = table[column].to_numpy(np.float64, na_value=np.nan)
+        ends = np.flatnonzero(np.diff(point_of[rows_of])) + 1
+        for mine in np.split(rows_of, ends):
+            point, verdict = int(point_of[mine[0]]), of_runs(values[mine])
+            levels = {name: table[name].iloc[mine[0]] for name in factors}
             rows.append({
                 "receiver": receiver, "frame": frame, "point": point, **levels,
                 **asdict(verdict), "words": str(verdict),

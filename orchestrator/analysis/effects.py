@@ -102,7 +102,7 @@ def point_table(fit: LeastSquares, model: Model) -> pd.DataFrame:
     table = pd.DataFrame(values, columns=list(model.levels))
     groups = pd.Series(fit.y).groupby(of_run)
     table["runs"], table["mean"], table["std"] = groups.size(), groups.mean(), groups.std()
-    table["fit"] = pd.Series(fit.fitted).groupby(of_run).first()
+    table["fit"] = fit.fitted
     return table
 
 

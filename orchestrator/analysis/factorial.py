@@ -196,7 +196,7 @@ def analyse(
     data = transformed(data, factors, response, options)
     bounds = checked_levels(data, factors, levels)
     model = estimable(data, bounds, chosen, order, reducible=order is None and terms is None)
-    fit = least_squares(data[response].to_numpy(np.float64), model.x)
+    fit = least_squares(data[response].to_numpy(np.float64), model)
     if seeding == "common":
         uncertainty = from_replicates(fit, model, data[replicate])
     else:

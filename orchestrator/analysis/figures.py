@@ -7,7 +7,7 @@ replace the axes by them and return them.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from textwrap import fill
 from typing import Any
@@ -25,12 +25,18 @@ from ..study.design import INTERACTION_SIGN
 from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
 from .advice import Advice
 from .box_cox import box_cox
+from .general_tables import GeneralAnalysis
+from .model import Floats
 from .sentences import minus
 from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
+MOST_DOTS = 20_000
+"""Points that are all drawn; of more, those that can be seen."""
+CELLS = 500
+"""Cells across a panel, each a sixth of a dot: of the points in a cell one is seen."""
 PERCENT = (0.01, 0.1, 1, 5, 20, 50, 80, 95, 99, 99.9, 99.99)
 LONGEST_TERM = 36
 """Longest term on one line [characters]."""
@@ -73,7 +79,7 @@ def plot_pareto(
         if analysis.lenth:
             lines = [(analysis.lenth.me, f"ME {analysis.lenth.me:.3g}{unit} (Lenth)", LINES[1]),
                      (analysis.lenth.sme, f"SME {analysis.lenth.sme:.3g}{unit}", LINES[2])]
-            ax.set_xlabel(f"|effect| on {_quantity(analysis)}")
+            ax.set_xlabel(f"|effect| on {quantity_of(analysis)}")
         else:
             alpha = (1 + analysis.confidence) / 2
             lines = [(analysis.reference,
@@ -90,7 +96,7 @@ def plot_pareto(
         ax.margins(y=0.02)
         if endless:
             ax.set_xlim(0, 1.2 * max(finite, analysis.reference))
-        _legend(ax, own, handles)
+        add_legend(ax, own, handles)
     return ax
 
 
@@ -108,7 +114,7 @@ def plot_interactions(
         own = ax is None
         side = 1.15 if n > 4 else 1.6 if n > 2 else 2.3  # of a panel [inch]
         names = 0.4  # height of the names on top
-        panels = _panels(n, n, 1.2 + side * max(n, 2), 0.8 + names + side * (n - 1), ax,
+        panels = panels_in(n, n, 1.2 + side * max(n, 2), 0.8 + names + side * (n - 1), ax,
                          heights=[names / side, *[1.0] * (n - 1)])
         means = analysis.interactions.set_index(
             ["first", "second", "first_value", "second_value"]
@@ -123,7 +129,7 @@ def plot_interactions(
             if column == row:
                 # no lines are drawn for the first factor
                 lines_of = analysis.levels[factors[row]] if row else ()
-                _key(panel, _with_unit(analysis, factors[row]), lines_of, look)
+                _key(panel, with_unit(factors[row], analysis.units), lines_of, look)
                 continue
             across, lines = factors[column], factors[row]
             for side, value in enumerate(analysis.levels[lines]):
@@ -136,9 +142,9 @@ def plot_interactions(
             if column:
                 panel.tick_params(labelleft=False)
             elif row == n // 2:
-                panel.set_ylabel(f"Mean {_quantity(analysis)}")
+                panel.set_ylabel(f"Mean {quantity_of(analysis)}")
         if own:
-            title = f"Interactions: mean {_quantity(analysis)} at each pair of levels"
+            title = f"Interactions: mean {quantity_of(analysis)} at each pair of levels"
             figure = panels[0].figure
             characters = round(12 * (1.2 + side * max(n, 2)))
             figure.suptitle(fill(title, characters), fontsize="medium")
@@ -181,13 +187,13 @@ def plot_main_effects(
         ax.set_xticks(ticks, names)
         room = 13 if own else 9  # axes of the caller may be narrow
         ax.set_xticks([2 * i + 0.5 for i in range(len(factors))],
-                      [_wrapped(_with_unit(analysis, name), room) for name in factors], minor=True,
-                      **PLAIN)
+                      [wrapped(with_unit(name, analysis.units), room) for name in factors],
+                      minor=True, **PLAIN)
         ax.tick_params(axis="x", which="minor", length=0, pad=20)
         ax.grid(axis="x", visible=False)
-        ax.set_ylabel(f"Mean {_quantity(analysis)}")
+        ax.set_ylabel(f"Mean {quantity_of(analysis)}")
         ax.set_title(f"Main effects on {analysis.quantity}", loc="left")
-        _legend(ax, own)
+        add_legend(ax, own)
     return ax
 
 
@@ -199,7 +205,7 @@ def plot_residuals(
     Normal probability, histogram, against fits, and against the run order, which is random.
     """
     with use(theme) as look:
-        panels = _panels(2, 2, 7.6, 6.0, ax)
+        panels = panels_in(2, 2, 7.6, 6.0, ax)
         normal, histogram, fits, order = panels
         table = analysis.residuals
         residual = table["residual"].to_numpy()
@@ -211,7 +217,7 @@ def plot_residuals(
         }
         count = len(residual)
         quantile = stats.norm.ppf((np.arange(1, count + 1) - 0.375) / (count + 0.25))
-        normal.plot(np.sort(residual), quantile, **dots)
+        normal.plot(*_seen(np.sort(residual), quantile), **dots)
         scale = residual.std()
         ends = quantile[[0, -1]]
         normal.plot(ends * scale, ends, color=look.ink, lw=1, ls=LINES[1])
@@ -227,7 +233,7 @@ def plot_residuals(
             (fits, "fit", f"Fitted value{unit}"), (order, "run_order", "Run order (random)")
         ):
             panel.axhline(0, color=look.ink, lw=1, ls=LINES[1])
-            panel.plot(table[column], residual, **dots)
+            panel.plot(*_seen(table[column].to_numpy(), residual), **dots)
             panel.set(xlabel=label, ylabel=f"Residual{unit}")
         fits.set_title("Against fits", loc="left")
         order.set_title("Against run order", loc="left")
@@ -237,11 +243,28 @@ def plot_residuals(
     return panels
 
 
+def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """The points without those that others hide, if there are many."""
+    if len(x) <= MOST_DOTS:
+        return x, y
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    cell = np.zeros(len(x), np.int64)
+    for values in (x, y):
+        place = (values - values.min()) / (np.ptp(values) or 1.0) * CELLS
+        cell = cell * (CELLS + 1) + place.astype(np.int64)
+    first = ~pd.Index(cell).duplicated()
+    return x[first], y[first]
+
+
 def plot_box_cox(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Analysis,
+    ax: Axes | None = None,
+    theme: ThemeName = "light",
+    profile: pd.DataFrame | None = None,
 ) -> Axes:
-    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`."""
-    profile = box_cox(analysis)
+    """Profile of the Box–Cox transform; see `sblcosim.analysis.box_cox.box_cox`, which made it."""
+    profile = box_cox(analysis) if profile is None else profile
     with use(theme, ax) as look:
         own = ax is None
         if ax is None:
@@ -261,7 +284,7 @@ def plot_box_cox(
                         fontsize=SMALL)
         ax.set(xlabel="Power λ of the response", ylabel="log likelihood, less its maximum")
         ax.set_title("Box–Cox profile", loc="left")
-        _legend(ax, own)
+        add_legend(ax, own)
     return ax
 
 
@@ -297,7 +320,7 @@ def plot_front(advice: Advice, ax: Axes | None = None, theme: ThemeName = "light
         ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
         ax.set_title("Cost and accuracy; labels say what is new after the cheaper point before",
                      loc="left")
-        _legend(ax, own)
+        add_legend(ax, own)
         _label_front(ax, advice, points, front)
     return ax
 
@@ -326,7 +349,7 @@ def _label_front(ax: Axes, advice: Advice, points: pd.DataFrame, front: pd.DataF
         ax.text(x, y, word, fontsize=SMALL, **place)
 
 
-def _legend(ax: Axes, own: bool, handles: Sequence[Any] | None = None) -> None:
+def add_legend(ax: Axes, own: bool, handles: Sequence[Any] | None = None) -> None:
     """A legend that hides nothing: below the axes in a figure of our own."""
     given = {} if handles is None else {"handles": handles}
     if own:
@@ -335,7 +358,7 @@ def _legend(ax: Axes, own: bool, handles: Sequence[Any] | None = None) -> None:
         ax.legend(loc="best", **given)
 
 
-def _panels(
+def panels_in(
     rows: int,
     columns: int,
     width: float,
@@ -366,7 +389,7 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
     """A factor's name and the styles of its two lines."""
     panel.set_axis_off()
     panel.set(xlim=(0, 1), ylim=(0, 1))
-    panel.text(0.5, 0.56 if levels else 0.1, _wrapped(factor, 14), ha="center", va="bottom",
+    panel.text(0.5, 0.56 if levels else 0.1, wrapped(factor, 14), ha="center", va="bottom",
                fontweight="bold", fontsize=SMALL)
     for high, value in enumerate(levels):
         y = 0.4 - 0.24 * high
@@ -374,16 +397,18 @@ def _key(panel: Axes, factor: str, levels: Sequence[float], look: Theme) -> None
         panel.text(0.48, y, f"{value:g}", va="center", fontsize=SMALL)
 
 
-def _with_unit(analysis: Analysis, factor: str) -> str:
-    unit = analysis.units.get(factor)
+def with_unit(factor: str, units: Mapping[str, str]) -> str:
+    """A factor with its unit."""
+    unit = units.get(factor)
     return f"{factor} [{unit}]" if unit else factor
 
 
-def _quantity(analysis: Analysis) -> str:
+def quantity_of(analysis: Analysis | GeneralAnalysis) -> str:
+    """The analysed quantity with its unit."""
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 
 
-def _wrapped(name: str, width: int) -> str:
+def wrapped(name: str, width: int) -> str:
     """The name in lines of so many characters, broken at spaces, dots and underscores."""
     return re.sub(r"([_.]) ", r"\1", fill(re.sub(r"([_.])", r"\1 ", name), width))
 

@@ -6,9 +6,11 @@ The uncertainty has three sources; see `sblcosim.analysis.factorial`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy import stats
 
 from ..errors import ConfigurationError
@@ -25,21 +27,28 @@ from .noise import (
 )
 from .options import Error, Method, Options
 
+ALONE = 1e-9
+"""Least 1 − leverage of a run that can be predicted: its own term does not follow it."""
+
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """The model fitted to the runs.
+    """The model fitted to the runs, by way of the means of their points.
 
     Attributes
     ----------
     y
         Response of each run.
+    point_of_run
+        Index of each run's point.
+    fitted
+        At each point.
     coefficients
         Of the mean, the terms, and the centre points if there are any.
     variances
         Of the coefficients, for runs with a variance of 1.
     leverage
-        Of each run: the diagonal of the hat matrix.
+        Of a run of each point: the diagonal of the hat matrix.
     ssr
         Sum of squares about the model.
     spare
@@ -49,6 +58,7 @@ class LeastSquares:
     """
 
     y: Floats
+    point_of_run: NDArray[np.intp]
     fitted: Floats
     coefficients: Floats
     variances: Floats
@@ -58,6 +68,11 @@ class LeastSquares:
     least: float
 
     @property
+    def residual(self) -> Floats:
+        """Of each run: its response less the fitted one."""
+        return self.y - self.fitted[self.point_of_run]
+
+    @cached_property
     def total(self) -> float:
         """Sum of squares about the mean."""
         return float(((self.y - self.y.mean()) ** 2).sum())
@@ -99,20 +114,29 @@ class Uncertainty:
     replicate_effects: pd.DataFrame | None = None
 
 
-def least_squares(y: Floats, x: Floats) -> LeastSquares:
-    """Fit the columns of a design matrix to the response."""
+def least_squares(y: Floats, model: Model) -> LeastSquares:
+    """Fit a model to the response.
+
+    The means of the points, weighted by their numbers of runs, have the coefficients of the runs
+    (Montgomery, section 3.3): the runs of a point are alike in the model.
+    """
     from statsmodels.regression.linear_model import OLS  # slow to import
 
-    fit = OLS(y, x).fit()
+    of_run = model.point_of_run
+    runs = np.bincount(of_run)
+    weight = np.sqrt(runs)
+    fit = OLS(np.bincount(of_run, y) / runs * weight, model.x * weight[:, None]).fit()
     least = ROUNDING * float(np.abs(y).max())
+    fitted = model.x @ fit.params
     return LeastSquares(
         y=y,
-        fitted=np.asarray(fit.fittedvalues),
+        point_of_run=of_run,
+        fitted=fitted,
         coefficients=cleared(fit.params, least),
         variances=np.diag(fit.normalized_cov_params),
-        leverage=fit.get_influence().hat_matrix_diag,
-        ssr=fit.ssr,
-        spare=len(y) - x.shape[1],
+        leverage=fit.get_influence().hat_matrix_diag / runs,
+        ssr=float(((y - fitted[of_run]) ** 2).sum()),
+        spare=len(y) - model.x.shape[1],
         least=least,
     )
 
@@ -124,10 +148,10 @@ def from_runs(fit: LeastSquares, model: Model, options: Options) -> Uncertainty:
     error: Error = "pure" if options.error == "pure" and pure_df else "residual"
     df = float(pure_df if error == "pure" else fit.spare)
     sigma = fit.rmse if error == "residual" else float(cleared(np.sqrt(pure / df), least))
-    residual = y - fit.fitted
+    residual = fit.residual
     with np.errstate(divide="ignore", invalid="ignore"):
-        left_out = residual / (1 - fit.leverage)
-    alone = fit.leverage > 1 - 1e-9  # a run that its own term follows cannot be predicted
+        left_out = residual / (1 - fit.leverage)[fit.point_of_run]
+    alone = 1 - fit.leverage < ALONE
     lack_df = len(model.points) - model.x.shape[1]
     uncertainty = Uncertainty(
         method="ols",
@@ -166,10 +190,10 @@ def from_replicates(
     # replicate by replicate, the points in the order of the model's
     rows = np.lexsort((model.point_of_run, replicate))
     by_replicate = y[rows].reshape(number, points)
-    x = model.x[rows[:points]]
+    x = model.x
     each = by_replicate @ np.linalg.pinv(x).T
     others = (each.sum(axis=0) - each) / (number - 1)
-    residual = y - fit.fitted
+    residual = fit.residual
     shift = by_replicate.mean(axis=1) - by_replicate.mean()
     residual[rows] -= np.repeat(shift, points)
     return Uncertainty(
@@ -212,10 +236,12 @@ def residual_table(
     ssr = float((residual**2).sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.sqrt(ssr / (spare - uncertainty.blocks)) if spare else np.nan
-        standardised = residual / (scale * np.sqrt(np.maximum(1 - fit.leverage, 0)))
+        free = np.where(1 - fit.leverage < ALONE, np.nan, 1 - fit.leverage)
+        scales = scale * np.sqrt(free)
+        standardised = residual / scales[fit.point_of_run]
     if run_order is None:
         run_order = pd.Series(np.random.default_rng(0).permutation(len(residual)) + 1)
     return pd.DataFrame(
-        {"fit": fit.fitted, "residual": residual, "standardised": standardised,
+        {"fit": fit.fitted[fit.point_of_run], "residual": residual, "standardised": standardised,
          "run_order": run_order}
     )

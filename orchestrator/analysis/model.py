@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
 from ..study.design import INTERACTION_SIGN
+from .runs import points_of
 
 Floats = NDArray[np.float64]
 Term = tuple[int, ...]
@@ -29,7 +30,7 @@ MAX_LISTED = 8
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """The terms and the coded runs.
+    """The terms and the coded design points.
 
     Attributes
     ----------
@@ -37,15 +38,19 @@ class Model:
         Low and high level of each factor, in its own unit.
     terms
         Without the mean.
-    coded
-        Levels as −1, +1, or 0 in all factors for a centre point; shape (runs, factors).
+    points
+        The distinct design points, their levels as −1, +1, or 0 in all factors for a centre point,
+        in ascending order; shape (points, factors).
+    point_of_run
+        Index of each run's point in `points`; shape (runs,).
     reduced
         Whether interactions are left out because the design points cannot tell them apart.
     """
 
     levels: Mapping[str, tuple[float, float]]
     terms: tuple[Term, ...]
-    coded: Floats
+    points: Floats
+    point_of_run: NDArray[np.intp]
     reduced: bool
 
     @property
@@ -55,18 +60,8 @@ class Model:
 
     @cached_property
     def x(self) -> Floats:
-        """Design matrix; shape (runs, columns)."""
-        return design_matrix(self.coded, self.terms)
-
-    @cached_property
-    def points(self) -> Floats:
-        """The distinct design points in coded levels; shape (points, factors)."""
-        return np.unique(self.coded, axis=0)
-
-    @cached_property
-    def point_of_run(self) -> NDArray[np.intp]:
-        """Index of each run's point in `points`."""
-        return np.unique(self.coded, axis=0, return_inverse=True)[1].reshape(-1)
+        """Design matrix; shape (points, columns)."""
+        return design_matrix(self.points, self.terms)
 
     @property
     def centre(self) -> NDArray[np.bool_]:
@@ -109,16 +104,16 @@ def estimable(
         The design cannot estimate the model; the terms that cannot be told apart are named.
     """
     factors = tuple(levels)
-    coded = coded_levels(data, levels)
+    points, of_run = coded_points(data, levels)
     main_effects = terms_up_to(1, len(factors))
-    x = design_matrix(coded, terms)
+    x = design_matrix(points, terms)
     reduced = reducible and _rank(x) < x.shape[1]
-    model = Model(levels, main_effects if reduced else terms, coded, reduced)
-    extra = [CURVATURE] if is_centre(coded).any() else []
+    model = Model(levels, main_effects if reduced else terms, points, of_run, reduced)
+    extra = [CURVATURE] if model.centre.any() else []
     try:
         _check_estimable(model.x, ["mean", *model.names, *extra])
     except ConfigurationError as problem:
-        alone = design_matrix(coded, main_effects)
+        alone = design_matrix(points, main_effects)
         if order is None or _rank(alone) < alone.shape[1]:
             raise
         raise ConfigurationError(
@@ -192,8 +187,21 @@ def checked_levels(
     return levels
 
 
+def coded_points(
+    data: pd.DataFrame, levels: Mapping[str, tuple[float, float]]
+) -> tuple[Floats, NDArray[np.intp]]:
+    """The distinct design points in coded levels, ascending, and the index of each run's."""
+    found = points_of(data, tuple(levels))
+    rows = np.argsort(found.first)  # by their first runs, so that a message is of the first one
+    coded = coded_levels(data.iloc[found.first[rows]], levels)
+    points, place = np.unique(coded, axis=0, return_inverse=True)
+    index = np.empty(len(rows), np.intp)
+    index[rows] = place.reshape(-1)
+    return points, index[found.of_run]
+
+
 def coded_levels(data: pd.DataFrame, levels: Mapping[str, tuple[float, float]]) -> Floats:
-    """Levels as −1, +1, or 0 in all factors for a centre point; shape (runs, factors)."""
+    """Levels as −1, +1, or 0 in all factors for a centre point; shape (rows, factors)."""
     low, high = np.array(list(levels.values())).T
     exact = (data[list(levels)].to_numpy(np.float64) - (low + high) / 2) / ((high - low) / 2)
     coded: Floats = np.rint(exact)

@@ -2,15 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
 from .options import Options
 
 
-def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) -> None:
-    """Refuse factors and a response that are not different columns of numbers."""
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The design points of some runs, in ascending order of their levels.
+
+    Attributes
+    ----------
+    of_run
+        Index of each run's point; shape (runs,).
+    first
+        The first run of each point; shape (points,).
+    """
+
+    of_run: NDArray[np.intp]
+    first: NDArray[np.intp]
+
+    def levels(self, data: pd.DataFrame, factors: tuple[str, ...]) -> pd.DataFrame:
+        """The levels of each point."""
+        return data[list(factors)].iloc[self.first].reset_index(drop=True)
+
+
+def points_of(data: pd.DataFrame, factors: tuple[str, ...]) -> Points:
+    """Find the design points of some runs: factor by factor, without a comparison of rows."""
+    of_run, count = np.zeros(len(data), np.intp), 1
+    for name in factors:
+        code, levels = pd.factorize(data[name], sort=True, use_na_sentinel=False)
+        of_run = of_run * len(levels) + code
+        if count * len(levels) < len(data):
+            count *= len(levels)
+        else:  # no more numbers than runs, however many factors there are
+            of_run, seen = pd.factorize(of_run, sort=True)
+            count = len(seen)
+    of_run = pd.factorize(of_run, sort=True)[0]
+    first = np.empty(of_run.max(initial=-1) + 1, np.intp)
+    first[of_run[::-1]] = np.arange(len(data))[::-1]
+    return Points(of_run, first)
+
+
+def check_columns(
+    table: pd.DataFrame, factors: tuple[str, ...], response: str, *, numbers: bool = True
+) -> None:
+    """Refuse factors and a response that are not different columns of numbers.
+
+    Without `numbers`, factors may be of any kind.
+    """
     if not factors:
         raise ConfigurationError("factors: must name at least one column, got none")
     if len(set(factors)) < len(factors):
@@ -22,7 +67,7 @@ def check_columns(table: pd.DataFrame, factors: tuple[str, ...], response: str) 
                 f"{where}: must be columns of the table, got {name!r}"
                 + nearest(name, map(str, table.columns))
             )
-        if not pd.api.types.is_numeric_dtype(table[name]):
+        if (numbers or name == response) and not pd.api.types.is_numeric_dtype(table[name]):
             kind = table[name].dtype
             raise ConfigurationError(f"{name}: must be a column of numbers, got {kind}")
     if response in factors:
@@ -35,8 +80,9 @@ def usable(
     """Runs with a finite response; with common random numbers those of complete replicates."""
     finite = np.isfinite(table[response].to_numpy(np.float64))
     own = (c for c in (options.replicate, options.run_order) if c in table)
-    data = table.loc[finite, [*factors, response, *own]].reset_index(drop=True)
-    data = data.astype({response: np.float64})
+    data = table[[*factors, response, *own]]
+    data = data if finite.all() else data[finite]
+    data = data.reset_index(drop=True).astype({response: np.float64})
     if data.empty:
         raise ConfigurationError(f"{response}: must be finite in some runs, got none")
     return _complete(data, factors, options.replicate) if options.seeding == "common" else data
@@ -68,35 +114,38 @@ def _complete(data: pd.DataFrame, factors: tuple[str, ...], replicate: str) -> p
         raise ConfigurationError(
             f"{replicate}: must be a column of the table for common random numbers, got none"
         )
-    keys = [replicate, *factors]
-    if data.duplicated(keys).any():
-        row = data[data.duplicated(keys)].iloc[0]
+    points = points_of(data, factors)
+    number, known = pd.factorize(data[replicate], use_na_sentinel=False)
+    again = pd.Index(number * len(points.first) + points.of_run).duplicated()
+    if again.any():
+        row = data[again].iloc[0]
         raise ConfigurationError(
             f"{replicate}: must have each design point once for common random numbers, got one "
             f"twice in {row[replicate]:g}"
         )
-    count = len(data[list(factors)].drop_duplicates())
-    full = data.groupby(replicate)[replicate].transform("size") == count
-    if data.loc[full, replicate].nunique() < 2:
+    whole = (np.bincount(number) == len(points.first)) & pd.notna(known)
+    if whole.sum() < 2:
         raise ConfigurationError(
             f"{replicate}: must be at least two complete replicates for common random numbers, "
-            f"got {data.loc[full, replicate].nunique()}"
+            f"got {whole.sum()}"
         )
-    return data[full].reset_index(drop=True)
+    return data if whole.all() else data[whole[number]].reset_index(drop=True)
 
 
 def _check_spread(
     data: pd.DataFrame, factors: tuple[str, ...], response: str, need: int
 ) -> None:
     """Refuse points with too few runs, or without any scatter."""
-    groups = data.groupby(list(factors), sort=True)[response]
-    if (groups.size() < need).any():
+    points = points_of(data, factors)
+    groups = data[response].groupby(points.of_run)
+    size, std = groups.size(), groups.std()
+    if (size < need).any():
         raise ConfigurationError(
             f"{response}: must have {need} runs or more at each point for its spread, got "
-            f"{groups.size().min()}"
+            f"{size.min()}"
         )
-    if (groups.std() <= 0).any():
-        point = groups.std().reset_index().sort_values(response).iloc[0][list(factors)]
+    if (std <= 0).any():
+        point = points.levels(data, factors).iloc[std.argmin()]
         raise ConfigurationError(
             f"{response}: must vary over the runs of each point for its spread, got none at "
             + ", ".join(f"{name} {value:g}" for name, value in point.items())
@@ -105,8 +154,9 @@ def _check_spread(
 
 def _spread(data: pd.DataFrame, factors: tuple[str, ...], response: str) -> pd.DataFrame:
     """ln s of each point."""
-    points = data.groupby(list(factors), sort=True)[response].std().reset_index()
-    return points.assign(**{response: np.log(points[response])})
+    points = points_of(data, factors)
+    std = data[response].groupby(points.of_run).std()
+    return points.levels(data, factors).assign(**{response: np.log(std)})
 
 
 def _jackknifed_spread(
@@ -124,7 +174,7 @@ def _jackknifed_spread(
         # Only their scatter matters: their mean is set to ln s itself.
         return pd.Series(pseudo - pseudo.mean() + np.log(y.std(ddof=1)), index=values.index)
 
-    groups = data.groupby(list(factors), sort=True)[response]
+    groups = data[response].groupby(points_of(data, factors).of_run)
     spread = data.assign(**{response: groups.transform(jackknife)})
     if not np.isfinite(spread[response]).all():
         raise ConfigurationError(

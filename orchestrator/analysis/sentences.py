@@ -36,7 +36,7 @@ def summary(
     shown = analysis.ranked().head(most)
     columns = ["effect", "low", "high", *(["std_error", "t", "p"] if verbose else []), "share"]
     columns += [c for c in ("ratio", "verdict") if c in shown]
-    formats: dict[str, Any] = {"share": percent, "p": _p, "t": "{:.2f}".format, "verdict": str}
+    formats: dict[str, Any] = {"share": percent, "p": p_value, "t": "{:.2f}".format, "verdict": str}
     rows = [
         (str(term), *(formats.get(str(c), "{:.4g}".format)(value) for c, value in row.items()))
         for term, row in zip(shown.index, shown[columns].to_dict(orient="records"), strict=True)
@@ -50,12 +50,14 @@ def summary(
         *([f"and {rest} smaller"] if rest else []),
         *(["open: the interval reaches to both sides of what matters; more runs decide"]
           if "verdict" in shown and (shown["verdict"] == "open").any() else []),
-        *(["", *notes(analysis)] if verbose else _left_out(analysis)),
+        *(["", *notes(analysis)] if verbose else
+          left_out(analysis.dropped, analysis.seeding == "common")),
     ]
     return fitted("\n".join(lines), width)
 
 
-def _p(p: float) -> str:
+def p_value(p: float) -> str:
+    """A probability."""
     return "<1e-300" if p < 1e-300 else f"{p:.2g}"
 
 
@@ -183,12 +185,12 @@ def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
     return f"{sign}{rounded(row.effect)}{unit}", f"{rounded(row.low)} to {rounded(row.high)}"
 
 
-def _left_out(analysis: Analysis) -> list[str]:
+def left_out(dropped: int, common: bool) -> list[str]:
     """The number of runs that did not count, if there are any."""
-    if not analysis.dropped:
+    if not dropped:
         return []
-    why = ", or an incomplete replicate" if analysis.seeding == "common" else ""
-    return [f"{analysis.dropped} runs are left out: no finite response{why}."]
+    why = ", or an incomplete replicate" if common else ""
+    return [f"{dropped} runs are left out: no finite response{why}."]
 
 
 def notes(analysis: Analysis) -> list[str]:
@@ -208,7 +210,7 @@ def notes(analysis: Analysis) -> list[str]:
         f"{a.runs} {'values' if a.transform == 'spread' else 'runs'} at {points} points, "
         f"{len(a.effects)} terms; {how}."
     ]
-    lines += _left_out(a)
+    lines += left_out(a.dropped, a.seeding == "common")
     if np.isfinite(a.r2_adjusted):
         predicted = f", predicted {a.r2_predicted:.2%}" if np.isfinite(a.r2_predicted) else ""
         lines.append(f"R² {a.r2:.2%}, adjusted {a.r2_adjusted:.2%}{predicted}; "
@@ -224,7 +226,7 @@ def notes(analysis: Analysis) -> list[str]:
     for word, test in (("Lack of fit", a.lack_of_fit), ("Curvature", a.curvature)):
         if test is not None:
             lines.append(f"{word}: F({test.df:.4g}, {test.df_error:.4g}) = {test.f:.4g}, "
-                         f"p {_p(test.p) if test.p < 1e-300 else f'= {_p(test.p)}'}.")
+                         f"p {p_value(test.p) if test.p < 1e-300 else f'= {p_value(test.p)}'}.")
     if a.practical is not None:
         lines.append(f"An effect matters from {limit_of(a)} on, its whole interval beyond it.")
     if a.reduced:

@@ -12,18 +12,34 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
+from ..results.consistency import NEES_COLUMNS
 from ..results.responses import RESPONSES, readable, unit_of
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
+from ..study.batch import VALUE
+from ..study.parts import Wanted
 from ..study.study import Study, study_of
 from . import figures
 from .advice import PERCENTILE, Advice, advise
 from .conditions import of_choices
 from .factorial import Factorial, analyse
+from .general import GeneralFactorial
+from .general import analyse as analyse_levels
 from .options import Error, Transform
+from .sensitivity import Sensitivity
+from .sensitivity import of_table as of_sample
 
 RESPONSE = "absolute_total_rms_m"
 """RMS of the total error, as in the paper."""
+
+
+ALWAYS = (*NEES_COLUMNS.values(), RESPONSE, "inconsistent", "lost")
+"""Responses of each receiver that a report shows, whatever is analysed."""
+
+
+def default_response(study: Study) -> str:
+    """What is analysed if nobody says."""
+    return RESPONSE if study.model is None else VALUE
 
 
 class Choices(TypedDict, total=False):
@@ -62,9 +78,11 @@ def of_study(
     ConfigurationError
         There are no runs, no such receiver or response, or the design cannot be analysed so.
     """
+    study = study_of(results)
+    table = store.table(results, needed(study, response, receiver))
     return of_table(
-        study_of(results), store.table(results), response, receiver=receiver,
-        order=order, transform=transform, error=error, practical=practical,
+        study, table, response, receiver=receiver, order=order, transform=transform, error=error,
+        practical=practical,
     )
 
 
@@ -96,8 +114,88 @@ def of_table(
     )
 
 
+def of_grid(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    order: int | None = None,
+    transform: Transform = "none",
+) -> GeneralFactorial:
+    """Analyse a design of any levels; see `sblcosim.analysis.general.analyse`.
+
+    Conditions are put together first, and receivers that are a factor are one here.
+    """
+    column = column_of(table, response, receiver)
+    chosen = of_choices(study, table, column)
+    return analyse_levels(
+        chosen.table, chosen.factors, chosen.response,
+        order=min(2, len(chosen.factors)) if order is None else order, transform=transform,
+        seeding=study.seeding,
+        levels={name: study.factors[name].values for name in chosen.factors},
+        labels={name: study.labels[name] for name in chosen.factors},
+        units={name: study.units[name] for name in chosen.factors},
+        label=words(column, table, of_all=study.receiver_factor is not None),
+        unit=unit_of(column),
+    )  # fmt: skip
+
+
+def of_space(
+    study: Study,
+    table: pd.DataFrame,
+    response: str = RESPONSE,
+    *,
+    receiver: str | None = None,
+    transform: Transform | None = None,
+) -> tuple[Sensitivity, ...]:
+    """Sobol' indices of a response, and of whether its receiver is lost.
+
+    Parameters
+    ----------
+    transform
+        None: the logarithm of what is simulated, and what a function returns as it is.
+    """
+    assert study.sample is not None
+    column = column_of(table, response, receiver)
+    if transform is None:
+        positive = bool((table[column].dropna().to_numpy(np.float64) > 0).all())
+        transform = "log" if study.model is None and positive else "none"
+    if transform == "spread":
+        raise ConfigurationError("transform: must be none or log for a space, got 'spread'")
+    runs = table
+    if study.conditions:  # which share the seeds of the sample
+        lost = {"lost": f"{column.partition('.')[0]}.lost"}
+        runs = in_choices(study, table, column).rename(columns=lost)
+        runs["seed"] = study.sample.seeds[runs["point"].to_numpy(np.int64) - 1]
+    return tuple(
+        replace(found, label=words(found.response, table))
+        for found in of_sample(study.sample, runs, column, transform=transform)
+    )
+
+
 FACTORIAL = ("full", "fraction")
 """Kinds of designs that have effects."""
+
+
+def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) -> Wanted:
+    """Choose the columns that analyses and reports of a response need.
+
+    Raises
+    ------
+    ConfigurationError
+        When it chooses: there is no such receiver or response.
+    """
+    own = ("point", "replicate", "run_order", "seed", "error", *study.varied)
+
+    def chosen(names: Sequence[str]) -> list[str]:
+        asked = _named(names, response, receiver).partition(".")[2]  # of all, to compare them
+        return [
+            name for name in names
+            if name in own or name.partition(".")[2] in (*ALWAYS, asked)
+        ]
+
+    return chosen
 
 
 def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | None = None) -> str:
@@ -108,7 +206,18 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
     ConfigurationError
         There is no such receiver or response, or it is unknown in all runs.
     """
-    responses = [c for c in table.columns if "." in c]
+    column = _named(list(table.columns), response, receiver)
+    if table[column].isna().all():
+        chosen, _, response = column.partition(".")
+        needs = RESPONSES[response].needs if response in RESPONSES else ""
+        why = f"; no estimate of {chosen} has a {needs}" if needs else ""
+        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
+    return column
+
+
+def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
+    """Column of a response among the names of all columns."""
+    responses = [c for c in names if "." in c]
     receivers = list(dict.fromkeys(c.partition(".")[0] for c in responses))
     owner, _, own = response.partition(".")
     if own and owner in receivers and receiver in (None, owner):
@@ -125,12 +234,7 @@ def column_of(table: pd.DataFrame, response: str = RESPONSE, receiver: str | Non
             f"response: must be one of {', '.join(known)}, got {quoted(response)}"
             f"{nearest(response, known)}"
         )
-    column = f"{chosen}.{response}"
-    if table[column].isna().all():
-        needs = RESPONSES[response].needs if response in RESPONSES else ""
-        why = f"; no estimate of {chosen} has a {needs}" if needs else ""
-        raise ConfigurationError(f"{column}: must be known in some runs, got none{why}")
-    return column
+    return f"{chosen}.{response}"
 
 
 def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -145,19 +249,20 @@ def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
     return table.assign(**{column: table[column].to_numpy(np.float64, na_value=np.nan)})
 
 
-def words(column: str, table: pd.DataFrame) -> str:
-    """A response for people to read, with its receiver if there are several."""
+def words(column: str, table: pd.DataFrame, *, of_all: bool = False) -> str:
+    """A response for people to read, with its receiver if there are several, but ``of_all``."""
     receiver, _, response = column.partition(".")
     known = RESPONSES.get(response)
     text = readable(response) if known is None else known.words
     several = len({c.partition(".")[0] for c in table.columns if "." in c}) > 1
-    return f"{text} of {receiver}" if several else text
+    return f"{text} of {receiver}" if several and not of_all else text
 
 
 def readable_advice(advice: Advice, results: str | Path) -> Advice:
     """The same with the labels of the study in a folder of results."""
-    text = words(advice.response, store.table(results))
-    return advice.named(study_of(results).labels, text)
+    study = study_of(results)
+    text = words(advice.response, store.table(results, needed(study, advice.response)))
+    return advice.named(study.labels, text)
 
 
 def advice_on_study(
@@ -186,7 +291,8 @@ def advice_on_study(
     ConfigurationError
         As `of_study`; or the costs do not fit the study.
     """
-    study, table = study_of(results), store.table(results)
+    study = study_of(results)
+    table = store.table(results, needed(study, response, receiver))
     prices = _prices(study, costs)
     points = table[~table["point"].isin(_centre(study))]
     column = column_of(table, response, receiver)

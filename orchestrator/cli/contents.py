@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..analysis.advice import Advice
+    from ..analysis.general import GeneralFactorial
     from ..report.factorial import Findings
-    from ..report.study import Means
+    from ..report.means import Means
+    from ..report.space import Indices
     from ..simulation.plan import Plan
+    from ..study.parts import Parts
     from ..study.study import Study as Definition
+    from .document import Part
 
 _CHANCE = 0.05
 """Share of the points at which a right covariance leaves its band."""
@@ -83,16 +87,30 @@ def study(definition: Definition, out: Path, **known: Any) -> study_documents.St
     )
 
 
-def finished(runs: pd.DataFrame) -> dict[str, Any]:
-    """Fields of a study that has its table of runs."""
+def carried_out(definition: Definition, out: Path, there: Parts) -> study_documents.Study:
+    """A study that has been carried out in a folder; `there` is what has been found in it."""
+    from ..study import parts
+
+    runs = parts.table(there, _needed)
+    runs = runs[runs["replicate"] <= definition.replicates]
     failed = runs["error"].dropna()
-    return {
-        "finished": len(runs),
-        "failed": len(failed),
-        "failure": f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}"
-        if len(failed) else None,
-        "receivers": _receivers(runs),
-    }  # fmt: skip
+    return study(
+        definition,
+        out,
+        finished=len(runs),
+        failed=len(failed),
+        failure=f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}" if len(failed) else None,
+        receivers=_receivers(runs),
+    )
+
+
+def _needed(names: Sequence[str]) -> list[str]:
+    """The columns of the table of runs that are looked at."""
+    from ..results.consistency import NEES_COLUMNS
+
+    own = ("point", "replicate", "error", "run_id")
+    responses = (*NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost")
+    return [name for name in names if name in own or name.partition(".")[2] in responses]
 
 
 def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
@@ -163,15 +181,24 @@ def _at(points: int, found: study_documents.CovarianceOverPoints) -> str:
     return "" if found.points == 1 else f" at {points} of {found.points} points"
 
 
-def analysis(found: Findings | Means, folder: Path, report: Path) -> study_documents.Analysis:
-    """Effects of a factorial design, or means of a sweep."""
+def analysis(
+    found: Findings | Means | GeneralFactorial | Indices, folder: Path, report: Path
+) -> study_documents.Analysis:
+    """Effects of a two-level design, means of a sweep, levels of a grid, or indices of a space."""
+    from ..analysis.general import GeneralFactorial
     from ..report.factorial import Findings
+    from ..report.space import Indices
 
     content: dict[str, Any] = {
         "folder": str(folder), "report": str(report), "transform": "none", "method": None,
-        "confidence": 0.95, "dropped": 0, "r2": None, "effects": [], "means": [], "notes": [],
+        "confidence": 0.95, "dropped": 0, "r2": None, "effects": [], "means": [], "levels": [],
+        "pairs": [], "indices": [], "notes": [],
     }  # fmt: skip
-    if isinstance(found, Findings):
+    if isinstance(found, GeneralFactorial):
+        content |= _of_levels(found)
+    elif isinstance(found, Indices):
+        content |= _of_space(found)
+    elif isinstance(found, Findings):
         from ..analysis import sentences
 
         a = found.data
@@ -190,6 +217,41 @@ def analysis(found: Findings | Means, folder: Path, report: Path) -> study_docum
             "means": found.table.to_dict(orient="records"),
         }  # fmt: skip
     return study_documents.Analysis.of(content)
+
+
+def _of_levels(found: GeneralFactorial) -> dict[str, Any]:
+    from ..analysis import general_sentences as sentences
+
+    return {
+        "response": found.response, "unit": found.unit, "answer": sentences.answer(found.readable),
+        "transform": found.transform, "confidence": found.confidence, "runs": found.runs,
+        "dropped": found.dropped, "r2": found.r2,
+        "levels": _rows(found.means, study_documents.LevelMean),
+        "pairs": _rows(found.pairs, study_documents.LevelPair),
+        "notes": [*sentences.warnings(found.readable), *sentences.notes(found.readable)],
+    }  # fmt: skip
+
+
+def _of_space(found: Indices) -> dict[str, Any]:
+    from ..analysis import sobol
+
+    main = found.main
+    return {
+        "response": main.response, "unit": "", "answer": sobol.answer(main),
+        "transform": main.transform, "confidence": main.confidence, "runs": main.runs,
+        "indices": [
+            row for one in found.of
+            for row in _rows(one.indices.reset_index().assign(response=one.response),
+                             study_documents.SobolIndex)
+        ],
+        "notes": sobol.notes(main),
+    }  # fmt: skip
+
+
+def _rows(table: pd.DataFrame, kind: type[Part]) -> list[dict[str, Any]]:
+    """Rows of a table, with the columns that a part of a document has."""
+    rows: list[Any] = table[[*kind.model_fields]].to_dict(orient="records")
+    return rows
 
 
 def advice(found: Advice, shown: Advice, folder: Path) -> study_documents.Advice:

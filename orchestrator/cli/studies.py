@@ -76,9 +76,10 @@ WhoseOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="Whose [default: the first].")
 ]
 TransformOption = Annotated[
-    str,
+    str | None,
     typer.Option(
-        metavar="none|log|spread", help="Analyse the mean, its logarithm, or the spread."
+        metavar="none|log|spread",
+        help="Analyse the mean, its logarithm, or the spread [default: none; of a space log].",
     ),
 ]
 ErrorOption = Annotated[
@@ -146,7 +147,9 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
+        from ..study import runner
         from ..study import study as studies
+        from . import contents
 
         settled = studies.load(source)
         if replicates is not None:
@@ -156,17 +159,14 @@ def study(
             told = _what_would_run(settled, out, workers, master, step_timeout)
         else:
             try:
-                runs = settled.run(
-                    out, workers=workers, executor=executor, scheduler=scheduler, master=master,
-                    step_timeout=step_timeout, progress=progress,
+                there = runner.carry_out(
+                    settled, out, workers=workers, executor=executor, scheduler=scheduler,
+                    master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
                 _say_how_to_resume(out, settled.replicates * len(settled.points.values))
                 raise typer.Exit(_stopped(stop)) from None
-    from . import contents
-
-    if not dry_run:
-        told = contents.study(settled, out, **contents.finished(runs))
+            told = contents.carried_out(settled, out, there)
     if as_json:
         show(told)
     elif dry_run:
@@ -281,7 +281,7 @@ def analyse(
     order: Annotated[
         int | None, numeric("--order", int, "N", "Interactions up to it [default: 2].", low=1)
     ] = None,
-    transform: TransformOption = "none",
+    transform: TransformOption = None,
     error: ErrorOption = "pure",
     practical: Annotated[
         float | None, numeric("--practical", float, "SIZE", "Effects below it do not matter.")
@@ -295,21 +295,23 @@ def analyse(
 ) -> None:
     """Say which factor of a study matters: report, tables and the paper's four pictures.
 
-    The folder gets report.html, which works offline. Of a sweep it has the means at each level.
+    The folder gets report.html, which works offline. Of a sweep it has the means at each level, of
+    a grid the differences of levels, of a space Sobol' indices.
     """
     with waiting("analysing"):
         from .. import artifacts
-        from ..analysis import options, workflow
+        from ..analysis import options
         from ..report import study as reports
 
-        check_choice("transform", transform, get_args(options.Transform))
+        if transform is not None:
+            check_choice("transform", transform, get_args(options.Transform))
         check_choice("error", error, get_args(options.Error))
         out = out or beside(results, "analysis")
         artifacts.check(out)
         found = reports.save(
             results,
             out,
-            response or workflow.RESPONSE,
+            response,
             receiver=receiver,
             order=order,
             transform=transform,  # type: ignore[arg-type]

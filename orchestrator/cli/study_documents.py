@@ -113,8 +113,55 @@ class Mean(Part):
     high: Number
 
 
+class LevelMean(Part):
+    """Marginal mean at a level of a factor of a grid."""
+
+    factor: str
+    level: str | float
+    runs: int
+    lost: Number
+    """Share of the runs."""
+    mean: Number
+    low: Number
+    """Of the interval of this mean alone."""
+    high: Number
+
+
+class LevelPair(Part):
+    """Difference of two levels of a factor of a grid."""
+
+    factor: str
+    one: str | float
+    other: str | float
+    difference: Number
+    """Of one less other."""
+    low: Number
+    """Of the interval that holds for all pairs of the factor at once."""
+    high: Number
+    p: Number
+    """Adjusted."""
+    differs: bool
+
+
+class SobolIndex(Part):
+    """Share of the variance of a response that a factor of a space explains."""
+
+    response: str
+    factor: str
+    """``seed``: chance."""
+    first: Number
+    """Alone."""
+    first_low: Number
+    first_high: Number
+    total: Number
+    """With all interactions."""
+    total_low: Number
+    total_high: Number
+
+
 class Analysis(Document):
-    """The effects of a factorial study, the largest first, or the means of a sweep."""
+    """The effects of a two-level study, the largest first, or the means of a sweep, the levels of a
+    grid, or the indices of a space."""
 
     folder: str
     report: str
@@ -132,7 +179,15 @@ class Analysis(Document):
     """Runs without a finite response."""
     r2: Number
     effects: list[Effect]
+    """Of a two-level design."""
     means: list[Mean]
+    """Of a sweep, or without factors."""
+    levels: list[LevelMean]
+    """Of a grid."""
+    pairs: list[LevelPair]
+    """Of a grid."""
+    indices: list[SobolIndex]
+    """Of a space."""
     notes: list[str]
 
 

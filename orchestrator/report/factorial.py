@@ -18,6 +18,7 @@ from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study
+from ..study.tables import FactorTable
 from .formats import minus, number, probability, signed, span
 from .page import Block, Table, Text
 
@@ -196,7 +197,7 @@ def factor_table(study: Study) -> Table:
     """Factors and levels."""
     rows = []
     for name, factor in (study.factors | study.conditions).items():
-        levels = " / ".join(map(level_shown, factor.values))
+        levels = _levels(factor)
         label = study.labels[name]
         if name in study.conditions:
             label += f" (condition, {study.conditions[name].combine})"
@@ -204,6 +205,19 @@ def factor_table(study: Study) -> Table:
     return Table(
         "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
     )
+
+
+def _levels(factor: FactorTable) -> str:
+    """The levels of a factor, or the distribution that its values are drawn from."""
+    law = factor.law
+    if law is None or law.distribution == "choice":
+        return " / ".join(map(level_shown, factor.values))
+    numbers = law.model_dump(exclude_none=True, exclude={"distribution"})
+    shown = (
+        f"{name} {' to '.join(f'{v:g}' for v in value) if name == 'range' else f'{value:g}'}"
+        for name, value in numbers.items()
+    )
+    return f"{law.distribution}, {', '.join(shown)}"
 
 
 def effect_table(findings: Findings) -> Table:

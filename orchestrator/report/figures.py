@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import pandas as pd
+from matplotlib.axes import Axes
+
 from ..analysis import figures as plots
 from ..analysis.factorial import Factorial
 from ..results.catalogue import Figure, by_name
+from ..style import ThemeName
 from .factorial import Findings, unit
 
 
@@ -30,6 +34,13 @@ def _pareto(findings: Findings) -> str:
 def _largest(findings: Findings) -> str:
     top = ", ".join(map(str, findings.shown.ranked().index[:3]))
     return f"Pareto chart; the largest effects are {top}"
+
+
+def _box_cox(
+    analysis: Factorial, profile: pd.DataFrame, theme: ThemeName = "light"
+) -> Axes:
+    """The profile that is known already."""
+    return plots.plot_box_cox(analysis, theme=theme, profile=profile)
 
 
 FIGURES: Mapping[str, Figure[Findings]] = by_name(
@@ -56,7 +67,7 @@ FIGURES: Mapping[str, Figure[Findings]] = by_name(
         lambda f: "Four plots of the residuals",
     ),
     Figure(
-        "box_cox", plots.plot_box_cox, _analysis,
+        "box_cox", _box_cox, lambda f: (f.shown, f.profile),
         lambda f: "Box–Cox profile: which power of the response suits the model.",
         lambda f: "Box–Cox profile",
         lambda f: f.profile is not None,

@@ -26,14 +26,15 @@ _NOTE = (
 
 def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     """A table with a row for each point, or nothing without runs."""
-    good = runs[runs["error"].isna()]
-    receivers = [c.removesuffix(".lost") for c in good.columns if c.endswith(".lost")]
+    receivers = [c.removesuffix(".lost") for c in runs.columns if c.endswith(".lost")]
     shown = {
         f"{receiver}.{column}": f"{receiver}: {words}"
         for receiver in receivers
         for column, words in COLUMNS.items()
-        if good.get(f"{receiver}.{column}", pd.Series(dtype=float)).notna().any()
+        if f"{receiver}.{column}" in runs
     }
+    good = runs.loc[runs["error"].isna(), ["point", *shown]]
+    shown = {column: words for column, words in shown.items() if good[column].notna().any()}
     if good.empty or not shown:
         return []
     means = good.groupby("point")[list(shown)].mean()

@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
 import pandas as pd
 
-from .. import artifacts, layout
-from ..analysis import covariance, sweep, workflow
+from .. import artifacts
+from ..analysis import covariance, workflow
+from ..analysis.general import GeneralFactorial
 from ..analysis.options import Error, Transform
-from ..analysis.sentences import quantity as quantity_of
-from ..results.catalogue import Figure, by_name, jobs
+from ..errors import ConfigurationError
 from ..results.consistency import TELLING
 from ..results.definitions import FRAME_WORDS
-from ..results.responses import unit_of
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
-from . import factorial, points, possible
+from . import factorial, levels, means, points, possible, space
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
 from .formats import number, span
+from .means import Means
 from .page import Block, Page, Picture, Section, Table, Text, render
+from .parts import Parts
+from .space import Indices
 
 REPORT = "report.html"
 
@@ -34,28 +36,29 @@ REPORT = "report.html"
 def save(
     results: str | Path,
     directory: str | Path,
-    response: str = workflow.RESPONSE,
+    response: str | None = None,
     *,
     receiver: str | None = None,
     order: int | None = None,
-    transform: Transform = "none",
+    transform: Transform | None = None,
     error: Error = "pure",
     practical: float | None = None,
     command: str = "",
-) -> Findings | Means:
+) -> Findings | Means | GeneralFactorial | Indices:
     """Analyse a study; write its tables, figures and report into a folder.
 
     Parameters
     ----------
     response, receiver, order, transform, error, practical
-        As in `sblcosim.analysis.of_study`.
+        As in `sblcosim.analysis.of_study`; default of the response: `RESPONSE`, or what a function
+        returns.
     command
         The command line, for the report.
 
     Returns
     -------
-    Findings or Means
-        Of a factorial design, or of a sweep and a study without factors.
+    Findings, GeneralFactorial, Indices or Means
+        Of a two-level design, a grid, a space, or a sweep and a study without factors.
 
     Raises
     ------
@@ -63,22 +66,47 @@ def save(
         There are no runs, or they cannot be analysed so; nothing is written then.
     """
     results = Path(results)
-    study, table = study_of(results), store.table(results)
+    study = study_of(results)
+    response = response or workflow.default_response(study)
+    table = store.table(results, workflow.needed(study, response, receiver))
+    has_points = study.sample is None and study.model is None
     source = _Source(
         study,
         int(table["error"].notna().sum()),
-        covariance.by_point(table, list(study.varied)),
+        covariance.by_point(table, list(study.varied)) if has_points else pd.DataFrame(),
         _again(study, results, command or shlex.join(["sblcosim", "analyse", str(results)])),
-        points.tables(study, table),
-        possible.tables(study, table),
+        points.tables(study, table) if has_points else [],
+        possible.tables(study, table) if has_points else [],
     )
-    plain = order is None and transform == "none" and error == "pure" and practical is None
-    if study.design.kind in workflow.FACTORIAL or not plain:
-        findings = factorial.find(study, table, response, receiver=receiver, order=order,
-                                  transform=transform, error=error, practical=practical)
-        return _save_factorial(findings, directory, source)
+    if study.design.kind in ("grid", "space"):
+        _check_options(study, order=order, error=error, practical=practical)
     column = workflow.column_of(table, response, receiver)
-    return _save_means(workflow.in_choices(study, table, column), column, directory, source)
+    if study.design.kind == "space":
+        indices = Indices(
+            study, workflow.of_space(study, table, column, transform=transform)
+        )
+        return _save_parts(indices, directory, source, column, partial(space.parts, indices))
+    if study.design.kind == "grid":
+        found = workflow.of_grid(study, table, column, order=order, transform=transform or "none")
+        return _save_parts(found, directory, source, column, partial(levels.parts, study, found))
+    plain = order is None and transform is None and error == "pure" and practical is None
+    if study.design.kind in workflow.FACTORIAL or not plain:
+        findings = factorial.find(study, table, column, order=order, transform=transform or "none",
+                                  error=error, practical=practical)
+        return _save_factorial(findings, directory, source)
+    made = means.find(study, table, column)
+    return _save_parts(made, directory, source, column, partial(means.parts, made))
+
+
+def _check_options(
+    study: Study, *, order: int | None, error: Error, practical: float | None
+) -> None:
+    """Refuse options that a grid or a space has no use for."""
+    kind = study.design.kind
+    for name, given in (("error", error != "pure"), ("practical", practical is not None),
+                        ("order", order is not None and kind == "space")):
+        if given:
+            raise ConfigurationError(f"{name}: must be left out for a design of kind {kind!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,34 +135,34 @@ class _Source:
     possible: list[Block]
 
 
-@dataclass(frozen=True, eq=False)
-class Means:
-    """The mean response at each level of a sweep, or of a study without factors.
+Found = TypeVar("Found")
 
-    Attributes
-    ----------
-    response, unit
-        Column of the table of runs, and its unit.
-    table
-        Of `sblcosim.analysis.sweep.means`.
-    answer
-        In a sentence or two.
-    """
 
-    study: Study
-    response: str
-    unit: str
-    table: pd.DataFrame
-    answer: str
-
-    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """The answer, then the table; as `sblcosim.analysis.factorial.Factorial.text`."""
-        shown = self.table.replace({"factor": self.study.labels})
-        shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
-        rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
-        head = [str(name) for name in shown.columns]
-        lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head)))]
-        return layout.fitted("\n".join(lines), width)
+def _save_parts(
+    found: Found, directory: str | Path, source: _Source, column: str,
+    made: Callable[[Path], Parts],
+) -> Found:
+    """Write what there is to say of any but a two-level design."""
+    about = {"analysis": {"response": column, "factors": list(source.study.factors)}}
+    with artifacts.folder(directory, about) as folder:
+        own = made(folder)
+        own.write(folder)
+        _write_verdicts(source, folder)
+        summary = [Text(own.answer, "answer"), *(Text(line, "note") for line in own.warnings)]
+        page = Page(
+            own.title,
+            _lead(source.study, own.runs, source.failed),
+            [
+                Section("Summary", "summary", summary),
+                *([_figures(own.pictures)] if own.pictures else []),
+                _tables(source, Section(own.heading, "numbers", own.tables)),
+                Section("Method", "method", own.method, folded=True),
+                source.again,
+            ],
+            f"sblcosim {artifacts.software()['sblcosim']}",
+        )
+        (folder / REPORT).write_text(render(page), "utf-8")
+    return found
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> Findings:
@@ -144,22 +172,6 @@ def _save_factorial(findings: Findings, directory: str | Path, source: _Source) 
         page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
     return findings
-
-
-def _save_means(
-    table: pd.DataFrame, column: str, directory: str | Path, source: _Source
-) -> Means:
-    study = source.study
-    means = sweep.means(table, list(study.factors), column, study.sweep_base)
-    about = {"analysis": {"response": column, "factors": list(study.factors)}}
-    with artifacts.folder(directory, about) as folder:
-        artifacts.write_table(means, folder, "means")
-        _write_verdicts(source, folder)
-        page = _means_page(table, means, column, folder, source)
-        (folder / REPORT).write_text(render(page), "utf-8")
-    unit = unit_of(column)
-    answer = _means_answer(study, means, workflow.words(column, table), unit)
-    return Means(study, column, unit, means, answer)
 
 
 def _write_verdicts(source: _Source, folder: Path) -> None:
@@ -292,124 +304,3 @@ def _pictures(findings: Findings, folder: Path) -> list[Picture]:
             continue
         pictures.append(Picture(name, svg, figure.caption(findings), figure.alt(findings)))
     return pictures
-
-
-def _means_answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -> str:
-    unit = f" {unit}" if unit else ""
-    if not study.factors:
-        row = means.iloc[0]
-        return (
-            f"Mean {quantity} {number(row['mean'], 4)}{unit}, "
-            f"{span(row['low'], row['high'], number)}{unit}. The study has no factors: there are "
-            "no effects to analyse."
-        )
-    parts = []
-    for name in study.factors:
-        mine = means[means["factor"] == name].reset_index(drop=True)
-        best, worst = mine.iloc[mine["mean"].argmin()], mine.iloc[mine["mean"].argmax()]
-        own = study.units[name]
-        ends = [quantity_of(row["value"], own) for row in (best, worst)]
-        parts.append(
-            f"with {study.labels[name]} it is lowest, {number(best['mean'])}{unit}, at {ends[0]} "
-            f"and highest, {number(worst['mean'])}{unit}, at {ends[1]}"
-        )
-    return (
-        f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
-        "factorial design: it has no interactions and no effects to test."
-    )
-
-
-def _shared(study: Study) -> str:
-    """Which rows of the means are of the same runs."""
-    base = dict(zip(study.factors, study.sweep_base, strict=False))
-    own = [name for name, value in base.items() if value in study.factors[name].levels]
-    if len(own) < 2:
-        return ""
-    rows = ", ".join(
-        f"{study.labels[name]} {quantity_of(float(base[name]), study.units[name])}" for name in own
-    )
-    return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
-
-
-@dataclass(frozen=True, eq=False)
-class _Means:
-    """The means of a sweep, with the names of factors for people."""
-
-    shown: pd.DataFrame
-    quantity: str
-    own: str
-    units: Mapping[str, str]
-
-
-def _caption(means: _Means) -> str:
-    return f"Mean {means.quantity} at each level; bars are the intervals of the means."
-
-
-MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
-    Figure(
-        "means", sweep.plot_means,
-        lambda means: (means.shown, f"{means.quantity}{means.own}", means.units),
-        _caption, _caption,
-        lambda means: bool(means.units),
-    ),
-)  # fmt: skip
-"""The figures in the report of a sweep."""
-
-
-def _means_page(
-    table: pd.DataFrame, means: pd.DataFrame, column: str, folder: Path, source: _Source
-) -> Page:
-    study = source.study
-    quantity, unit = workflow.words(column, table), unit_of(column)
-    own = f" [{unit}]" if unit else ""
-    rows = [
-        (*_level(study, row), number(row["runs"], 6),
-         number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
-        for _, row in means.iterrows()
-    ]
-    head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
-            f"95% interval{own}", f"Standard deviation{own}")
-    units = {study.labels[name]: study.units[name] for name in study.factors}
-    subject = _Means(means.replace({"factor": study.labels}), quantity, own, units)
-    pictures = _means_pictures(subject, folder)
-    shown = Table(f"{quantity[0].upper()}{quantity[1:]}", head, rows, (), _shared(study))
-    sections = [
-        Section("Summary", "summary",
-                [Text(_means_answer(study, means, quantity, unit), "answer")]),
-        *([_figures(pictures)] if pictures else []),
-        _tables(source, Section("Means at each level" if study.factors else "Mean", "means-table",
-                                [shown])),
-        Section("Method", "method", _means_method(study), folded=True),
-        source.again,
-    ]
-    runs = int(np.isfinite(table[column]).sum())
-    return Page(f"What the runs say: {study.name}", _lead(study, runs, source.failed), sections,
-                f"sblcosim {artifacts.software()['sblcosim']}")
-
-
-def _level(study: Study, row: pd.Series) -> tuple[str, ...]:
-    """Factor and level of a row of the means; nothing without factors."""
-    if not study.factors:
-        return ()
-    name = row["factor"]
-    return study.labels[name], quantity_of(row["value"], study.units[name])
-
-
-def _means_pictures(means: _Means, folder: Path) -> list[Picture]:
-    """The figures, which are written into the folder, too."""
-    pictures = []
-    for job in jobs(MEANS_FIGURES, means):
-        figure = MEANS_FIGURES[job.name]
-        job.save(folder)
-        svg = (folder / f"{job.name}.svg").read_text("utf-8")
-        pictures.append(Picture(job.name, svg, figure.caption(means), figure.alt(means)))
-    return pictures
-
-
-def _means_method(study: Study) -> list[Block]:
-    at = " at each level, the other factors at the scenario's own values" if study.factors else ""
-    blocks: list[Block] = [
-        Text(f"Means over the runs{at}; the intervals are Student's."), Text(DEFINITIONS),
-        Text(f"Settling time: {study.settling_time_s:g} s."),
-    ]
-    return [*blocks, factorial.factor_table(study)] if study.factors else blocks

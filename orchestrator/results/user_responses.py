@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, nearest, quoted
-from ..simulation.user_code import fingerprint, run_file
+from ..errors import ConfigurationError, quoted
+from ..simulation.user_code import fingerprint, function_of_file
 from .responses import RESPONSES, Response, Run, readable
 
 
@@ -40,16 +39,8 @@ def of_file(text: str, folder: Path) -> Response:
     ConfigurationError
         There is no such file or function, or the file cannot be run.
     """
-    file, _, name = text.rpartition(":")
-    where = f"responses: {quoted(text)}"
-    module, sha256 = run_file(folder / file, f"{where} must be FILE.py:FUNCTION, got", where)
-    functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
-    if name not in functions:
-        raise ConfigurationError(
-            f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
-            f"{nearest(name, functions)}"
-        )
-    function = functions[name]
+    function, sha256 = function_of_file(text, folder, "responses")
+    name = text.rpartition(":")[2]
     _checked_name(function.__name__, function)
     return Response(name, readable(name), function, False, origin=text, sha256=sha256)
 

@@ -175,6 +175,33 @@ def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
         ) from error
 
 
+def function_of_file(text: str, folder: Path, key: str) -> tuple[Callable[..., Any], str]:
+    """The function of ``file.py:function``, and the SHA-256 of the file.
+
+    Parameters
+    ----------
+    folder
+        The file may be relative to it.
+    key
+        The key that has this text, for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file or function, or the file cannot be run.
+    """
+    file, _, name = text.rpartition(":")
+    where = f"{key}: {quoted(text)}"
+    module, sha256 = run_file(folder / file, f"{where} must be FILE.py:FUNCTION, got", where)
+    functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
+    if name not in functions:
+        raise ConfigurationError(
+            f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
+            f"{nearest(name, functions)}"
+        )
+    return functions[name], sha256
+
+
 @lru_cache(64)
 def _module(path: Path, source: bytes) -> ModuleType:
     # A name that no import has: what is in it is then sent to other processes by value.

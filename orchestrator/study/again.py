@@ -9,7 +9,8 @@ from ..api import run as run_scenario
 from ..errors import ConfigurationError
 from ..results.result import Result
 from ..scenario.schema import CORE_COMPONENTS
-from .campaign import Point, digest_of, receivers_of, resolved, seeded_inputs
+from .campaign import point_digest, receivers_of, resolved, seeded_inputs
+from .groups import Point
 from .store import table
 from .study import study_of
 
@@ -36,6 +37,11 @@ def replay(
         There is no such run, or it cannot be repeated because the FMUs have changed.
     """
     study = study_of(results)
+    if study.model is not None:
+        raise ConfigurationError(
+            f"{results}: must be of simulated runs to do one again, got those of the function "
+            f"{study.model.name}"
+        )
     runs = table(results)
     matches = runs[runs["run_id"].str.startswith(run_id)] if run_id else runs[:0]
     if len(matches) != 1:
@@ -48,7 +54,7 @@ def replay(
     labels = [name for name in system.components if name not in CORE_COMPONENTS]
     seeded, handovers = seeded_inputs(study, system, labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-    digest = digest_of(system, plan, free, study.settling_ns, study.asked)
+    digest = point_digest(study, int(number), system, plan, free)
     if Point(int(number), (), system, digest).run_id(int(seed)) != run_id:
         raise ConfigurationError(
             f"run {run_id}: must be done again with the FMUs and files of then, got others"

@@ -26,9 +26,13 @@ from ..simulation.plan import Plan
 from ..simulation.process import patience, strangers
 from ..simulation.record import Record
 from ..simulation.system import System
-from .campaign import Campaign, Group, Point, Run
+from .campaign import Campaign, Run
+from .groups import Group, Point
+from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
+VALUE = "value"
+"""Response of a function that stands in for the simulation."""
 _NEEDED = ("update_count", "epoch", "position")
 
 
@@ -44,6 +48,8 @@ def simulate(
 
     Third-party FMUs run in ``children``; None: start some for these runs.
     """
+    if campaign.study.model is not None:
+        return _of_function(campaign, runs, campaign.study.model)
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
             return simulate(campaign, runs, workers, master, progress, children)
@@ -74,6 +80,17 @@ def simulate(
     return _table(campaign, runs, sums, extra, durations, errors)
 
 
+def _of_function(campaign: Campaign, runs: Sequence[Run], model: StandIn) -> pd.DataFrame:
+    """The table of a function that stands in for the simulation."""
+    names = [*campaign.study.varied]
+    values, errors = np.full(len(runs), np.nan), [None] * len(runs)
+    for i, run in enumerate(runs):
+        levels = dict(zip(names, campaign.points[run.place].values, strict=True))
+        values[i] = model(levels, run.seed)
+    columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}
+    return pd.DataFrame({**columns, **_ends(runs, errors)})
+
+
 Reduced = tuple[Floats, Floats, list[str | None]]
 """Results of some runs: the sums (runs, receivers, sums), the extra responses that the study
 requests (runs, receivers, responses), and an error message or None for each run."""
@@ -87,8 +104,7 @@ def _nothing(campaign: Campaign, runs: int) -> Reduced:
 
 def steps_of(campaign: Campaign, runs: Iterable[Run]) -> Iterable[int]:
     """Communication steps of each run."""
-    count = {p: g.steps for g in campaign.groups for p in g.places}
-    return (count[r.place] for r in runs)
+    return (campaign.weights[r.place] for r in runs)
 
 
 def _side_by_side(
@@ -250,20 +266,7 @@ def _table(
     errors: list[str | None],
 ) -> pd.DataFrame:
     study = campaign.study
-    order = {
-        replicate: study.points.run_order(replicate, study.seed)
-        for replicate in {r.replicate for r in runs}
-    }
-    columns: dict[str, Any] = {
-        "point": np.array([r.place + 1 for r in runs]),
-        "replicate": np.array([r.replicate for r in runs]),
-        "run_order": np.array([order[r.replicate][r.place] for r in runs]),
-    }
-    for number, name in enumerate(study.varied):
-        values = [campaign.points[r.place].values[number] for r in runs]
-        named = study.points.factors[number].is_categorical
-        columns[name] = np.array(values, object if named else np.float64)
-    columns["seed"] = np.array([r.seed for r in runs])
+    columns = _about(campaign, runs)
     for number, label in enumerate(campaign.receivers):
         judged = responses(sums[:, number], durations)
         columns |= {f"{label}.{name}": judged[name].array for name in judged}
@@ -280,6 +283,31 @@ def _table(
             else:
                 problem = f"{label}: must give estimates after the settling time, got none"
             errors[i] = errors[i] or problem
-    columns["error"] = np.array(errors, dtype=object)
-    columns["run_id"] = np.array([r.run_id for r in runs], dtype=object)
-    return pd.DataFrame(columns)
+    return pd.DataFrame({**columns, **_ends(runs, errors)})
+
+
+def _about(campaign: Campaign, runs: Sequence[Run]) -> dict[str, Any]:
+    """The first columns: which runs these are."""
+    study = campaign.study
+    order = {
+        replicate: study.points.run_order(replicate, study.seed)
+        for replicate in {r.replicate for r in runs}
+    }
+    columns: dict[str, Any] = {
+        "point": np.array([r.place + 1 for r in runs]),
+        "replicate": np.array([r.replicate for r in runs]),
+        "run_order": np.array([order[r.replicate][r.place] for r in runs]),
+    }
+    for number, name in enumerate(study.varied):
+        values = [campaign.points[r.place].values[number] for r in runs]
+        named = study.points.factors[number].is_categorical
+        columns[name] = np.array(values, object if named else np.float64)
+    return {**columns, "seed": np.array([r.seed for r in runs])}
+
+
+def _ends(runs: Sequence[Run], errors: Sequence[str | None]) -> dict[str, Any]:
+    """The last columns."""
+    return {
+        "error": np.array(errors, dtype=object),
+        "run_id": np.array([r.run_id for r in runs], dtype=object),
+    }

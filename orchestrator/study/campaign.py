@@ -9,12 +9,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.nanoseconds import SECOND
-from sblcosim.models import COMPONENTS
 
 from .. import artifacts
 from ..errors import (
@@ -32,68 +33,15 @@ from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
-from ..simulation.masters import lanes_driver, native
-from ..simulation.plan import TICK_PARAMETERS, Plan
+from ..simulation.plan import Plan
 from ..simulation.process import patience
 from ..simulation.resolve import resolve
 from ..simulation.system import Connection, System
 from .definition import Definition
-from .design import Level
+from .groups import Group, Point, grouped
+from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
-_ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
-"""Parameters that must be equal in all runs of a group."""
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A design point, ready to be run with any seed.
-
-    Attributes
-    ----------
-    number
-        Counted from 1.
-    values
-        Physical values, or names, of the factors and conditions.
-    digest
-        Hash of everything but the seed.
-    """
-
-    number: int
-    values: tuple[Level, ...]
-    system: System
-    digest: str
-
-    def run_id(self, seed: int) -> str:
-        """Identifier of a run of this point."""
-        return hashlib.sha256(f"{self.digest} {seed}".encode()).hexdigest()[:16]
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Points that can run side by side: they differ in parameters only.
-
-    Attributes
-    ----------
-    places
-        Index of each point in the group, by its index among all points.
-    plan
-        Plan of the first point.
-    values
-        Values by point of each ``component.parameter`` that differs between points.
-    in_lanes
-        Whether the runs go side by side in lanes.
-    """
-
-    places: Mapping[int, int]
-    plan: Plan
-    values: Mapping[str, Floats]
-    in_lanes: bool
-
-    @property
-    def steps(self) -> int:
-        """Number of communication steps of a run."""
-        return self.plan.count - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +50,10 @@ class Campaign:
 
     Attributes
     ----------
+    groups
+        None where a function stands in for the simulation.
     receivers
-        Labels of the receivers.
+        Labels of the receivers; the function's name.
     seeded
         Components that get the run's seed.
     handovers
@@ -129,9 +79,22 @@ class Campaign:
         return len(self.points) * self.study.replicates
 
     @property
+    def digest(self) -> str:
+        """Hash of all that makes the runs, but their number: point and replicate tell a run."""
+        made_of = [self.study.seeding, self.study.seed, [point.digest for point in self.points]]
+        return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+
+    @property
     def steps(self) -> int:
         """Total number of communication steps."""
-        return self.study.replicates * sum(g.steps * len(g.places) for g in self.groups)
+        return self.study.replicates * sum(self.weights.values())
+
+    @cached_property
+    def weights(self) -> Mapping[int, int]:
+        """Communication steps of a run, by the index of its point; a call of a function is one."""
+        if not self.groups:
+            return dict.fromkeys(range(len(self.points)), 1)
+        return {place: group.steps for group in self.groups for place in group.places}
 
     def definition(self) -> dict[str, Any]:
         """Definition of the runs, as plain data; equal for campaigns with equal runs."""
@@ -144,8 +107,17 @@ class Campaign:
         )
         if study["design"]["points"] is None:  # folders from before there were grids stay valid
             del study["design"]["points"]
+        for entries in (study["factors"], study["conditions"]):
+            for entry in entries.values():
+                for name in [n for n, v in entry.items() if v is None]:
+                    del entry[name]
         if not study["conditions"]:
             del study["conditions"]
+        if study["design"]["base_rows"] is None:
+            del study["design"]["base_rows"]
+        model = study.pop("model")
+        if model is not None:
+            study["model"] = {"from": model.origin, "sha256": model.sha256}
         study["receivers"] = [
             r if isinstance(r, str) else {"from": r.origin, "sha256": r.sha256}
             for r in self.study.receivers
@@ -157,7 +129,9 @@ class Campaign:
             ]
         else:
             del study["responses"]
-        content = {"study": study, "scenario": self.study.base.given(), "fmus": self.fmus}
+        content = {"study": study, "fmus": self.fmus}
+        if model is None:
+            content["scenario"] = self.study.base.given()
         plain: dict[str, Any] = artifacts.plain(content)
         return plain
 
@@ -189,8 +163,10 @@ def prepare(
     """
     if master is not None:
         check_choice("master", master, execution.MASTERS)
+    if study.model is not None:
+        return _of_function(study, study.model)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    with patience(step_timeout), _warnings_once(len(study.points.values)):
+    with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
     _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in resolutions])
     plans = [plan for _, _, plan in resolutions]
@@ -201,7 +177,7 @@ def prepare(
             number,
             tuple(v if isinstance(v, str) else float(v) for v in values),
             system,
-            digest_of(system, plan, free, study.settling_ns, study.asked),
+            point_digest(study, number, system, plan, free),
         )
         for number, (values, (_, system, plan)) in enumerate(
             zip(study.points.values, resolutions, strict=True), 1
@@ -214,10 +190,33 @@ def prepare(
             f"master: must not be lanes with a response that needs a record, got {alone[0]}"
         )
     fmus = {c.name: c.sha256 for c in plans[0].components if c.sha256}
-    groups = _groups(points, plans, free, master, bool(alone))
+    groups = grouped(points, plans, free, master, bool(alone))
     return Campaign(
         study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
     )
+
+
+def _of_function(study: Definition, model: StandIn) -> Campaign:
+    """The campaign of a function that stands in for the simulation."""
+    points = [
+        Point(
+            number, values, System({}, ()),
+            hashlib.sha256(f"{model.sha256} {number} {study.at(number)}".encode()).hexdigest(),
+        )
+        for number, values in enumerate(study.points.values, 1)
+    ]  # fmt: skip
+    return Campaign(study, tuple(points), (), (model.name,), (), (), {})
+
+
+def point_digest(
+    study: Definition, number: int, system: System, plan: Plan, free: Iterable[str]
+) -> str:
+    """Hash of everything that affects the responses of a point but the ``free`` parameters."""
+    digest = digest_of(system, plan, free, study.settling_ns, study.asked)
+    if study.sample is None:
+        return digest
+    # Two rows of a space may have equal values, and still are two of its runs.
+    return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
@@ -270,7 +269,7 @@ def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:
     """Refuse factors that change nothing: their points would repeat the same runs."""
     first: dict[str, int] = {}
-    for point in points:
+    for point in points if study.sample is None else ():
         if study.points.centre[point.number - 1]:
             continue
         other = first.setdefault(point.digest, point.number)
@@ -362,52 +361,6 @@ def digest_of(
     if responses:
         content["responses"] = responses
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _groups(
-    points: Sequence[Point],
-    plans: Sequence[Plan],
-    free: Iterable[str],
-    master: str | None,
-    alone: bool,
-) -> tuple[Group, ...]:
-    """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
-    alike: dict[Any, list[int]] = {}
-    for index, (point, plan) in enumerate(zip(points, plans, strict=True)):
-        specs = point.system.components
-        key = (
-            plan.start_ns,
-            plan.stop_ns,
-            point.system.connections,
-            tuple(
-                (
-                    name,
-                    spec.fmu,
-                    spec.interval_ns,
-                    tuple(sorted(spec.parameters)),
-                    tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
-                )
-                for name, spec in specs.items()
-            ),
-        )
-        alike.setdefault(key, []).append(index)
-    groups = []
-    for indices in alike.values():
-        plan = plans[indices[0]]
-        if alone:
-            in_lanes = False
-        elif master is None:
-            in_lanes = lanes_driver.unsupported(plan) is None and native.available()
-        else:
-            in_lanes = master == "lanes"
-        values = {}
-        for name, spec in points[indices[0]].system.components.items():
-            for parameter in spec.parameters:
-                rows = [points[i].system.components[name].parameters[parameter] for i in indices]
-                if f"{name}.{parameter}" not in free and any(row != rows[0] for row in rows):
-                    values[f"{name}.{parameter}"] = np.array(rows, np.float64)
-        groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
-    return tuple(groups)
 
 
 def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:

@@ -18,24 +18,29 @@ from ..scenario.messages import requirement
 from ..scenario.scenario import SETTERS, Scenario, no_effect
 from ..scenario.schema import Table, toml
 from . import design as designs
-from .definition import (
+from . import drawn
+from .definition import Definition
+from .design import INTERACTION_SIGN, Level
+from .tables import (
     LONGEST_NAME,
     RECEIVERS_KEY,
     RESERVED,
     VARIED,
     ConditionTable,
-    Definition,
     DesignTable,
     FactorTable,
     flat,
 )
-from .design import INTERACTION_SIGN, Level
 
 
 def problems(study: Definition) -> Iterator[str]:
     """Errors in a study; one line each."""
     known = known_keys()
     owner: dict[str, str] = {}
+    wrong = [*_subject_problems(study)]
+    if wrong:
+        yield from wrong
+        return
     if not study.factors and study.design.kind != "single":
         yield (
             "factors: must have at least one, got none; for the scenario as it is, replicated, say "
@@ -54,14 +59,29 @@ def problems(study: Definition) -> Iterator[str]:
                     f"{prefix} keys: must be keys of the scenario in a design of kind "
                     f"{study.design.kind!r}, got {RECEIVERS_KEY}; a grid may have it"
                 )
+            elif study.seeding != "common":
+                yield (
+                    "seeding: must be 'common' with receivers as a factor, as they run on the same "
+                    f"noise, got {study.seeding!r}"
+                )
             continue
-        yield from _keys(prefix, name, factor, fixed, owner)
+        yield from _keys(prefix, name, factor, fixed, owner, study.model is None)
+        if study.design.kind == "space" and name in study.factors:
+            yield from _drawn(study, prefix, name, factor)
+            continue
+        if factor.distribution is not None:
+            yield f"{prefix} distribution: must be left out, but in a space (kind = 'space')"
+        if factor.levels is None:
+            yield f"{prefix} levels: must be given, got nothing"
+            continue
         try:
             if study.design.kind != "grid" and name in study.factors:
                 _ = designs.Factor(name, factor.values).numbers
             designs.Factor(name, factor.values)
         except ConfigurationError as error:
             yield f"{prefix} levels: {str(error).partition(': ')[2]}"
+            continue
+        if study.model is not None:
             continue
         if not all(key in known or ".parameters." in key for key in factor.all_keys):
             continue
@@ -70,6 +90,35 @@ def problems(study: Definition) -> Iterator[str]:
             yield f"{prefix} levels: {problem}"
     yield from _design_problems(study)
     yield from _response_problems(study)
+
+
+def _subject_problems(study: Definition) -> Iterator[str]:
+    """Errors in what is studied: a scenario, or a function in its place; one line each."""
+    if study.model is None:
+        if not study.scenario:
+            yield "scenario: must be given (or a model in its place), got nothing"
+        return
+    for key in ("scenario", "fixed", "receivers", "responses"):
+        if getattr(study, key):
+            yield f"{key}: must be left out with a model in place of the simulation"
+    try:
+        study.model.check([*study.varied])
+    except ConfigurationError as error:
+        yield str(error)
+
+
+def _drawn(study: Definition, prefix: str, name: str, factor: FactorTable) -> Iterator[str]:
+    """Errors in a factor of a space; one line each."""
+    try:
+        drawn.factor_of(name, factor, study.model is None)
+    except ConfigurationError as error:
+        yield f"{prefix} {str(error).removeprefix(f'factor {name}: ')}"
+        return
+    if study.model is None and factor.distribution == "choice":
+        yield from (
+            f"{prefix} levels: {problem}"
+            for level in factor.values for problem in _level(study, factor, level)
+        )
 
 
 def _names(study: Definition) -> Iterator[str]:
@@ -94,10 +143,26 @@ def _names(study: Definition) -> Iterator[str]:
 
 
 def _keys(
-    prefix: str, name: str, factor: FactorTable, fixed: Collection[str], owner: dict[str, str]
+    prefix: str, name: str, factor: FactorTable, fixed: Collection[str], owner: dict[str, str],
+    needed: bool,
 ) -> Iterator[str]:
-    """Errors in the keys of a factor; one line each. ``owner``: whose the keys of others are."""
+    """Errors in the keys of a factor; one line each.
+
+    Parameters
+    ----------
+    owner
+        Whose the keys of others are.
+    needed
+        Whether there must be keys: a function has arguments instead.
+    """
     known = known_keys()
+    if not needed:
+        if factor.all_keys:
+            yield (
+                f"{prefix} keys: must be left out with a model, whose arguments are the factors, "
+                f"got {factor.all_keys[0]}"
+            )
+        return
     if isinstance(factor.levels, dict) and factor.keys:
         yield (
             f"{prefix} keys: must not be there with levels that have keys of their own, got "
@@ -153,9 +218,15 @@ def _design_problems(study: Definition) -> Iterator[str]:
         yield "[design] kind: must be 'fraction' with generators or a resolution, got " + toml(
             study.design.kind
         )
+    kind = toml(study.design.kind)
+    if study.design.kind != "space" and study.design.base_rows is not None:
+        yield f"[design] kind: must be 'space' with base_rows, got {kind}"
+    if study.design.kind == "space" and (study.replicates > 1 or study.seeding == "common"):
+        what = "replicates" if study.replicates > 1 else "seeding"
+        yield f"{what}: must be left out in a space, where the seed is a factor"
     if study.design.kind != "grid" and study.design.points is not None:
-        yield f"[design] kind: must be 'grid' with points, got {toml(study.design.kind)}"
-    if study.design.kind in ("sweep", "grid", "single") and study.design.centre_points:
+        yield f"[design] kind: must be 'grid' with points, got {kind}"
+    if study.design.kind not in ("full", "fraction") and study.design.centre_points:
         yield (
             f"[design] centre_points: must be 0 for kind '{study.design.kind}', got "
             f"{study.design.centre_points}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -19,159 +19,33 @@ from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
 from ..simulation.user_code import PythonSource
 from . import design as designs
-from .design import Design, Factor, Level, Number
+from . import drawn
+from .design import Design, Factor, Number
 from .grid import crossed, grid
-
-RESERVED = (
-    "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
-    "runs", "mean", "std", "fit", "value",
+from .space import Sample
+from .space import sample as draw
+from .stand_in import StandIn
+from .tables import (
+    BASE_ROWS,
+    RECEIVERS_KEY,
+    ConditionTable,
+    DesignTable,
+    FactorTable,
+    array,
 )
-"""Columns of the table of runs, or of tables derived from it, that are not factors."""
-LONGEST_NAME = 60  # characters of a factor's name
-RECEIVERS_KEY = "receivers"
-"""As the only key of a factor: its levels are receivers, as in `Definition.receivers`."""
-
-
-def _array(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _levels(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        if not all(isinstance(v, Mapping) for v in value.values()):
-            raise PydanticCustomError("levels", "must be a table of tables of keys, or of files")
-        return dict(value)
-    if not isinstance(value, list | tuple) or any(
-        not isinstance(v, bool | int | float | str) for v in value
-    ):
-        raise PydanticCustomError(
-            "levels", "must be an array of numbers, texts or truth values, or a table of names"
-        )
-    return tuple(value)
 
 
 def _sources(value: Any) -> Any:
-    value = _array(value)
+    value = array(value)
     if isinstance(value, tuple) and not all(isinstance(v, str | PythonSource) for v in value):
         raise PydanticCustomError("receivers", "must be an array of names and files")
     return value
 
 
-_Texts = Annotated[tuple[str, ...], BeforeValidator(_array)]
-
-
-class FactorTable(Table):
-    """Table ``[factors.NAME]``.
-
-    Attributes
-    ----------
-    keys
-        Keys of the scenario, ``table.key``; all are set to the level. Or ``receivers`` alone.
-    levels
-        In the units of the keys: numbers, and in a grid texts and truth values, too. Of two levels,
-        the first is coded −1 and the second +1. Without keys: by name, the keys that a level
-        sets and their values (in a file, tables of a scenario, or the name of such a file).
-    label, unit
-        Display name, and unit shown after the levels (default: from the suffix of the keys).
-    """
-
-    keys: _Texts = ()
-    levels: Annotated[Any, BeforeValidator(_levels)]
-    label: str = Field(default="", description="Display name")
-    unit: str = Field(default="", description="Shown after the levels; else that of the keys")
-
-    @cached_property
-    def settings(self) -> Mapping[Level, Mapping[str, Any]]:
-        """What each level sets: keys of the scenario and their values."""
-        if isinstance(self.levels, Mapping):
-            return {name: dict(flat(tables)) for name, tables in self.levels.items()}
-        return {_named(level): dict.fromkeys(self.keys, level) for level in self.levels}
-
-    @property
-    def values(self) -> tuple[Level, ...]:
-        """The levels as they stand in tables: numbers, and names."""
-        # Of an array, twice the same level must be seen.
-        return tuple(map(_named, self.levels))
-
-    @property
-    def all_keys(self) -> tuple[str, ...]:
-        """Keys that some level sets."""
-        if not isinstance(self.levels, Mapping):
-            return self.keys
-        return tuple(dict.fromkeys(key for setting in self.settings.values() for key in setting))
-
-
-def _named(level: Any) -> Level:
-    """A level as it stands in tables."""
-    number: Level = str(level).lower() if isinstance(level, bool) else level
-    return number
-
-
-def flat(tables: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
-    """Keys of nested tables, ``table.key``, and their values."""
-    for key, value in tables.items():
-        if isinstance(value, Mapping):
-            yield from flat(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
-
-
-VARIED = ("factors", "conditions")
-"""Tables of a study whose entries are varied."""
-
-
-class ConditionTable(FactorTable):
-    """Table ``[conditions.NAME]``: as a factor, but nobody's choice.
-
-    Attributes
-    ----------
-    combine
-        What counts of the responses in the conditions: their ``average``, or the worst, for a
-        design that must hold in ``all``.
-    """
-
-    combine: Literal["average", "all"] = Field(
-        default="average", description="What counts is the average of the conditions, or the worst"
-    )
-
-
-class DesignTable(Table):
-    """Table ``[design]``.
-
-    Attributes
-    ----------
-    kind
-        ``full`` (two levels, all combinations), ``fraction`` (part of a full design), ``sweep``
-        (one factor at a time, any number of levels), ``grid`` (any number of levels, all
-        combinations or some at random), or ``single`` (the scenario itself, without factors).
-    generators, resolution
-        For a fraction, see `sblcosim.study.design.fractional`.
-    centre_points
-        Number of points in the middle of all factors.
-    order
-        Interactions up to this order must not be aliased with each other.
-    points
-        Of a grid: so many combinations, drawn with the study's seed; default: all.
-    """
-
-    kind: Literal["full", "fraction", "sweep", "grid", "single"] = Field(
-        default="full",
-        description="Two levels, all combinations or a part of them; one factor at a time; any "
-        "levels, all combinations or a random part; or the scenario itself",
-    )
-    generators: _Texts = Field(default=(), description="Of a fraction: C=AB")
-    resolution: Annotated[int, Field(ge=3)] | None = Field(
-        default=None, description="Of a fraction"
-    )
-    centre_points: Annotated[int, Field(ge=0, le=1000)] = Field(
-        default=0, description="Number of points in the middle of all factors"
-    )
-    order: Annotated[int, Field(ge=1)] = Field(
-        default=1, description="Interactions up to this order must not be aliased with each other"
-    )
-    points: Annotated[int, Field(ge=1)] | None = Field(
-        default=None, description="Of a grid: so many of its combinations, at random"
-    )
+def _model(value: Any) -> Any:
+    if value is not None and not isinstance(value, StandIn):
+        raise PydanticCustomError("model", "must be FILE.py:FUNCTION or a function")
+    return value
 
 
 class Definition(Table):
@@ -181,6 +55,8 @@ class Definition(Table):
     ----------
     scenario
         Name, file, or tables of a scenario.
+    model
+        In its place: a function of the factors, ``file.py:function`` or (in Python) the function.
     replicates
         Number of runs at each point.
     seeding
@@ -207,7 +83,8 @@ class Definition(Table):
 
     name: Name = Field(default="study", description="Of the folder of results")
     title: str = Field(default="", description="What people read, on top of reports")
-    scenario: str | dict[str, Any]
+    scenario: str | dict[str, Any] = ""
+    model: Annotated[Any, BeforeValidator(_model)] = None
     replicates: Annotated[int, Field(ge=1)] = Field(
         default=1, description="Number of runs at each point"
     )
@@ -222,7 +99,7 @@ class Definition(Table):
         float, Field(ge=0.0, allow_inf_nan=False), AfterValidator(settled)
     ] = Field(default=0.0, description="Errors count from this time after the start")
     receivers: Annotated[tuple[Any, ...], BeforeValidator(_sources)] = ()
-    responses: Annotated[tuple[Any, ...], BeforeValidator(_array)] = ()
+    responses: Annotated[tuple[Any, ...], BeforeValidator(array)] = ()
     fixed: dict[str, Any] = Field(default_factory=dict)
     design: DesignTable = Field(default_factory=DesignTable)
     factors: dict[str, FactorTable] = Field(default_factory=dict)
@@ -249,8 +126,22 @@ class Definition(Table):
     @cached_property
     def points(self) -> Design:
         """The design points, in all conditions."""
+        chosen = self._chosen if self.sample is None else drawn.design_of(self.sample)
         conditions = [Factor(name, c.values) for name, c in self.conditions.items()]
-        return crossed(self._chosen, conditions)
+        return crossed(chosen, conditions)
+
+    @cached_property
+    def sample(self) -> Sample | None:
+        """The runs of a space; None for other designs."""
+        if self.design.kind != "space":
+            return None
+        factors = [
+            drawn.factor_of(
+                name, factor, self.model is None, label=self.labels[name], unit=self.units[name]
+            )
+            for name, factor in self.varied_factors.items()
+        ]
+        return draw(factors, self.design.base_rows or BASE_ROWS, self.seed)
 
     @property
     def _chosen(self) -> Design:
@@ -342,6 +233,8 @@ class Definition(Table):
 
     def run_seed(self, point: int, replicate: int) -> int:
         """Seed of a run; points and replicates count from 1."""
+        if self.sample is not None:  # the seed is a factor, and conditions share it
+            return int(self.sample.seeds[(point - 1) % len(self.sample)])
         if self.seeding == "common":
             return self.seed + replicate - 1
         return self.seed + (replicate - 1) * len(self.points.values) + point - 1

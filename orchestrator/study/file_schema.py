@@ -7,29 +7,50 @@ from typing import Any
 from ..results.responses import ALL_PERCENTILES, ON_REQUEST
 from ..scenario.file_schema import DRAFT, TITLES, inlined, scenario_schema
 from .checks import known_keys
-from .definition import LONGEST_NAME, RECEIVERS_KEY, RESERVED, Definition
+from .definition import Definition
+from .tables import LONGEST_NAME, RECEIVERS_KEY, RESERVED, VARIED
 
 _ALPHABETIC = r"[^\x00-@\[-^`{-\x7f]"
-_NUMBERS = {
-    "if": {
-        "not": {
-            "required": ["design"],
+_KIND = {"required": ["kind"], "properties": {"kind": {"enum": ["grid", "space"]}}}
+_RULES = [
+    {
+        "if": {"not": {"required": ["model"]}},
+        "then": {
             "properties": {
-                "design": {"required": ["kind"], "properties": {"kind": {"const": "grid"}}}
-            },
-        }
+                table: {
+                    "additionalProperties": {
+                        "anyOf": [
+                            {"required": ["keys"]},
+                            {"properties": {"levels": {"type": "object"}}},
+                        ]
+                    }
+                }
+                for table in VARIED
+            }
+        },
     },
-    "then": {
-        "properties": {
-            "factors": {
-                "additionalProperties": {
-                    "properties": {"levels": {"type": "array", "items": {"type": "number"}}}
+    {
+        "if": {
+            "not": {
+                "anyOf": [
+                    {"required": ["model"]},
+                    {"required": ["design"], "properties": {"design": _KIND}},
+                ]
+            }
+        },
+        "then": {
+            "properties": {
+                "factors": {
+                    "additionalProperties": {
+                        "properties": {"levels": {"type": "array", "items": {"type": "number"}}}
+                    }
                 }
             }
-        }
+        },
     },
-}
-"""Only a grid has factors with levels that are no numbers."""
+]
+"""Arguments of a model need no keys; only grids, spaces and models have levels that are no numbers.
+"""
 _OF_OTHERS = r"^\w+\.parameters\..+$"
 """Key of a parameter of somebody else's FMU."""
 
@@ -55,6 +76,12 @@ def study_schema() -> dict[str, Any]:
         "patternProperties": {_OF_OTHERS: {}},
         "additionalProperties": False,
     }  # fmt: skip
+    keys["model"] = {
+        "type": "string",
+        "pattern": ":",
+        "description": "FILE.py:FUNCTION of the factors, in place of the simulation",
+    }
+    content["oneOf"] = [{"required": ["scenario"]}, {"required": ["model"]}]
     keys["fixed"] = {**changes, "description": "Keys of the scenario to change in all runs"}
     keys["receivers"] = _texts("Names, FMU files and FILE.py:CLASS, in place of the scenario's")
     keys["responses"] = _texts("Names of further responses, and FILE.py:FUNCTION")
@@ -67,7 +94,7 @@ def study_schema() -> dict[str, Any]:
     ):
         _describe_levels(keys[name], words, changes, receivers=name == "factors")
     about = {"title": "Study", "description": "Keys of a scenario to vary, and how often"}
-    return {"$schema": DRAFT, **content, **about, **_NUMBERS}
+    return {"$schema": DRAFT, **content, **about, "allOf": _RULES}
 
 
 def _describe_levels(
@@ -107,8 +134,13 @@ def _describe_levels(
         ],
     }
     table["anyOf"] = [
-        {"required": ["keys"], "properties": {"levels": {"type": "array"}}},
-        {"not": {"required": ["keys"]}, "properties": {"levels": {"type": "object"}}},
+        {"required": ["levels"], "properties": {"levels": {"type": "array"}}},
+        {
+            "required": ["levels"],
+            "not": {"required": ["keys"]},
+            "properties": {"levels": {"type": "object"}},
+        },
+        {"required": ["distribution"]},
     ]
 
 

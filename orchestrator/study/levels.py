@@ -10,7 +10,7 @@ from ..errors import ConfigurationError, instance, quoted, shortened
 from ..scenario.reading import parse, read_text, shown
 from ..scenario.sources import known_source, labelled, named
 from ..simulation.user_code import component_of, is_python
-from .definition import RECEIVERS_KEY, VARIED
+from .tables import RECEIVERS_KEY, VARIED
 
 
 def receiver(entry: Any, folder: Path) -> Any:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..simulation.isolation import Children
 from ..simulation.process import strangers
-from . import executors
+from . import executors, parts
 from .batch import silent, simulate, steps_of
 from .campaign import (
     Campaign,
@@ -22,7 +24,8 @@ from .campaign import (
     prepare,
 )
 from .definition import Definition
-from .store import RUNS, at_work, check_folder, finished, open_folder, save, table, write
+from .parts import Finished, Parts
+from .store import at_work, check_folder, finished, open_folder, save
 
 BATCH = 2048
 """Runs per batch, rounded to whole replicates."""
@@ -86,9 +89,29 @@ def run(
         The folder belongs to another study or is not writable, a point cannot be run, or the
         workers do not exist.
     """
+    there = carry_out(
+        study, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
+        step_timeout=step_timeout, progress=progress,
+    )
+    whole = parts.table(there)
+    return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
+
+
+def carry_out(
+    study: Definition,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    executor: str | Executor = "threads",
+    scheduler: str | None = None,
+    master: str | None = None,
+    step_timeout: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Parts:
+    """As `run`, for whoever does not need the whole table; return where it is."""
     folder = Path(out).resolve()
     campaign = prepare(study, master, step_timeout)
-    weight = {p: g.steps for g in campaign.groups for p in g.places}
+    weight = campaign.weights
     check_folder(folder, campaign)
     with (
         executors.ready(
@@ -96,9 +119,10 @@ def run(
         ) as simulated,
         at_work(folder),
     ):
-        open_folder(folder, campaign)
-        what = missing(campaign, folder)
+        there = open_folder(folder, campaign)
+        what = _missing_of(campaign, parts.finished(there))
         passed = 0
+        written: list[Path] = []
 
         def work(runs: Sequence[Run]) -> int:
             return sum(weight[r.place] for r in runs)
@@ -107,14 +131,13 @@ def run(
             if progress is not None:
                 progress((passed + share * work(part)) / what.steps)
 
-        for part, rows in simulated(_missing(campaign, what.done, workers), done):
-            write(folder, part, rows)
+        for part, rows in simulated(_missing(campaign, what, workers), done):
+            written.append(parts.write(folder, campaign, part, rows))
             passed += work(part)
-        whole = table(folder)
-        save(folder / RUNS, whole)
+        there = save(there.added(written))
     if progress is not None:
         progress(1.0)
-    return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
+    return there
 
 
 def simulated(
@@ -135,7 +158,7 @@ def simulated(
             progress((passed + share * work) / campaign.steps)
 
     with Children(patience_s=step_timeout) as children:
-        for part in _missing(campaign, (), workers):
+        for part in _missing(campaign, None, workers):
             work = sum(steps_of(campaign, part))
             parts.append(simulate(campaign, part, workers, master, told, children))
             passed += work
@@ -144,39 +167,51 @@ def simulated(
 
 
 def _missing(
-    campaign: Campaign, before: Collection[str], workers: int | None
+    campaign: Campaign, what: Missing | None, workers: int | None
 ) -> Iterator[list[Run]]:
-    """All runs except finished ones, in the parts that are stored together."""
+    """All runs except finished ones, in the parts that are stored together; None: all."""
     everything = campaign.study.replicates
     replicates = max(
         1, min(-(-BATCH // len(campaign.points)), BATCH_STEPS * everything // campaign.steps)
     )
     alone = not all(group.in_lanes for group in campaign.groups)
     for first in range(1, everything + 1, replicates):
-        runs = [r for r in batch(campaign, first, replicates) if r.run_id not in before]
-        size = _PART * (workers or os.cpu_count() or 1) if alone else len(runs)
+        if what is not None and what.has_all(first, min(first + replicates, everything + 1)):
+            continue
+        runs = batch(campaign, first, replicates)
+        if what is not None:
+            runs = [r for r in runs if not what.has(r)]
+        size = _PART * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Missing:
     """The missing runs of a campaign, counted but not listed.
 
     Attributes
     ----------
     done
-        Ids of the finished runs.
+        Whether a run is finished; shape (replicates, points), up to the last replicate with any.
     runs, steps
         Number of missing runs, and of their communication steps.
     by_point
         Number of missing runs at each point.
     """
 
-    done: Collection[str]
+    done: NDArray[np.bool_]
     runs: int
     steps: int
     by_point: tuple[int, ...]
+
+    def has(self, run: Run) -> bool:
+        """Whether a run is finished."""
+        return run.replicate <= len(self.done) and bool(self.done[run.replicate - 1, run.place])
+
+    def has_all(self, first: int, end: int) -> bool:
+        """Whether all runs of some replicates are finished."""
+        return end - 1 <= len(self.done) and bool(self.done[first - 1 : end - 1].all())
 
 
 def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missing:
@@ -194,12 +229,19 @@ def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missi
     """
     folder = Path(out).resolve()
     check_folder(folder, campaign)
-    done = finished(folder, ["point", "replicate"], tell=tell)
-    counts = [campaign.study.replicates] * len(campaign.points)
-    for point, replicate in done.values():
-        counts[point - 1] -= replicate <= campaign.study.replicates
-    steps = sum(g.steps * counts[p] for g in campaign.groups for p in g.places)
-    return Missing(done.keys(), sum(counts), steps, tuple(counts))
+    return _missing_of(campaign, finished(folder, tell=tell))
+
+
+def _missing_of(campaign: Campaign, there: Finished) -> Missing:
+    own = np.ones(len(there.point), bool)
+    own[there.strangers(campaign)] = False
+    own &= there.replicate <= campaign.study.replicates
+    replicate, place = there.replicate[own] - 1, there.point[own] - 1
+    done = np.zeros((int(replicate.max(initial=-1)) + 1, len(campaign.points)), bool)
+    done[replicate, place] = True
+    counts = (campaign.study.replicates - done.sum(axis=0)).tolist()
+    steps = sum(weight * counts[place] for place, weight in campaign.weights.items())
+    return Missing(done, sum(counts), steps, tuple(counts))
 
 
 def estimate(
@@ -214,6 +256,12 @@ def estimate(
     """
     if not what.runs:
         return 0.0, 0.0
+    if not campaign.groups:  # a function: some of its calls are a sample of all
+        runs = batch(campaign, 1, 1)[:SIDE_BY_SIDE]
+        wall = time.perf_counter()
+        simulate(campaign, runs, workers, master, silent)
+        each = (time.perf_counter() - wall) / len(runs)
+        return each * what.runs / MARGIN, each * what.runs * MARGIN
     with Children(patience_s=campaign.step_timeout) as children:
         return _estimated(campaign, what, workers, master, children)
 
@@ -268,7 +316,7 @@ def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
             break
         for run in batch(campaign, replicate, 1):
             number = group_of[run.place]
-            if wanted[number] and run.run_id not in what.done:
+            if wanted[number] and not what.has(run):
                 wanted[number] -= 1
                 sample.append(run)
     return sample

@@ -2,7 +2,7 @@
 
 It holds ``study.json`` (the complete definition of the runs) and ``parts/``: Parquet files, each
 written as a whole, with a row per run. Runs in the parts are not repeated. When all are done,
-``runs.parquet`` holds the whole table.
+``runs.parquet`` holds the whole table. `sblcosim.study.parts` reads and writes these files.
 
 The name of a part ends with the SHA-256 of the file, and ``study.json`` contains its own, so that
 damaged data are never taken for results: a damaged part is moved to ``parts/damaged/`` and its runs
@@ -15,23 +15,21 @@ import hashlib
 import json
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import pyarrow as pa
-from pyarrow import parquet
 from sblcosim.fmus import files
 
 from .. import artifacts
 from ..errors import ConfigurationError, ConfigurationWarning, DamageWarning, one_line
-from .campaign import Campaign, Run
+from . import parts
+from .campaign import Campaign
+from .parts import PARTS, RUNS, Finished, Parts, Wanted, looked_through, refusal, write_file
 
-RUNS = "runs.parquet"
 STUDY = "study.json"
-PARTS = "parts"
 DAMAGED = "damaged"
 FORMAT = 2
 
@@ -68,20 +66,17 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
 
 def _replicates(folder: Path, campaign: Campaign) -> int:
     """Number of replicates in a folder that has lost its `STUDY`."""
-    runs = finished(folder, ["point", "replicate"])
-    for run_id, (point, replicate) in runs.items():
-        seed = campaign.study.run_seed(point, replicate)
-        if not 0 < point <= len(campaign.points) or (
-            campaign.points[point - 1].run_id(seed) != run_id
-        ):
-            raise ConfigurationError(
-                f"{folder}: must hold results of this study, got run {run_id} of another in it"
-            )
-    return max((replicate for _, replicate in runs.values()), default=0)
+    runs = finished(folder)
+    for row in runs.strangers(campaign):
+        raise ConfigurationError(
+            f"{folder}: must hold results of this study, got run {int(runs.run_id[row]):016x} of "
+            "another in it"
+        )
+    return int(runs.replicate.max(initial=0))
 
 
-def open_folder(folder: Path, campaign: Campaign) -> None:
-    """Make the folder, or check that it belongs to this study.
+def open_folder(folder: Path, campaign: Campaign) -> Parts:
+    """Make the folder, or check that it belongs to this study; return what is in it.
 
     Raises
     ------
@@ -98,9 +93,27 @@ def open_folder(folder: Path, campaign: Campaign) -> None:
         },
         "definition": campaign.definition(),
         "software": artifacts.software(),
+        "table": _table_of(folder),
     }
-    _write_file(folder / STUDY, sealed(content))
-    set_aside(folder)
+    write_file(folder / STUDY, sealed(content))
+    return _set_aside(folder)
+
+
+def _table_of(folder: Path) -> dict[str, Any]:
+    """What the description says of the whole table; folders of old say nothing."""
+    if not (folder / STUDY).exists():
+        return {}
+    said: dict[str, Any] = described(folder).get("table", {})
+    return said
+
+
+def save(there: Parts) -> Parts:
+    """Write the whole table, unless it is there as it was written."""
+    if there.in_table == {path.name for path in there.paths}:
+        return there
+    said = parts.save(there)
+    write_file(there.folder / STUDY, sealed({**described(there.folder), "table": said}))
+    return Parts(there.folder, there.paths, frozenset(said["parts"]))
 
 
 def sealed(content: Mapping[str, Any]) -> bytes:
@@ -124,7 +137,7 @@ def at_work(folder: Path) -> Iterator[None]:
             other = any(map(files.is_hidden, os.listdir(folder)))
             stack.enter_context(files.unfinished(folder))
         except OSError as error:
-            raise _refusal(folder, error) from None
+            raise refusal(folder, error) from None
         if other:
             warnings.warn(
                 f"{folder}: should have one study at a time, got another that is at work there; "
@@ -169,79 +182,49 @@ def described(folder: Path) -> dict[str, Any]:
     return content
 
 
-def _parts(folder: Path) -> list[Path]:
-    return sorted(p for p in (folder / PARTS).glob("*.parquet") if not p.name.startswith("."))
-
-
-def _name(runs: str, content: bytes) -> str:
-    """Name of a part: its runs, and the hash of the file."""
-    return f"{runs}-{hashlib.sha256(content).hexdigest()[:32]}.parquet"
-
-
-def _parquet(path: Path, columns: list[str] | None = None) -> pa.Table | None:
-    """Read a part; None if it is damaged or gone."""
-    try:
-        content = path.read_bytes()
-        if path.name != _name(path.stem.rpartition("-")[0], content):
-            return None
-        part = parquet.read_table(pa.BufferReader(content), columns=columns)
-    except FileNotFoundError:
-        return None  # another process has moved it away
-    except (OSError, pa.ArrowInvalid) as error:
-        raise ConfigurationError(
-            f"{path}: must be a Parquet file that can be read, got {one_line(error)}"
-        ) from None
-    for name in ("run_id", "replicate", "point") if columns is None else columns:
-        if name not in part.column_names:
-            raise ConfigurationError(f"{path}: must have a column {name}, got none")
-    return part
-
-
 _OTHER = "must be as it was written, got other bytes"
 
 
-def set_aside(folder: Path) -> None:
-    """Move damaged parts away, and warn about each."""
-    for path in _parts(folder):
-        if _parquet(path, []) is None and path.exists():
-            target = path.parent / DAMAGED / path.name
-            try:
-                files.make_folder(target.parent)
-                path.replace(target)
-            except OSError as error:
-                raise _refusal(target, error) from None
-            _warn(f"{path}: {_OTHER}; it is now in {DAMAGED}/, and its runs are done again")
+def _set_aside(folder: Path) -> Parts:
+    """Move damaged parts away, and warn about each; the parts that stay."""
+    there, damaged = looked_through(folder, _table_of(folder))
+    for path in damaged:
+        target = path.parent / DAMAGED / path.name
+        try:
+            files.make_folder(target.parent)
+            path.replace(target)
+        except OSError as error:
+            raise refusal(target, error) from None
+        _warn(f"{path}: {_OTHER}; it is now in {DAMAGED}/, and its runs are done again")
+    return there
 
 
 def _warn(message: str) -> None:
     warnings.warn(message, DamageWarning, stacklevel=3)
 
 
-def finished(
-    results: str | Path, columns: Sequence[str] = (), *, tell: bool = False
-) -> dict[str, tuple[int, ...]]:
-    """Ids of the finished runs in a result folder, with the values of some integer columns.
+def finished(results: str | Path, *, tell: bool = False) -> Finished:
+    """The finished runs in a result folder.
 
     Parameters
     ----------
     tell
         Warn about damaged parts, whose runs count as missing.
     """
-    runs: dict[str, tuple[int, ...]] = {}
-    for path in _parts(Path(results)):
-        part = _parquet(path, ["run_id", *columns])
-        if part is None:
-            if tell:
-                _warn(f"{path}: {_OTHER}; its runs count as missing")
-            continue
-        run_ids, *numbers = (part[name].to_pylist() for name in ("run_id", *columns))
-        runs |= dict(zip(run_ids, zip(*numbers, strict=True) if columns else [()] * len(run_ids),
-                          strict=True))
-    return runs
+    folder = Path(results)
+    there, damaged = looked_through(folder, _table_of(folder))
+    for path in damaged if tell else ():
+        _warn(f"{path}: {_OTHER}; its runs count as missing")
+    return parts.finished(there)
 
 
-def table(results: str | Path) -> pd.DataFrame:
+def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     """All finished runs in a result folder, sorted by replicate and point.
+
+    Parameters
+    ----------
+    wanted
+        Chooses, of the names of all columns, those that are read; None: all.
 
     Raises
     ------
@@ -249,59 +232,11 @@ def table(results: str | Path) -> pd.DataFrame:
         There are no runs, or a part is damaged.
     """
     folder = Path(results)
-    described(folder)
-    # Nullable type: a missing flag must not become False.
-    flags = {pa.bool_(): pd.BooleanDtype()}.get
-    parts = []
-    for path in _parts(folder):
-        part = _parquet(path)
-        if part is None:
-            raise ConfigurationError(
-                f"{path}: {_OTHER}; 'sblcosim study' with the same study and folder does its runs "
-                "again"
-            )
-        parts.append(part.to_pandas(types_mapper=flags))
-    if not parts:
+    there, damaged = looked_through(folder, described(folder).get("table", {}))
+    for path in damaged:
+        raise ConfigurationError(
+            f"{path}: {_OTHER}; 'sblcosim study' with the same study and folder does its runs again"
+        )
+    if not there.paths:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
-    whole: pd.DataFrame = pd.concat(parts, ignore_index=True).drop_duplicates("run_id")
-    known = [c for c in whole if whole[c].dtype == "boolean" and whole[c].notna().all()]
-    whole = whole.astype(dict.fromkeys(known, bool))
-    return whole.sort_values(["replicate", "point"], ignore_index=True)
-
-
-def write(folder: Path, runs: Sequence[Run], made: pd.DataFrame) -> None:
-    """Store some runs as a part, which appears when it is complete."""
-    ids = hashlib.sha256(" ".join(r.run_id for r in runs).encode()).hexdigest()[:16]
-    content = _as_parquet(made)
-    name = _name(f"{runs[0].replicate:06d}-{ids}", content)
-    # The hash in its name reveals an incomplete file, so do not wait for the disk.
-    _write_file(folder / PARTS / name, content, durable=False)
-
-
-def save(path: Path, made: pd.DataFrame) -> None:
-    """Write a table of runs."""
-    _write_file(path, _as_parquet(made))
-
-
-def _as_parquet(frame: pd.DataFrame) -> bytes:
-    arrow = pa.Table.from_pandas(frame, preserve_index=False)
-    for name in ("error", "run_id"):
-        index = arrow.schema.get_field_index(name)
-        arrow = arrow.set_column(index, name, arrow[name].cast(pa.string()))
-    stream = pa.BufferOutputStream()
-    parquet.write_table(arrow.replace_schema_metadata(None), stream)
-    content: bytes = stream.getvalue().to_pybytes()
-    return content
-
-
-def _write_file(path: Path, content: bytes, durable: bool = True) -> None:
-    try:
-        files.write_file(path, content, durable=durable)
-    except OSError as error:
-        raise _refusal(path, error) from None
-
-
-def _refusal(path: Path, error: OSError) -> ConfigurationError:
-    return ConfigurationError(
-        f"{path}: must be writable, got {error.strerror or error}; runs that are finished are kept"
-    )
+    return parts.table(there, wanted)

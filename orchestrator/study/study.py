@@ -26,8 +26,10 @@ from ..shown import Listing, page
 from ..simulation.user_code import component_of_origin
 from . import levels, runner, store
 from .checks import idle_factors, known_keys, line, problems
-from .definition import RECEIVERS_KEY, VARIED, Definition, DesignTable, FactorTable
+from .definition import Definition
 from .design import shown as level_shown
+from .stand_in import StandIn, model_of, stand_in_of
+from .tables import RECEIVERS_KEY, VARIED, DesignTable, FactorTable
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -53,9 +55,12 @@ class Study(Definition):
         }
         return page(
             self.title or self.name,
-            f"<p>{escape(self._size())}, of the scenario {escape(self.base.name)}</p>",
+            f"<p>{escape(self._size())}, of {escape(self._subject())}</p>",
             Listing(rows)._repr_html_(),
         )
+
+    def _subject(self) -> str:
+        return f"the scenario {self.base.name}" if self.model is None else self.model.name
 
     def _size(self) -> str:
         points, met = len(self.points.values), len(self.conditions)
@@ -139,6 +144,8 @@ def load(
     elif isinstance(raw.get("receivers"), list | tuple):
         raw["receivers"] = [levels.receiver(entry, folder) for entry in raw["receivers"]]
     levels.name_receivers(where, raw, folder)
+    if not isinstance(raw.get("model"), StandIn | None):
+        raw["model"] = model_of(raw["model"], folder)
     raw["responses"] = [
         *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
     ]
@@ -153,7 +160,8 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
         lines = dict.fromkeys(line(e, where) for e in error.errors())
         raise ConfigurationError("\n".join(lines)) from None
     try:
-        _ = study.base  # report an invalid scenario before anything else
+        if study.model is None and study.scenario:
+            _ = study.base  # report an invalid scenario before anything else
     except ConfigurationError as error:
         raise ConfigurationError(_prefixed(f"{where}: scenario", error)) from None
     wrong = [*problems(study)]
@@ -163,7 +171,7 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
         points = len(study.points.values)
     except ConfigurationError as error:
         raise ConfigurationError(_prefixed(where, error)) from None
-    idle = [*idle_factors(study)]
+    idle = [*idle_factors(study)] if study.model is None else []
     if idle:
         raise ConfigurationError("\n".join(f"{where}: {problem}" for problem in idle))
     last = study.run_seed(points, study.replicates)
@@ -203,6 +211,8 @@ def study_of(results: str | Path) -> Study:
         r if isinstance(r, str) else component_of_origin(r["from"], r["sha256"])
         for r in tables.get("receivers", ())
     ]
+    if "model" in tables:
+        tables["model"] = stand_in_of(tables["model"]["from"], tables["model"]["sha256"])
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
     names = content.get("names", {})
     for table in VARIED:
@@ -215,7 +225,7 @@ def study_of(results: str | Path) -> Study:
             **tables,
             "title": content["title"],
             "replicates": content["replicates"],
-            "scenario": definition["scenario"],
+            **({"scenario": definition["scenario"]} if "scenario" in definition else {}),
         }
     )
 

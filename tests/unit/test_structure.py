@@ -22,6 +22,7 @@ _COMMAND = "a command: each of its options is an argument"
 LONG_FUNCTIONS = {
     "analysis.advice.advise": _OPTIONS,
     "analysis.factorial.analyse": _OPTIONS,
+    "analysis.general.analyse": _OPTIONS,
     "analysis.workflow.advice_on_study": _OPTIONS,
     "analysis.workflow.of_table": _OPTIONS,
     "api.run": _OPTIONS,
@@ -33,6 +34,7 @@ LONG_FUNCTIONS = {
     "cli.studies.study": _COMMAND,
     "report.study.save": _OPTIONS,
     "simulation.masters.lanes.execute": _OPTIONS,
+    "study.runner.carry_out": _OPTIONS,
     "study.runner.run": _OPTIONS,
 }
 """Functions that are longer, or take more, and why."""

@@ -20,7 +20,7 @@ from ...errors import ConfigurationError
 from ...results.figures import INCLINATION_WINDOW_S
 from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
-from ...study import runner, store
+from ...study import parts, runner, store
 from ...study import study as studies
 from ...study.study import Study
 
@@ -131,7 +131,7 @@ def check(folder: Path) -> None:
         results = folder / RUNS / name
         if results.is_dir() and not (results / store.STUDY).exists():
             for file in sorted(results.iterdir()):
-                if file.name in (store.PARTS, store.RUNS) or is_hidden(file.name):
+                if file.name in (parts.PARTS, parts.RUNS) or is_hidden(file.name):
                     continue
                 raise ConfigurationError(
                     f"{results}: must be empty or hold results of this study, got {file.name!r} "

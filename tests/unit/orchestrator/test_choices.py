@@ -16,7 +16,16 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import artifacts, calibrate, style
-from sblcosim.analysis import advice, factorial, sweep, workflow
+from sblcosim.analysis import (
+    advice,
+    factorial,
+    general,
+    general_figures,
+    sensitivity,
+    sensitivity_figures,
+    sweep,
+    workflow,
+)
 from sblcosim.analysis import figures as effect_figures
 from sblcosim.errors import ConfigurationError, check_choice
 from sblcosim.export import ssp
@@ -27,7 +36,7 @@ from sblcosim.report.paper import figures as paper_figures
 from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
-from sblcosim.study import campaign, executors, study
+from sblcosim.study import campaign, distributions, executors, space, study
 from synthetic_record import make_record
 
 RECORD = make_record()
@@ -36,6 +45,7 @@ RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"])
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
 FOUND = factorial.analyse(RUNS, "ab", "y")
+GENERAL = general.analyse(RUNS, "ab", "y")
 ADVICE = advice.advise(RUNS, "ab", "y", {})
 MEANS = sweep.means(RUNS, "ab", "y", [0.0, 0.0])
 RESULT = result.Result(result.RunDescription("x", {}, ["ekf"]), RECORD)
@@ -45,6 +55,10 @@ CALIBRATED = calibrate.CalibrationResult(
     pd.DataFrame({"distance_m": [0.0, 1.0], "mean_m": [0.0, 1.0], "std_m": [0.0, 0.0]}),
 )
 STUDY = study.load("paper-scenario-1").with_replicates(1)
+DRAWN = space.sample(
+    [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
+)
+SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy(), resamples=100)
 PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
 
 
@@ -112,11 +126,36 @@ CALLS |= {
     for where, module, given in (("analysis.figures", effect_figures, (FOUND,)),
                                  ("analysis.factorial.Factorial", FOUND, ()))
 }
+CALLS |= {
+    "study.distributions.distribution_of distribution": distributions.distribution_of,
+    "analysis.sensitivity.indices transform": partial(sensitivity.indices, DRAWN, SHARES.values),
+    "analysis.sensitivity.Sensitivity.plot_indices theme": SHARES.plot_indices,
+    "analysis.sensitivity.Sensitivity.plot_scatter theme": SHARES.plot_scatter,
+    "analysis.sensitivity_figures.plot_indices theme": partial(
+        sensitivity_figures.plot_indices, SHARES
+    ),
+    "analysis.sensitivity_figures.plot_scatter theme": partial(
+        sensitivity_figures.plot_scatter, SHARES
+    ),
+}
+CALLS |= {
+    f"{where}.{name} theme": partial(getattr(module, name), *given)
+    for name in ("plot_means", "plot_interactions", "plot_pairs")
+    for where, module, given in (("analysis.general_figures", general_figures, (GENERAL,)),
+                                 ("analysis.general.GeneralFactorial", GENERAL, ()))
+}
+CALLS |= {
+    f"analysis.general.analyse {name}": partial(general.analyse, RUNS, "ab", "y")
+    for name in ("typ", "transform", "seeding")
+}
 ELSEWHERE = {
+    "analysis.sensitivity.of_table transform": "analysis.sensitivity.indices",
     "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",
     "report.study.save error": "report.factorial.find",
     "analysis.workflow.of_study transform": "analysis.workflow.of_table",
+    "analysis.workflow.of_grid transform": "analysis.general.analyse",
+    "analysis.workflow.of_space transform": "analysis.sensitivity.indices",
     "report.study.save transform": "report.factorial.find",
     "analysis.workflow.write theme": "analysis.workflow.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",

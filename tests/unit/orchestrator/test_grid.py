@@ -10,7 +10,10 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim.analysis.conditions import of_choices
+from sblcosim.analysis.general import GeneralFactorial
+from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
+from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.results.responses import RESPONSES
 from sblcosim.study import again, runner, study
@@ -211,3 +214,36 @@ def test_what_is_wrong_with_a_grid_is_said_in_one_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         small(**changes)
     assert "\n" not in str(caught.value)
+
+
+def test_a_grid_is_analysed_by_its_levels(tmp_path: Path) -> None:
+    made = small(
+        replicates=4, conditions={"sea": {**SEA, "levels": [2, 4]}},
+        factors={"gps": GPS, "boat": {**BOAT, "label": "boat type"},
+                 "estimator": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}},
+    )  # fmt: skip
+    table = made.run(tmp_path / "out")
+    found = reports.save(tmp_path / "out", tmp_path / "page", transform="log")
+    assert isinstance(found, GeneralFactorial)
+    assert found.factors == ("gps", "boat", "estimator")
+    assert found.runs == 8 * 4
+    mean = found.means.set_index(["factor", "level"]).loc[("estimator", "ekf")]
+    runs = table.groupby(["replicate", "gps", "boat"])[f"ekf.{TOTAL}"].mean()
+    assert mean["mean"] == pytest.approx(np.log(runs).mean(), rel=1e-12)
+    page = (tmp_path / "page" / "report.html").read_text()
+    assert "boat type" in page
+    assert "sea (condition, average)" in page
+    document = contents.analysis(found, tmp_path, tmp_path)
+    assert {(row.factor, row.level) for row in document.levels} == {
+        ("gps", "standalone"), ("gps", "rtk_fixed"), ("boat", "rib"), ("boat", "ship"),
+        ("estimator", "ekf"), ("estimator", "sequential"),
+    }  # fmt: skip
+    assert len(document.pairs) == 3
+    with pytest.raises(ConfigurationError, match="error: must be left out for a design of kind"):
+        reports.save(tmp_path / "out", tmp_path / "other", error="residual")
+
+
+def test_receivers_that_are_a_factor_share_the_noise() -> None:
+    factors = {"gps": GPS, "r": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}}
+    with pytest.raises(ConfigurationError, match="seeding: must be 'common' with receivers as a"):
+        small(factors=factors, seeding="independent")

@@ -19,19 +19,20 @@ from pyarrow import parquet
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.fmus.build.factory import build
 from sblcosim.study import again, campaign, definition, runner, store, study
+from sblcosim.study import parts as stored
 
 FLIPS = 300
 
 
 def test_a_part_without_its_columns_is_one_line(tmp_path: Path) -> None:
     runner.run(small(), tmp_path)
-    (part, *_) = store._parts(tmp_path)
+    (part, *_) = parts(tmp_path)
     short = parquet.read_table(part).drop_columns(["replicate"])
     stream = pa.BufferOutputStream()
     parquet.write_table(short, stream)
     content = stream.getvalue().to_pybytes()
     part.unlink()
-    (part.parent / store._name(part.stem.rpartition("-")[0], content)).write_bytes(content)
+    (part.parent / stored.named(part.stem.rpartition("-")[0], content)).write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"must have a column replicate, got none$"):
         store.table(tmp_path)
 
@@ -89,7 +90,7 @@ def test_every_flipped_bit_of_a_part_is_found(out: Path) -> None:
     good = path.read_bytes()
     for content in (*flips(good, 1), b"", good[:-1], good + b"\0"):
         path.write_bytes(content)
-        assert store._parquet(path) is None
+        assert not stored.is_intact(path)
         assert len(store.finished(out)) == 2
     for refused in (store.table, lambda place: again.replay(place, "a")):
         with pytest.raises(ConfigurationError) as caught:

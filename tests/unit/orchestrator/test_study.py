@@ -117,7 +117,8 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"factors": {"arm": {**ARM, "levels": [1, 1.0]}}}, r"levels that differ, got 1 twice"),
     ({"factors": {"arm": {**ARM, "levels": [1]}}}, "must have at least two levels, got 1"),
     ({"factors": {"arm": {**ARM, "levels": [1, -1]}}}, "levels: platform.arm_length_m: must be at"),
-    ({"factors": {"arm": {**ARM, "levels": ["a", 1]}}}, "must have numbers as levels in this design, got .a.; a grid"),
+    ({"factors": {"arm": {**ARM, "levels": ["a", 1]}}},
+     "must have numbers as levels in this design, got .a.; a grid"),
     ({"factors": {"arm": {**ARM, "keys": []}}}, "keys: must have at least one key"),
     ({"factors": {"arm": {**ARM, "level": 1}}}, "there is no key 'level'; did you mean 'levels'"),
     ({"factors": {"arm": ARM, "length": ARM}}, "must belong to one factor, got arm, too"),
@@ -140,7 +141,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
     ({"settling_time": 1}, "there is no key 'settling_time'; did you mean 'settling_time_s'"),
     (
         {"design": {"kind": "half"}},
-        r"\[design\] kind: must be 'full', 'fraction', 'sweep', 'grid' or 'single'",
+        r"\[design\] kind: must be 'full', 'fraction', 'sweep', 'grid', 'space' or 'single'",
     ),
     ({"design": {"kind": "fraction"}}, "must have generators or a resolution"),
     ({"design": {"resolution": 3}}, "must be 'fraction' with generators or a resolution"),
@@ -544,8 +545,8 @@ def test_a_run_of_other_fmus_is_not_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = small().run(tmp_path / "out")
-    original = campaign.digest_of
-    monkeypatch.setattr(again, "digest_of", lambda *args: original(*args)[::-1])
+    original = campaign.point_digest
+    monkeypatch.setattr(again, "point_digest", lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         again.replay(tmp_path / "out", table["run_id"][0])
 

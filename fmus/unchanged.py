@@ -1,0 +1,32 @@
+"""Answers that are worked out once while no file changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TypeVar
+
+T = TypeVar("T")
+
+_ANSWERS: ContextVar[dict[Hashable, object] | None] = ContextVar("answers", default=None)
+
+
+@contextmanager
+def assumed() -> Iterator[None]:
+    """While it lasts, files are taken to stay as they are, and are looked at once."""
+    token = _ANSWERS.set({})
+    try:
+        yield
+    finally:
+        _ANSWERS.reset(token)
+
+
+def once(question: Hashable, answer: Callable[[], T]) -> T:
+    """The answer to a question about files, which is kept while they are assumed unchanged."""
+    answers = _ANSWERS.get()
+    if answers is None:
+        return answer()
+    if question not in answers:
+        answers[question] = answer()
+    return answers[question]  # type: ignore[return-value]

@@ -1,0 +1,224 @@
+"""Analysis of designs whose factors have any number of levels, numbers or words, balanced or not.
+
+The model is the general linear one: a mean, a main effect of each factor, and interactions
+(Montgomery, Design and Analysis of Experiments, 8th edition, chapters 5 and 15.2). How its terms
+are defined is said in `sblcosim.analysis.linear`, where errors come from in
+`sblcosim.analysis.variance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+import pandas as pd
+
+from ..errors import ConfigurationError, check_choice, nearest
+from ..shown import Picture, Shown, folded, page, verbatim
+from . import general_sentences as sentences
+from .bounds import runs_to_see
+from .cells import Cells, Level, cells_of
+from .general_tables import GeneralAnalysis
+from .linear import LinearModel, Type, fitted_model
+from .model import term_name
+from .options import Options, Seeding, Transform
+from .variance import Errors, anova_table, cell_table, means_table, pair_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..style import ThemeName
+
+LOST = "lost"
+"""Column of lost runs."""
+CONTAMINATION = 0.05
+"""The share of bad runs of which one should have been seen at each level."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GeneralFactorial(Shown, GeneralAnalysis):
+    __doc__ = GeneralAnalysis.__doc__  # the class that users see
+
+    def text(self, *, verbose: bool = False, width: int | None = None, most: int = 12) -> str:
+        """The analysis in words: the answer, the analysis of variance, the means of the levels.
+
+        Parameters
+        ----------
+        verbose
+            With the `most` largest differences of each factor, and how it was analysed.
+        width
+            Columns to fit into; None: sentences are not wrapped.
+        """
+        return sentences.summary(self.readable, most, verbose, width)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _gist(self) -> str:
+        sizes = ", ".join(f"{name} ({len(levels)})" for name, levels in self.levels.items())
+        return f"of {self.runs} runs, {self.response} by {sizes}"
+
+    def _repr_html_(self) -> str:
+        shown = self.readable
+        return page(
+            f"Means of {shown.quantity}",
+            f"<p>{escape(sentences.answer(shown))}</p>",
+            shown.anova.to_html(float_format="{:.4g}".format, border=0, na_rep=""),
+            shown.means.to_html(float_format="{:.4g}".format, border=0, index=False),
+            folded("How to read the numbers", verbatim("\n".join(sentences.notes(shown)))),
+        )
+
+    def plot_means(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.general_figures.plot_means`."""
+        from . import general_figures  # loads Matplotlib
+
+        return Picture(general_figures.plot_means(self.readable, ax, theme), ax)
+
+    def plot_interactions(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.general_figures.plot_interactions`."""
+        from . import general_figures  # loads Matplotlib
+
+        return Picture(general_figures.plot_interactions(self.readable, ax, theme), ax)
+
+    def plot_pairs(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
+        """See `sblcosim.analysis.general_figures.plot_pairs`."""
+        from . import general_figures  # loads Matplotlib
+
+        return Picture(general_figures.plot_pairs(self.readable, ax, theme), ax)
+
+
+def analyse(
+    table: pd.DataFrame,
+    factors: Sequence[str],
+    response: str,
+    *,
+    order: int = 2,
+    typ: Type = 2,
+    transform: Transform = "none",
+    seeding: Seeding = "independent",
+    replicate: str = "replicate",
+    confidence: float = 0.95,
+    levels: Mapping[str, Sequence[Level]] | None = None,
+    lost: str = LOST,
+    labels: Mapping[str, str] | None = None,
+    label: str = "",
+    units: Mapping[str, str] | None = None,
+    unit: str = "",
+) -> GeneralFactorial:
+    """Analyse an experiment whose factors have any number of levels, balanced or not.
+
+    Parameters
+    ----------
+    table
+        One row per run: levels, numbers or words, and the response. Rows without a finite response
+        are left out.
+    factors, response
+        Columns.
+    order
+        Interactions of up to so many factors are in the model. If the combinations of levels that
+        have runs cannot estimate them all, main effects are taken alone, and the result says so.
+    typ
+        Of the sums of squares: 2 or 3.
+    transform
+        ``log`` analyses the natural logarithm of the response.
+    seeding
+        ``common`` if the runs of a replicate share their random numbers.
+    replicate
+        Column of the replicate's number, for common random numbers.
+    confidence
+        Of intervals.
+    levels
+        All levels of some factors, in their order; that of the others is the order in the table.
+    lost
+        Column that is not zero for lost runs, if the table has it: their share stands beside every
+        mean.
+    labels, label, units, unit
+        For texts: names of the factors and of the response, and their units.
+
+    Raises
+    ------
+    ConfigurationError
+        A column, a level or an option is not as it must be, main effects cannot be told apart, or
+        nothing is left to estimate an error from.
+    """
+    factors = tuple(factors)
+    check_choice("transform", transform, ("none", "log"))
+    check_choice("typ", typ, get_args(Type))
+    options = Options(
+        seeding=seeding, transform=transform, error="pure", practical=None, confidence=confidence,
+        unit=unit, replicate=replicate, run_order="",
+    )
+    if lost != LOST and lost not in table:
+        raise ConfigurationError(
+            f"lost: must be a column of the table, got {lost!r}"
+            + nearest(lost, map(str, table.columns))
+        )
+    cells = cells_of(table, factors, response, levels or {}, lost, options)
+    model = fitted_model(cells, order)
+    names = {"labels": dict(labels or {}), "units": dict(units or {})}
+    for where, given in names.items():
+        for name in given:
+            if name not in factors:
+                raise ConfigurationError(
+                    f"{where}: must be of the factors, got {name!r}" + nearest(name, factors)
+                )
+    return _assembled(response, options, typ, model, label, names)
+
+
+def _assembled(
+    response: str,
+    options: Options,
+    typ: Type,
+    model: LinearModel,
+    label: str,
+    names: Mapping[str, Mapping[str, str]],
+) -> GeneralFactorial:
+    """All tables of a model."""
+    cells, errors, confidence = model.cells, Errors(model), options.confidence
+    anova = anova_table(model, typ)
+    means = means_table(model, errors, confidence)
+    total: Any = anova.loc["total"]
+    residual: Any = anova.loc["residual"]
+    return GeneralFactorial(
+        response=response,
+        unit="" if options.is_ratio else options.unit,
+        transform=options.transform,
+        levels=cells.levels,
+        terms=model.terms,
+        typ=typ,
+        left_out=tuple(term_name(term, cells.factors) for term in model.left_out),
+        seeding=options.seeding,
+        confidence=confidence,
+        anova=anova,
+        means=means,
+        cells=cell_table(model, errors, confidence),
+        pairs=pair_table(model, errors, confidence, options.is_ratio),
+        runs=int(cells.runs.sum()),
+        combinations=len(cells.runs),
+        dropped=cells.dropped,
+        df=float(residual["df"]),
+        rmse=float(np.sqrt(residual["mean_sq"])),
+        r2=1 - (model.pure[0] + model.lack[0]) / float(total["sum_sq"]),
+        spread=_spread(cells),
+        far=cells.far,
+        far_log=cells.far_log,
+        heavy=cells.heavy,
+        skewness=cells.skewness,
+        fewest=int(means["runs"].min()),
+        runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
+        empty=cells.empty,
+        label=label,
+        **names,
+    )
+
+
+def _spread(cells: Cells) -> tuple[float, float]:
+    """Smallest and largest standard deviation of the cells."""
+    several = cells.runs > 1
+    if not several.any():
+        return np.nan, np.nan
+    std = np.sqrt(cells.squares[several] / (cells.runs[several] - 1))
+    return float(std.min()), float(std.max())

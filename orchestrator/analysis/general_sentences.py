@@ -1,0 +1,251 @@
+"""What an analysis of factors with many levels says, in words and tables for people to read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..layout import fitted, table
+from .bounds import runs_for_t
+from .cells import Level
+from .general_tables import GeneralAnalysis
+from .model import MAX_LISTED
+from .sentences import left_out, minus, p_value, percent, quantity, rounded
+
+MOST_NAMED = 3
+"""Most levels or factors that a sentence names."""
+UNEQUAL = 2.0
+"""Ratio of standard deviations from which on it is said that they are not equal."""
+
+
+def level_text(level: Level, unit: str = "") -> str:
+    """A level with its unit; true and false are words."""
+    if isinstance(level, bool | str):
+        return str(level).lower() if isinstance(level, bool) else level
+    return quantity(level, unit)
+
+
+def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None) -> str:
+    """The answer, the analysis of variance, the means of the levels, and in detail the rest."""
+    a = analysis
+    level = f"{100 * a.confidence:.4g} %"
+    lines = [
+        answer(a),
+        *warnings(a),
+        "",
+        f"Analysis of variance of {a.quantity}, type {'I' * a.typ}:",
+        *table(_anova_rows(a), width, ("source", "df", "sum_sq", "mean_sq", "F", "p"), range(1, 6)),
+        "",
+        f"Means of {a.quantity}{_in_unit(a)}, {level} intervals, and the share of lost runs:",
+        *table(_mean_rows(a), width, ("factor", "level", "mean", "low", "high", "runs", "lost"),
+               range(2, 7)),
+        *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
+          left_out(a.dropped, a.seeding == "common")),
+    ]
+    return fitted("\n".join(lines), width)
+
+
+def answer(analysis: GeneralAnalysis) -> str:
+    """Which factor matters, and between which levels, in a few sentences.
+
+    A factor is named from its worst to its best level, as if less of the response is better.
+    """
+    a = analysis
+    what = f"the {'geometric mean of the ' if a.transform == 'log' else ''}{a.response}"
+    largest = _largest(a)
+    same = [name for name in a.factors if name not in largest]
+    parts: list[str] = []
+    for name, row in list(largest.items())[:MOST_NAMED]:
+        size, interval = _size(a, row)
+        first = not parts
+        how = f" ({100 * a.confidence:.4g}% simultaneous interval {interval})" if first else (
+            f" ({interval})")
+        parts.append(f"{name} from {_ends(a, name, row)}, by {size}{how}{_as_good(a, name, row)}")
+    sentences = []
+    if parts:
+        more = len(largest) - len(parts)
+        falls = f"{what[0].upper()}{what[1:]} falls{' most' if len(a.factors) > 1 else ''} with "
+        sentences.append(falls + "; then with ".join(parts)
+                         + (f"; {more} more factors change it." if more > 1 else
+                            "; 1 more factor changes it." if more else "."))
+        if same:
+            named = _listed(same, " or ")
+            sentences.append(f"No two levels of {named} can be told apart.")
+    else:
+        sentences.append(f"No two levels of a factor can be told apart by {what}.")
+    several = a.anova[[len(term) > 1 for term in a.terms]
+                      + [False] * (len(a.anova) - len(a.terms))]
+    sure = several[several["p"] < 1 - a.confidence].sort_values("sum_sq", ascending=False)
+    if len(sure):
+        share = sure["sum_sq"].iloc[0] / a.anova.loc["total", "sum_sq"]
+        sentences.append(f"The largest interaction is {sure.index[0]} ({percent(share)} of the sum "
+                         "of squares).")
+    if a.left_out:
+        sentences.append("Main effects only: the combinations of levels that have runs cannot "
+                         f"estimate {_listed(list(a.left_out), ' and ', MAX_LISTED)}.")
+    elif len(a.factors) > 1 and max(map(len, a.terms)) == 1:
+        sentences.append("Interactions are not in the model.")
+    return " ".join(sentences)
+
+
+def warnings(analysis: GeneralAnalysis) -> list[str]:
+    """What stands against the means and their intervals: heavy tails, or too few runs."""
+    a = analysis
+    lines = []
+    if a.heavy:
+        text = (f"Heavy tails: {percent(a.far)} of the runs lie more than 5 robust standard "
+                "deviations from the median of their combination of levels, so that means rest on "
+                "few runs and their intervals may be too short.")
+        if a.far_log < a.far / 2:
+            text += (f" Of the logarithms it is {percent(a.far_log)}: transform log compares "
+                     "typical runs.")
+        lines.append(text)
+    if not np.isnan(a.skewness) and a.fewest < runs_for_t(a.skewness):
+        lines.append(f"Skewed runs (skewness {minus(f'{a.skewness:.2g}')}): intervals of means "
+                     f"hold from about {runs_for_t(a.skewness)} runs at each level on (Cochran's "
+                     f"rule), there are {a.fewest} at the one with the fewest.")
+    if a.fewest < a.runs_needed:
+        lines.append("If 1 run in 20 is a bad one, some level may have shown none, and intervals "
+                     f"say nothing about them: that takes {a.runs_needed} runs at each level, "
+                     f"there are {a.fewest} at the one with the fewest.")
+    return lines
+
+
+def notes(analysis: GeneralAnalysis) -> list[str]:
+    """Method and quality of the model, in sentences."""
+    a = analysis
+    several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
+    lines = [f"{a.runs} runs of {a.combinations} combinations of levels; R² {a.r2:.2%}; root of "
+             f"the residual mean square {a.rmse:.4g}."]
+    lines += left_out(a.dropped, a.seeding == "common")
+    if a.empty:
+        lines.append(f"Levels without a run that counts: {_listed(list(a.empty), ', ')}.")
+    lines.append(
+        "A mean counts each combination of the other factors' levels once, and its interval holds "
+        f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
+        f"{max(several)}), by Bonferroni's inequality."
+    )
+    if np.isnan(a.far):
+        lines.append("Heavy tails cannot be told: no combination of levels has 10 runs.")
+    if a.seeding == "common":
+        lines.append("The runs of a replicate share their noise: differences are paired in each "
+                     "replicate, and each F has its own error, with Greenhouse and Geisser's "
+                     "degrees of freedom.")
+    else:
+        least, largest = a.spread
+        text = "F supposes equal variances; intervals do not (Welch)."
+        if np.isnan(least):
+            text = ("No combination of levels has two runs: F and intervals suppose equal "
+                    "variances, and the error is the scatter about the model.")
+        elif largest > UNEQUAL * least:
+            text += (f" The standard deviations of the combinations go from {least:.3g} to "
+                     f"{largest:.3g}.")
+        lines.append(text)
+    return lines
+
+
+def _largest(analysis: GeneralAnalysis) -> dict[str, Any]:
+    """The largest sure difference of each factor that has one, the largest first."""
+    sure = analysis.pairs[analysis.pairs["differs"]]
+    ranked = sure.sort_values("difference", key=np.abs, ascending=False, kind="stable")
+    found: dict[str, Any] = {}
+    for row in ranked.itertuples():
+        found.setdefault(str(row.factor), row)
+    return found
+
+
+def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+    """The worse and the better level."""
+    unit = analysis.units.get(name, "")
+    ends = [level_text(level, unit) for level in (row.one, row.other)]
+    return " to ".join(ends if row.difference > 0 else ends[::-1])
+
+
+def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+    """The levels that cannot be told from the better one."""
+    best = row.other if row.difference > 0 else row.one
+    own = analysis.pairs[(analysis.pairs["factor"] == name) & ~analysis.pairs["differs"]]
+    unit = analysis.units.get(name, "")
+    tied = [level_text(b if a == best else a, unit)
+            for a, b in zip(own["one"], own["other"], strict=True) if best in (a, b)]
+    return f", where {_listed(tied, ' and ')} cannot be told from it" if tied else ""
+
+
+def _size(analysis: GeneralAnalysis, row: Any) -> tuple[str, str]:
+    """The size of a difference, and its interval."""
+    ends = sorted(np.sign(row.difference) * np.array([row.low, row.high]))
+    size = abs(row.difference)
+    if analysis.transform == "log":
+        size, *ends = np.exp([size, *ends])
+    shown = f"{rounded(ends[0])} to {rounded(ends[1])}"
+    if analysis.transform == "log":
+        return f"a factor of {rounded(size)}", shown
+    return f"{rounded(size)} {analysis.unit}".rstrip(), shown
+
+
+def _listed(names: list[str], last: str, most: int = MOST_NAMED) -> str:
+    """The first names, and how many more there are."""
+    if len(names) > most:
+        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return last.join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _in_unit(analysis: GeneralAnalysis) -> str:
+    return f" [{analysis.unit}]" if analysis.unit else ""
+
+
+def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+    return [
+        (str(name), f"{row['df']:g}",
+         *("" if np.isnan(x) else minus(f"{x:.4g}") for x in (row["sum_sq"], row["mean_sq"],
+                                                              row["F"])),
+         "" if np.isnan(row["p"]) else p_value(row["p"]))
+        for name, row in analysis.anova.iterrows()
+    ]
+
+
+def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+    rows = []
+    before = ""
+    row: Any
+    for row in analysis.means.itertuples():
+        name = str(row.factor)
+        unit = analysis.units.get(name, "")
+        rows.append((name if name != before else "", level_text(row.level, unit),
+                     *(minus(f"{x:.4g}") for x in (row.mean, row.low, row.high)),
+                     f"{row.runs}", percent(float(row.lost))))
+        before = name
+    return rows
+
+
+def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> list[str]:
+    """The largest differences of each factor."""
+    a = analysis
+    rows: list[tuple[str, ...]] = []
+    for name, own in a.pairs.groupby("factor", sort=False):
+        ranked = own.sort_values("difference", key=np.abs, ascending=False, kind="stable")
+        rows += [_difference_row(a, str(name), row) for row in ranked.head(most).itertuples()]
+        if len(ranked) > most:
+            rows.append((str(name), f"and {len(ranked) - most} smaller", *[""] * 4))
+    ratios = a.transform == "log"
+    what = f"Ratios of the geometric means of {a.response}" if ratios else (
+        f"Differences of the means of {a.quantity}{_in_unit(a)}")
+    head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p")
+    return [f"{what}, {100 * a.confidence:.4g} % intervals for all pairs of a factor at once:",
+            *table(rows, width, head, range(2, 6))]
+
+
+def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str, ...]:
+    ratios, pair = analysis.transform == "log", pair_texts(row, analysis)
+    values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
+              (row.difference, row.low, row.high))
+    return (name, (" / " if ratios else " − ").join(pair), *(minus(f"{x:.4g}") for x in values),
+            "" if pd.isna(row.p) else p_value(row.p))
+
+
+def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:
+    """The two levels of a difference."""
+    unit = analysis.units.get(str(row.factor), "")
+    return level_text(row.one, unit), level_text(row.other, unit)

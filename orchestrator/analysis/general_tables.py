@@ -1,0 +1,134 @@
+"""The numbers and tables of an analysed experiment with factors of any number of levels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import pandas as pd
+
+from .cells import Level
+from .linear import Type
+from .model import Term, term_name
+from .options import Seeding, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralAnalysis:
+    """The numbers of an analysed experiment with factors of any number of levels.
+
+    Attributes
+    ----------
+    response, unit, transform
+        The analysed quantity. With ``log`` it is the natural logarithm; differences are then
+        logarithms of ratios.
+    levels
+        Levels of each factor that have runs, in their order.
+    terms, typ
+        The model without its mean, as indices of the factors, and the type of its sums of squares.
+    left_out
+        Interactions that were wished but cannot be estimated from the combinations of levels that
+        have runs: then the model has main effects alone.
+    seeding, confidence
+        Whether the runs of a replicate share their noise; of intervals.
+    anova
+        Per ``source`` (terms, residual, total and others): ``df``, ``sum_sq``, ``mean_sq``, ``F``,
+        ``p``; see `sblcosim.analysis.variance.anova_table`.
+    means
+        Marginal means, each combination of the other factors' levels counted once: ``factor``,
+        ``level``, ``runs``, ``lost`` (share of the table's runs that are lost or have no finite
+        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone).
+    cells
+        The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
+    pairs
+        Differences of the levels of each factor: ``factor``, ``one``, ``other``, ``difference``
+        (of one less other), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``, ``high``
+        (intervals that hold for all pairs of the factor at once), ``differs``; ``ratio``,
+        ``ratio_low``, ``ratio_high`` for logarithms.
+    runs, combinations, dropped
+        Runs that were analysed, combinations of levels that they are of, and runs left out because
+        their response is not finite (or, with common random numbers, their replicate incomplete).
+    df, rmse, r2
+        Degrees of freedom and root of the residual mean square; share of the sum of squares that
+        the model explains.
+    spread
+        Smallest and largest standard deviation of the combinations that have two runs or more.
+    far, far_log
+        Share of the runs more than 5 robust standard deviations from the median of their
+        combination, of the response and of its logarithm; NaN if no combination has 10 runs.
+    heavy
+        Whether these are so many that the tails are heavy.
+    skewness
+        Of the runs about the mean of their combination; NaN as `far`.
+    fewest, runs_needed
+        Runs at the level that has the fewest, and as many as it takes to have seen a bad run at
+        every level if 1 in 20 is one.
+    empty
+        Levels without any run that counts.
+    units
+        Of the factors, for texts.
+    labels, label
+        Names for people to read, of the factors and of the response, if they have any.
+    """
+
+    response: str
+    unit: str
+    transform: Transform
+    levels: Mapping[str, tuple[Level, ...]]
+    terms: tuple[Term, ...]
+    typ: Type
+    left_out: tuple[str, ...]
+    seeding: Seeding
+    confidence: float
+    anova: pd.DataFrame
+    means: pd.DataFrame
+    cells: pd.DataFrame
+    pairs: pd.DataFrame
+    runs: int
+    combinations: int
+    dropped: int
+    df: float
+    rmse: float
+    r2: float
+    spread: tuple[float, float]
+    far: float
+    far_log: float
+    heavy: bool
+    skewness: float
+    fewest: int
+    runs_needed: int
+    empty: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the factors."""
+        return tuple(self.levels)
+
+    @property
+    def quantity(self) -> str:
+        """The analysed quantity in words."""
+        return f"ln {self.response}" if self.transform == "log" else self.response
+
+    @property
+    def readable(self) -> Self:
+        """The same with `labels` and `label` instead of the columns' names, for people."""
+        names = {name: self.labels.get(name, name) for name in self.factors}
+        terms = {term_name(term, self.factors): term_name(term, tuple(names.values()))
+                 for term in self.terms}
+        return replace(
+            self,
+            response=self.label or self.response,
+            levels={names[name]: levels for name, levels in self.levels.items()},
+            anova=self.anova.rename(index=terms),
+            means=self.means.assign(factor=self.means["factor"].map(names)),
+            cells=self.cells.assign(first=self.cells["first"].map(names),
+                                    second=self.cells["second"].map(names)),
+            pairs=self.pairs.assign(factor=self.pairs["factor"].map(names)),
+            units={names[name]: unit for name, unit in self.units.items() if name in names},
+            labels={},
+            label="",
+        )

@@ -1,0 +1,237 @@
+"""Sobol' indices of an analysed sample: their numbers, and what they say in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, log2
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..layout import fitted, table
+from ..study.space import SEED_FACTOR, Sample
+from .sentences import minus
+
+Floats = NDArray[np.float64]
+Scale = Literal["none", "log"]
+WIDEST = 0.2
+"""Width of an interval from which on more base rows are advised."""
+NEGLIGIBLE = 0.05
+"""Total index below which a factor is not named in the answer."""
+LEAST_EVENTS = 20
+"""Runs of the rarer of two values that indices can be made of."""
+TAIL, HEAVY = 0.01, 0.5
+"""Tails are heavy if this share of the runs, the farthest, has so much of the variance."""
+CHANCE = "chance (the seed)"
+
+
+@dataclass(frozen=True, eq=False)
+class SobolIndices:
+    """Sobol' indices of a response.
+
+    Attributes
+    ----------
+    response, transform
+        The analysed quantity; with ``log`` its natural logarithm.
+    sample
+        The runs that were analysed.
+    values
+        The response of each run, not transformed; shape (rows,).
+    used
+        Whether a base row counts; shape (base rows,). Those with a run without a finite response do
+        not.
+    indices
+        One row per factor, the last for the seed: ``first``, ``first_low``, ``first_high``,
+        ``total``, ``total_low``, ``total_high``: the indices and their confidence intervals.
+    tail
+        Share of the variance that the farthest 1 % of the runs make.
+    confidence
+        Of the intervals.
+    lost
+        Share of lost runs, where it is known.
+    label
+        The response's name for people, if it has one.
+    """
+
+    response: str
+    transform: Scale
+    sample: Sample
+    values: Floats
+    used: NDArray[np.bool_]
+    indices: pd.DataFrame
+    tail: float
+    confidence: float
+    lost: float | None = None
+    label: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """The analysed quantity in words."""
+        return f"{'ln ' if self.transform == 'log' else ''}{self.label or self.response}"
+
+    @property
+    def runs(self) -> int:
+        """Runs that were analysed."""
+        return int(self.used.sum()) * self.sample.runs_per_row
+
+    @property
+    def independent_runs(self) -> NDArray[np.int64]:
+        """The runs at A and at B, from 0; shape (2, base rows used)."""
+        at_a = np.flatnonzero(self.used) * self.sample.runs_per_row
+        return np.array([at_a, at_a + self.sample.runs_per_row - 1])
+
+    @property
+    def independent(self) -> Floats:
+        """The response in the independent runs; shape (2, base rows used)."""
+        return self.values[self.independent_runs]
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether the response is 0 or 1, as ``lost``."""
+        return self.transform == "none" and bool(np.isin(self.independent, (0.0, 1.0)).all())
+
+    @property
+    def heavy(self) -> bool:
+        """Whether few runs make most of the variance."""
+        return self.transform == "none" and not self.is_flag and self.tail > HEAVY
+
+    @property
+    def widest(self) -> float:
+        """Width of the widest interval."""
+        i = self.indices
+        widths = [i["first_high"] - i["first_low"], i["total_high"] - i["total_low"]]
+        return float(max(width.max() for width in widths))
+
+    @property
+    def base_rows_needed(self) -> int:
+        """Base rows for intervals that are no wider than `WIDEST`, as widths fall with 1/√n."""
+        n = self.sample.base_rows
+        if self.widest <= WIDEST:
+            return n
+        return int(2 ** ceil(log2(n * (self.widest / WIDEST) ** 2)))
+
+    def ranked(self) -> pd.DataFrame:
+        """The indices, the largest total first."""
+        return self.indices.sort_values("total", ascending=False, kind="stable")
+
+    def name_of(self, factor: str) -> str:
+        """Name of a factor for people."""
+        labels = {f.name: f.label or f.name for f in self.sample.factors}
+        return labels.get(factor, CHANCE)
+
+
+# --- Sentences -----------------------------------------------------------------------------------
+
+
+def answer(found: SobolIndices, most: int = 3) -> str:
+    """What explains the variance, in a few sentences: the largest factors, and chance."""
+    ranked = found.ranked().drop(index=SEED_FACTOR)
+    named = [str(name) for name in ranked.index[ranked["total"] >= NEGLIGIBLE][:most]]
+    rest = [str(name) for name in ranked.index if name not in named]
+    level = f"{100 * found.confidence:.4g} % interval "
+    parts: list[str] = []
+    for name in named:
+        of = f" of the variance of {found.quantity}" if not parts else ""
+        parts.append(f"{found.name_of(name)} alone explains {_shares(found, name, of, level)}")
+        level = ""
+    if rest:
+        largest = max(0.0, float(ranked.loc[rest, "total_high"].max()))
+        names = ", ".join(map(found.name_of, rest))
+        of = f" of the variance of {found.quantity}" if not parts else ""
+        parts.append(
+            f"{names}: {'less than 1 %' if largest < 0.01 else f'at most {_percent(largest)}'}"
+            f"{' each' if len(rest) > 1 else ''}{of}, interactions included"
+        )
+    nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
+    parts.append(f"{CHANCE} " + ("nothing" if nothing else f"alone {_shares(found, SEED_FACTOR)}"))
+    return "; ".join(parts) + "."
+
+
+def summary(found: SobolIndices, width: int | None = None) -> str:
+    """The answer, the table of indices, and what is to be minded.
+
+    Parameters
+    ----------
+    width
+        Columns to fit into; None: sentences are not wrapped.
+    """
+    columns = ["first", "low", "high", "total", "low", "high"]
+    ranked = found.ranked()
+    rows = [
+        (found.name_of(str(name)), *(minus(f"{value:z.3f}") for value in row))
+        for name, row in zip(ranked.index, ranked.to_numpy(), strict=True)
+    ]
+    lines = [
+        answer(found),
+        "",
+        f"Sobol' indices of {found.quantity}, {100 * found.confidence:.4g} % intervals:",
+        *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
+        *notes(found),
+    ]
+    return fitted("\n".join(lines), width)
+
+
+def notes(found: SobolIndices) -> list[str]:
+    """What is to be minded, in sentences."""
+    return [*_notes(found)]
+
+
+def _notes(found: SobolIndices) -> Iterator[str]:
+    sample = found.sample
+    rows = int(found.used.sum())
+    yield (
+        f"{rows} base rows of {sample.runs_per_row} runs: {found.runs} runs, {2 * rows} of them "
+        "independent."
+    )
+    gone = sample.base_rows - rows
+    if gone:
+        without = int((~np.isfinite(found.values)).sum())
+        yield (
+            f"{gone} of {sample.base_rows} base rows {'is' if gone == 1 else 'are'} left out, for "
+            f"{without} of their runs {'has' if without == 1 else 'have'} no finite response: the "
+            "indices are those of the part of the space where there is one."
+        )
+    if found.lost is not None:
+        yield f"{_percent(found.lost)} of the runs are lost."
+    if found.is_flag:
+        count = int(min(found.independent.sum(), (1 - found.independent).sum()))
+        if count < LEAST_EVENTS:
+            yield (
+                f"Only {count} of the {2 * rows} independent runs "
+                f"{'differs' if count == 1 else 'differ'} from the others: indices of so few say "
+                f"little; {LEAST_EVENTS} or more are needed."
+            )
+    if found.heavy:
+        positive = bool((found.values[np.isfinite(found.values)] > 0).all())
+        yield (
+            f"Heavy tails: {_percent(TAIL)} of the runs make {_percent(found.tail)} of the "
+            "variance, and the indices are those of these few"
+            + ("; analyse the logarithm." if positive else ".")
+        )
+    needed = found.base_rows_needed
+    if needed > sample.base_rows:
+        more = (needed - sample.base_rows) * sample.runs_per_row
+        yield (
+            f"The widest interval is {found.widest:.2f} wide: for {WIDEST} about {needed} base "
+            f"rows are needed, {more} more runs."
+        )
+
+
+def _shares(found: SobolIndices, name: str, of: str = "", level: str = "") -> str:
+    """The two indices of a factor and their intervals; the first is that `of` something."""
+    row: Any = found.indices.loc[name]
+    first, total = (
+        " to ".join(minus(f"{100 * row[f'{kind}_{end}']:z.0f}") for end in ("low", "high"))
+        for kind in ("first", "total")
+    )
+    # a total index is no less than a first-order one: if its estimate is, that is chance
+    size = "as much" if row["total"] <= row["first"] else _percent(row["total"])
+    alone = f"{_percent(max(0.0, row['first']))} ({level}{first}){of}"
+    return f"{alone}, with interactions {size} ({total})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.0995 or share == 0 else f"{100 * share:.2g} %"

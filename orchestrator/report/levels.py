@@ -1,0 +1,109 @@
+"""The part of a study's report that is of a grid: factors with any number of levels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from ..analysis import general_figures as plots
+from ..analysis import general_sentences as sentences
+from ..analysis.general import GeneralFactorial
+from ..results.catalogue import Figure, by_name
+from ..study.study import Study
+from .common import DEFINITIONS
+from .factorial import factor_table
+from .formats import number, probability, span
+from .page import Table, Text
+from .parts import Parts, pictures
+
+MOST_ROWS = 60
+"""Pairs of levels that a table of the page shows; the file has all."""
+
+
+def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
+    return (found,)
+
+
+FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
+    Figure(
+        "main_effects", plots.plot_means, _of,
+        lambda a: f"Mean {a.quantity} at each level, every combination of the others counted "
+        "once; bars are the intervals of these means alone.",
+        lambda a: f"Means of {a.quantity} by level of {', '.join(a.factors)}",
+    ),
+    Figure(
+        "pairs", plots.plot_pairs, _of,
+        lambda a: "Differences of levels, with intervals that hold for all pairs of a factor at "
+        "once: what leaves zero differs.",
+        lambda a: "Differences of pairs of levels with simultaneous intervals",
+    ),
+    Figure(
+        "interactions", plots.plot_interactions, _of,
+        lambda a: f"Interactions: mean {a.quantity} at pairs of levels. Lines that are not "
+        "parallel are an interaction.",
+        lambda a: "Interaction plots of pairs of factors",
+        lambda a: len(a.factors) > 1,
+    ),
+)  # fmt: skip
+"""The figures of a grid."""
+
+
+def parts(study: Study, found: GeneralFactorial, folder: Path) -> Parts:
+    """What is said and drawn of a grid; figures are written into the folder."""
+    a = found.readable
+    return Parts(
+        f"Which level is best: {study.name}",
+        sentences.answer(a),
+        sentences.warnings(a),
+        pictures(FIGURES, a, folder),
+        [_means(a), _pairs(a), _anova(a)],
+        [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),
+         Text(f"Settling time: {study.settling_time_s:g} s."), factor_table(study)],
+        a.runs,
+        {"anova": found.anova.reset_index(), "main_effects": found.means, "cells": found.cells,
+         "pairs": found.pairs},
+    )  # fmt: skip
+
+
+def _level(a: GeneralFactorial, row: pd.Series, column: str) -> str:
+    return sentences.level_text(row[column], a.units.get(str(row["factor"]), ""))
+
+
+def _means(a: GeneralFactorial) -> Table:
+    own = f" [{a.unit}]" if a.unit else ""
+    rows = [
+        (str(row["factor"]), _level(a, row, "level"), number(row["mean"], 4),
+         span(row["low"], row["high"], number), number(row["runs"], 6),
+         "–" if pd.isna(row["lost"]) else f"{100 * row['lost']:.3g} %")
+        for _, row in a.means.iterrows()
+    ]  # fmt: skip
+    head = ("Factor", "Level", f"Mean {a.quantity}{own}", f"Interval{own}", "Runs", "Lost")
+    return Table("Means of the levels", head, rows, (1,))
+
+
+def _pairs(a: GeneralFactorial) -> Table:
+    own = f" [{a.unit}]" if a.unit else ""
+    ordered = a.pairs.sort_values("t", key=abs, ascending=False, kind="stable").head(MOST_ROWS)
+    rows = [
+        (str(row["factor"]), f"{_level(a, row, 'one')} less {_level(a, row, 'other')}",
+         number(row["difference"], 4), span(row["low"], row["high"], number),
+         probability(row["p"]))
+        for _, row in ordered.iterrows()
+    ]  # fmt: skip
+    head = ("Factor", "Levels", f"Difference{own}", f"Simultaneous interval{own}", "p, adjusted")
+    note = "" if len(ordered) == len(a.pairs) else (
+        f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
+    )
+    return Table("Pairs of levels", head, rows, (1,), note)
+
+
+def _anova(a: GeneralFactorial) -> Table:
+    rows = [
+        (str(source), number(row["df"]), number(row["sum_sq"], 4), number(row["mean_sq"], 4),
+         number(row["F"]), probability(row["p"]))
+        for source, row in a.anova.iterrows()
+    ]  # fmt: skip
+    head = ("Source", "df", "Sum of squares", "Mean square", "F", "p")
+    return Table(f"Analysis of variance, type {'I' * a.typ}", head, rows)

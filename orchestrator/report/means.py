@@ -1,0 +1,171 @@
+"""The part of a study's report that is of a sweep, or of a study without factors: means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .. import layout
+from ..analysis import sweep, workflow
+from ..analysis.sentences import quantity as quantity_of
+from ..results.catalogue import Figure, by_name
+from ..results.responses import unit_of
+from ..study.study import Study
+from .common import DEFINITIONS
+from .factorial import factor_table
+from .formats import number, span
+from .page import Block, Table, Text
+from .parts import Parts, pictures
+
+
+@dataclass(frozen=True, eq=False)
+class Means:
+    """The mean response at each level of a sweep, or of a study without factors.
+
+    Attributes
+    ----------
+    response, unit, quantity
+        Column of the table of runs, its unit, and its words.
+    runs
+        That were analysed.
+    table
+        Of `sblcosim.analysis.sweep.means`.
+    answer
+        In a sentence or two.
+    """
+
+    study: Study
+    response: str
+    unit: str
+    quantity: str
+    runs: int
+    table: pd.DataFrame
+    answer: str
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """The answer, then the table; as `sblcosim.analysis.factorial.Factorial.text`."""
+        shown = self.table.replace({"factor": self.study.labels})
+        shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
+        rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
+        head = [str(name) for name in shown.columns]
+        lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head)))]
+        return layout.fitted("\n".join(lines), width)
+
+
+def find(study: Study, table: pd.DataFrame, column: str) -> Means:
+    """The means of a column of a table of runs."""
+    quantity, unit = workflow.words(column, table), unit_of(column)
+    runs = workflow.in_choices(study, table, column)
+    made = sweep.means(runs, list(study.factors), column, study.sweep_base)
+    count = int(np.isfinite(runs[column]).sum())
+    return Means(
+        study, column, unit, quantity, count, made, _answer(study, made, quantity, unit)
+    )
+
+
+def _answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -> str:
+    unit = f" {unit}" if unit else ""
+    if not study.factors:
+        row = means.iloc[0]
+        return (
+            f"Mean {quantity} {number(row['mean'], 4)}{unit}, "
+            f"{span(row['low'], row['high'], number)}{unit}. The study has no factors: there are "
+            "no effects to analyse."
+        )
+    parts = []
+    for name in study.factors:
+        mine = means[means["factor"] == name].reset_index(drop=True)
+        best, worst = mine.iloc[mine["mean"].argmin()], mine.iloc[mine["mean"].argmax()]
+        own = study.units[name]
+        ends = [quantity_of(row["value"], own) for row in (best, worst)]
+        parts.append(
+            f"with {study.labels[name]} it is lowest, {number(best['mean'])}{unit}, at {ends[0]} "
+            f"and highest, {number(worst['mean'])}{unit}, at {ends[1]}"
+        )
+    return (
+        f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
+        "factorial design: it has no interactions and no effects to test."
+    )
+
+
+def _shared(study: Study) -> str:
+    """Which rows of the means are of the same runs."""
+    base = dict(zip(study.factors, study.sweep_base, strict=False))
+    own = [name for name, value in base.items() if value in study.factors[name].levels]
+    if len(own) < 2:
+        return ""
+    rows = ", ".join(
+        f"{study.labels[name]} {quantity_of(float(base[name]), study.units[name])}" for name in own
+    )
+    return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """The means of a sweep, with the names of factors for people."""
+
+    shown: pd.DataFrame
+    quantity: str
+    own: str
+    units: Mapping[str, str]
+
+
+def _caption(means: _Means) -> str:
+    return f"Mean {means.quantity} at each level; bars are the intervals of the means."
+
+
+MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
+    Figure(
+        "means", sweep.plot_means,
+        lambda means: (means.shown, f"{means.quantity}{means.own}", means.units),
+        _caption, _caption,
+        lambda means: bool(means.units),
+    ),
+)  # fmt: skip
+"""The figures in the report of a sweep."""
+
+
+def parts(found: Means, folder: Path) -> Parts:
+    """What is said and drawn of means; figures are written into the folder."""
+    study, unit = found.study, found.unit
+    own = f" [{unit}]" if unit else ""
+    rows = [
+        (*_level(study, row), number(row["runs"], 6),
+         number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
+        for _, row in found.table.iterrows()
+    ]
+    head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
+            f"95% interval{own}", f"Standard deviation{own}")
+    units = {study.labels[name]: study.units[name] for name in study.factors}
+    subject = _Means(
+        found.table.replace({"factor": study.labels}), found.quantity, own, units
+    )
+    title = f"{found.quantity[0].upper()}{found.quantity[1:]}"
+    return Parts(
+        f"What the runs say: {study.name}", found.answer, (),
+        pictures(MEANS_FIGURES, subject, folder),
+        [Table(title, head, rows, (), _shared(study))],
+        _method(study), found.runs, {"means": found.table},
+        "Means at each level" if study.factors else "Mean",
+    )  # fmt: skip
+
+
+def _level(study: Study, row: pd.Series) -> tuple[str, ...]:
+    """Factor and level of a row of the means; nothing without factors."""
+    if not study.factors:
+        return ()
+    name = row["factor"]
+    return study.labels[name], quantity_of(row["value"], study.units[name])
+
+
+def _method(study: Study) -> list[Block]:
+    at = " at each level, the other factors at the scenario's own values" if study.factors else ""
+    blocks: list[Block] = [
+        Text(f"Means over the runs{at}; the intervals are Student's."), Text(DEFINITIONS),
+        Text(f"Settling time: {study.settling_time_s:g} s."),
+    ]
+    return [*blocks, factor_table(study)] if study.factors else blocks

@@ -1,0 +1,113 @@
+"""The part of a study's report that is of a space: Sobol' indices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..analysis import sensitivity_figures as plots
+from ..analysis import sobol
+from ..analysis.sensitivity import Sensitivity
+from ..results.catalogue import Figure, by_name
+from ..study.study import Study
+from .common import DEFINITIONS
+from .factorial import factor_table
+from .formats import number, span
+from .page import Table, Text
+from .parts import Parts, pictures
+
+METHOD = (
+    "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
+    "alone explains, the total index that which would be left if all others were known. The seed "
+    "is a factor of the design: its index is the share of chance. Estimators of Saltelli (2010) "
+    "and Jansen; intervals are percentiles over bootstrap resamples of whole base rows."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Indices:
+    """The indices of a response, and of whether its receiver is lost if some runs are.
+
+    Attributes
+    ----------
+    study
+        Whose space it is.
+    of
+        The response first.
+    """
+
+    study: Study
+    of: tuple[Sensitivity, ...]
+
+    @property
+    def main(self) -> Sensitivity:
+        """Of the response."""
+        return self.of[0]
+
+    def text(self, *, verbose: bool = False, width: int | None = None) -> str:
+        """Answers and tables in words."""
+        shown = self.of if verbose else self.of[:1]
+        return "\n\n".join(one.text(width=width) for one in shown)
+
+
+def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:
+    def data(found: Indices) -> tuple[Sensitivity]:
+        return (found.of[number],)
+
+    def has(found: Indices) -> bool:
+        return len(found.of) > number
+
+    return (
+        Figure(
+            f"indices{suffix}", plots.plot_indices, data,
+            lambda f: f"Sobol' indices of {f.of[number].quantity}, with intervals: what a factor "
+            "explains alone, and together with others. The seed is chance.",
+            lambda f: f"Sobol' indices of {f.of[number].quantity}", has,
+        ),
+        Figure(
+            f"scatter{suffix}", plots.plot_scatter, data,
+            lambda f: f"Independent runs: {f.of[number].quantity} against each factor, and its "
+            "conditional mean.",
+            lambda f: f"Scatter of {f.of[number].quantity} against each factor", has,
+        ),
+    )  # fmt: skip
+
+
+FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, "_lost"))
+"""The figures of a space."""
+
+
+def parts(found: Indices, folder: Path) -> Parts:
+    """What is said and drawn of a space; figures are written into the folder."""
+    study, main = found.study, found.main
+    return Parts(
+        f"What explains the error: {study.name}",
+        sobol.answer(main),
+        [line for one in found.of for line in sobol.notes(one)],
+        pictures(FIGURES, found, folder),
+        [_table(one) for one in found.of],
+        [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],
+        main.runs,
+        {"indices": pd.concat([_rows(one) for one in found.of], ignore_index=True)},
+    )
+
+
+def _rows(found: Sensitivity) -> pd.DataFrame:
+    return found.indices.reset_index().assign(response=found.response, transform=found.transform)
+
+
+def _table(found: Sensitivity) -> Table:
+    rows = []
+    for name, given in found.ranked().iterrows():
+        row: Any = given
+        rows.append((
+            found.name_of(str(name)),
+            number(row["first"]), span(row["first_low"], row["first_high"], number),
+            number(row["total"]), span(row["total_low"], row["total_high"], number),
+        ))  # fmt: skip
+    head = ("Factor", "First order", "Interval", "Total", "Interval")
+    return Table(f"Sobol' indices of {found.quantity}", head, rows)

@@ -1,0 +1,120 @@
+"""The points of a study, and the groups of them that run side by side."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sblcosim.models import COMPONENTS
+
+from ..simulation.masters import lanes_driver, native
+from ..simulation.plan import TICK_PARAMETERS, Plan
+from ..simulation.system import System
+from .design import Level
+
+Floats = NDArray[np.float64]
+_ALIKE = TICK_PARAMETERS | {c.variant for c in COMPONENTS.values() if c.variant is not None}
+"""Parameters that must be equal in all runs of a group."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A design point, ready to be run with any seed.
+
+    Attributes
+    ----------
+    number
+        Counted from 1.
+    values
+        Physical values, or names, of the factors and conditions.
+    system
+        Empty where a function stands in for the simulation.
+    digest
+        Hash of everything but the seed.
+    """
+
+    number: int
+    values: tuple[Level, ...]
+    system: System
+    digest: str
+
+    def run_id(self, seed: int) -> str:
+        """Identifier of a run of this point."""
+        return hashlib.sha256(f"{self.digest} {seed}".encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Points that can run side by side: they differ in parameters only.
+
+    Attributes
+    ----------
+    places
+        Index of each point in the group, by its index among all points.
+    plan
+        Plan of the first point.
+    values
+        Values by point of each ``component.parameter`` that differs between points.
+    in_lanes
+        Whether the runs go side by side in lanes.
+    """
+
+    places: Mapping[int, int]
+    plan: Plan
+    values: Mapping[str, Floats]
+    in_lanes: bool
+
+    @property
+    def steps(self) -> int:
+        """Number of communication steps of a run."""
+        return self.plan.count - 1
+
+
+def grouped(
+    points: Sequence[Point],
+    plans: Sequence[Plan],
+    free: Iterable[str],
+    master: str | None,
+    alone: bool,
+) -> tuple[Group, ...]:
+    """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
+    alike: dict[Any, list[int]] = {}
+    for index, (point, plan) in enumerate(zip(points, plans, strict=True)):
+        specs = point.system.components
+        key = (
+            plan.start_ns,
+            plan.stop_ns,
+            point.system.connections,
+            tuple(
+                (
+                    name,
+                    spec.fmu,
+                    spec.interval_ns,
+                    tuple(sorted(spec.parameters)),
+                    tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
+                )
+                for name, spec in specs.items()
+            ),
+        )
+        alike.setdefault(key, []).append(index)
+    groups = []
+    for indices in alike.values():
+        plan = plans[indices[0]]
+        if alone:
+            in_lanes = False
+        elif master is None:
+            in_lanes = lanes_driver.unsupported(plan) is None and native.available()
+        else:
+            in_lanes = master == "lanes"
+        values = {}
+        for name, spec in points[indices[0]].system.components.items():
+            for parameter in spec.parameters:
+                rows = [points[i].system.components[name].parameters[parameter] for i in indices]
+                if f"{name}.{parameter}" not in free and any(row != rows[0] for row in rows):
+                    values[f"{name}.{parameter}"] = np.array(rows, np.float64)
+        groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
+    return tuple(groups)

@@ -1,0 +1,392 @@
+"""The Parquet files in a result folder: the parts, and the whole table that is made of them.
+
+The name of a part ends with the SHA-256 of the file, so each is looked through once before it is
+used, in parallel. That of the whole table is in the folder's description, with the names of the
+parts that are in it: as long as it and they are as they were written, it is read in their place.
+Rows stay in columns; no row becomes a Python object.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import parquet
+from sblcosim.fmus import files
+
+from ..errors import ConfigurationError, one_line
+from .campaign import Campaign, Run
+
+RUNS = "runs.parquet"
+PARTS = "parts"
+GROUP = 2**17
+"""Rows of the whole table that are in memory at a time when it is written."""
+AT_ONCE = 64
+"""Parts that are in memory at a time then."""
+SAMPLE = 2048
+"""Rows that tell whether the values of a column repeat themselves."""
+_KEYS = ("run_id", "replicate", "point")
+_CAMPAIGN = b"sblcosim.campaign"
+"""Entry of a file's metadata: the `Campaign.digest` of its runs."""
+
+Wanted = Callable[[Sequence[str]], Collection[str]]
+"""Chooses, of the names of all columns, those that are read."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a folder that are as they were written.
+
+    Attributes
+    ----------
+    paths
+        Of the parts, by name.
+    in_table
+        Names of those that are in `RUNS`; none if that is not as it was written, or has others.
+    """
+
+    folder: Path
+    paths: tuple[Path, ...]
+    in_table: frozenset[str]
+
+    @property
+    def sources(self) -> list[Path]:
+        """The files to read: all rows are in them, those of a part once."""
+        rest = [path for path in self.paths if path.name not in self.in_table]
+        return [self.folder / RUNS, *rest] if self.in_table else rest
+
+    def added(self, paths: Iterable[Path]) -> Parts:
+        """The same with further parts."""
+        return replace(self, paths=tuple(sorted({*self.paths, *paths})))
+
+
+def looked_through(folder: Path, table: Mapping[str, Any]) -> tuple[Parts, list[Path]]:
+    """The parts of a folder, and those that are not as they were written.
+
+    Parameters
+    ----------
+    table
+        What the folder's description says of `RUNS`: its ``sha256`` and its ``parts``.
+    """
+    paths = sorted(p for p in (folder / PARTS).glob("*.parquet") if not p.name.startswith("."))
+    with ThreadPoolExecutor() as pool:
+        sound = dict(zip(paths, pool.map(is_intact, paths), strict=True))
+    good = tuple(path for path in paths if sound[path])
+    damaged = [path for path in paths if not sound[path] and path.exists()]
+    inside = frozenset(table.get("parts", ()))
+    stands = inside <= {path.name for path in good} and _is_as(folder / RUNS, table.get("sha256"))
+    return Parts(folder, good, inside if stands else frozenset()), damaged
+
+
+def _is_as(path: Path, sha256: str | None) -> bool:
+    """Whether a file has a hash; False if it cannot be read."""
+    try:
+        return sha256 is not None and _sha256(path) == sha256
+    except ConfigurationError:
+        return False
+
+
+def is_intact(path: Path) -> bool:
+    """Whether a part has the hash that is in its name; False if another process took it away."""
+    return path.stem.rpartition("-")[2] == _sha256(path)[:32]
+
+
+def _sha256(path: Path) -> str:
+    """Hash of a file; nothing if there is none."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError:
+        return ""
+    except OSError as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}: must be a Parquet file that can be read, got {one_line(error)}"
+    )
+
+
+# --- Reading -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The finished runs of a folder, in no order; all arrays have the shape (rows,).
+
+    Attributes
+    ----------
+    run_id
+        As whole numbers, of which they are the hexadecimal digits.
+    campaign
+        Index in `campaigns` of the campaign that made the run.
+    campaigns
+        Their `Campaign.digest`; empty where it is unknown.
+    """
+
+    point: NDArray[np.int64]
+    replicate: NDArray[np.int64]
+    run_id: NDArray[np.uint64]
+    campaign: NDArray[np.intp]
+    campaigns: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Number of runs; one that is there twice counts once."""
+        return int((~_again(self.run_id)).sum())
+
+    def strangers(self, campaign: Campaign) -> NDArray[np.intp]:
+        """Rows that are no runs of a campaign."""
+        same = np.array([digest == campaign.digest for digest in self.campaigns], bool)
+        point = self.point - 1
+        inside = (point >= 0) & (point < len(campaign.points)) & (self.replicate > 0)
+        # What says of itself that it is of this campaign has been written so: its hash is right.
+        unknown = np.flatnonzero(inside & ~same[self.campaign])
+        seeds = campaign.study.run_seed
+        for row in unknown:
+            place, number = int(point[row]), int(self.replicate[row])
+            own = campaign.points[place].run_id(seeds(place + 1, number))
+            inside[row] = int(own, 16) == int(self.run_id[row])
+        return np.flatnonzero(~inside)
+
+
+def finished(parts: Parts) -> Finished:
+    """Which runs are there."""
+    tables = _read(parts, _keys)
+    origins = [(table.schema.metadata or {}).get(_CAMPAIGN, b"").decode() for table in tables]
+    campaigns = tuple(dict.fromkeys(origins))
+    numbers = np.array([campaigns.index(origin) for origin in origins], np.intp)
+    whole = _joined(tables) if tables else None
+    return Finished(
+        _integers(whole, "point"),
+        _integers(whole, "replicate"),
+        np.empty(0, np.uint64) if whole is None else _run_ids(whole),
+        np.repeat(numbers, [len(table) for table in tables]),
+        campaigns,
+    )
+
+
+def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
+    """All runs, each once, by replicate and point; at least one part must be there.
+
+    Parameters
+    ----------
+    wanted
+        Chooses the columns to read.
+    """
+    if wanted is None:
+        arrow = _ordered(_joined(_read(parts, _all)))
+    else:
+        chosen = wanted(_opened(parts.sources[0]).schema_arrow.names)
+        arrow = _ordered(_joined(_read(parts, lambda names: {*_KEYS, *chosen})))
+        arrow = arrow.select([name for name in arrow.column_names if name in chosen])
+    # Nullable type: a missing flag must not become False.
+    flags = {pa.bool_(): pd.BooleanDtype()}.get
+    made: pd.DataFrame = arrow.to_pandas(types_mapper=flags)
+    known = [c for c in made if made[c].dtype == "boolean" and made[c].notna().all()]
+    return made.astype(dict.fromkeys(known, bool))
+
+
+def _keys(names: Sequence[str]) -> Collection[str]:
+    return _KEYS
+
+
+def _all(names: Sequence[str]) -> Collection[str]:
+    return names
+
+
+def _read(parts: Parts, wanted: Wanted) -> list[pa.Table]:
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(partial(_columns, wanted=wanted), parts.sources))
+
+
+def _columns(path: Path, wanted: Wanted) -> pa.Table:
+    file = _opened(path)
+    chosen = wanted(file.schema_arrow.names)
+    names = [name for name in file.schema_arrow.names if name in chosen]
+    try:
+        # The parts are read side by side; the table of all runs is by itself.
+        return file.read(names, use_threads=path.name == RUNS)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise _unreadable(path, error) from None
+
+
+def _opened(path: Path) -> parquet.ParquetFile:
+    try:
+        file = parquet.ParquetFile(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise _unreadable(path, error) from None
+    for name in _KEYS:
+        if name not in file.schema_arrow.names:
+            raise ConfigurationError(f"{path}: must have a column {name}, got none")
+    return file
+
+
+def _joined(tables: Sequence[pa.Table]) -> pa.Table:
+    whole: pa.Table = pa.concat_tables(tables, promote_options="permissive")
+    return whole
+
+
+def _integers(arrow: pa.Table | None, name: str) -> NDArray[np.int64]:
+    if arrow is None:
+        return np.empty(0, np.int64)
+    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64)
+    return numbers
+
+
+def _run_ids(arrow: pa.Table) -> NDArray[np.uint64]:
+    """The run ids as whole numbers."""
+    packed = [np.empty(0, ">u8")]
+    try:
+        for chunk in arrow["run_id"].cast(pa.binary()).cast(pa.binary(16)).chunks:
+            _, digits = chunk.buffers()
+            given = digits.slice(16 * chunk.offset, 16 * len(chunk)).to_pybytes().decode("ascii")
+            packed.append(np.frombuffer(bytes.fromhex(given), ">u8"))
+    except ValueError:  # pa.ArrowInvalid is one
+        raise ConfigurationError(
+            "run_id: must be 16 hexadecimal digits in all parts, got others"
+        ) from None
+    return np.concatenate(packed).astype(np.uint64)
+
+
+def _again(run_ids: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Which runs have been there before."""
+    return pd.Index(run_ids).duplicated()
+
+
+def _order(arrow: pa.Table) -> NDArray[np.intp] | None:
+    """The rows by replicate and point, each run once; None if they are so."""
+    replicate, point = _integers(arrow, "replicate"), _integers(arrow, "point")
+    again = _again(_run_ids(arrow))
+    later = np.diff(replicate)
+    if not again.any() and ((later > 0) | ((later == 0) & (np.diff(point) > 0))).all():
+        return None
+    rows = np.flatnonzero(~again)
+    return rows[np.lexsort((point[rows], replicate[rows]))]
+
+
+def _ordered(arrow: pa.Table) -> pa.Table:
+    order = _order(arrow)
+    return arrow if order is None else arrow.take(order)
+
+
+# --- Writing -------------------------------------------------------------------------------------
+
+
+def write(folder: Path, campaign: Campaign, runs: Sequence[Run], made: pd.DataFrame) -> Path:
+    """Store some runs as a part, which appears when it is complete."""
+    ids = hashlib.sha256(" ".join(r.run_id for r in runs).encode()).hexdigest()[:16]
+    arrow = pa.Table.from_pandas(made, preserve_index=False)
+    for name in ("error", "run_id"):
+        index = arrow.schema.get_field_index(name)
+        arrow = arrow.set_column(index, name, arrow[name].cast(pa.string()))
+    arrow = arrow.replace_schema_metadata({_CAMPAIGN: campaign.digest})
+    stream = pa.BufferOutputStream()
+    parquet.write_table(arrow, stream, use_dictionary=_repeating(arrow))
+    content: bytes = stream.getvalue().to_pybytes()
+    path = folder / PARTS / named(f"{runs[0].replicate:06d}-{ids}", content)
+    # The hash in its name reveals an incomplete file, so do not wait for the disk.
+    write_file(path, content, durable=False)
+    return path
+
+
+def named(runs: str, content: bytes) -> str:
+    """Name of a part: its runs, and the hash of the file."""
+    return f"{runs}-{hashlib.sha256(content).hexdigest()[:32]}.parquet"
+
+
+def save(parts: Parts) -> dict[str, Any]:
+    """Write the table of all runs; return what is to be said of it in the folder's description."""
+    path = parts.folder / RUNS
+    try:
+        with files.unfinished(parts.folder) as hidden:
+            _write_table(parts, hidden)
+            digest = _sha256(hidden)
+            files.sync_file(hidden)
+            hidden.replace(path)
+    except OSError as error:
+        raise refusal(path, error) from None
+    return {"sha256": digest, "parts": [part.name for part in parts.paths]}
+
+
+def _write_table(parts: Parts, path: Path) -> None:
+    """Write all rows in order, the same bytes from whatever parts."""
+    opened = list(map(_opened, parts.sources))
+    schema = pa.unify_schemas(
+        [file.schema_arrow.remove_metadata() for file in opened], promote_options="permissive"
+    )
+    origins = {(file.schema_arrow.metadata or {}).get(_CAMPAIGN, b"") for file in opened}
+    if len(origins) == 1 and origins != {b""}:
+        schema = schema.with_metadata({_CAMPAIGN: origins.pop()})
+    groups = _groups(_pieces(parts), schema)
+    first = next(groups)
+    with parquet.ParquetWriter(path, schema, use_dictionary=_repeating(first)) as writer:
+        writer.write_table(first, GROUP)
+        for group in groups:
+            writer.write_table(group, GROUP)
+
+
+def _pieces(parts: Parts) -> Iterator[pa.Table]:
+    """All rows in order, a few of them at a time if they are stored in order."""
+    if _order(_joined(_read(parts, _keys))) is not None:
+        yield _ordered(_joined(_read(parts, _all)))
+        return
+    sources = iter(parts.sources)
+    if parts.in_table:
+        file = _opened(next(sources))
+        for number in range(file.num_row_groups):
+            yield file.read_row_group(number)
+    with ThreadPoolExecutor() as pool:
+        while some := list(islice(sources, AT_ONCE)):
+            yield from pool.map(partial(_columns, wanted=_all), some)
+
+
+def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:
+    """The same rows, `GROUP` at a time, so that their bytes do not tell of the pieces."""
+    rest = schema.empty_table()
+    for piece in pieces:
+        rest = pa.concat_tables(
+            [rest, piece.replace_schema_metadata(schema.metadata)], promote_options="permissive"
+        )
+        while len(rest) >= GROUP:
+            yield rest.slice(0, GROUP).combine_chunks()
+            rest = rest.slice(GROUP)
+    if len(rest):
+        yield rest.combine_chunks()
+
+
+def _repeating(arrow: pa.Table) -> list[str]:
+    """Columns whose values repeat themselves, which a dictionary makes small."""
+    seen = arrow.slice(0, SAMPLE)
+    return [name for name in seen.column_names if 2 * len(seen[name].unique()) <= len(seen)]
+
+
+def write_file(path: Path, content: bytes, durable: bool = True) -> None:
+    """Write a file of the folder.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be written.
+    """
+    try:
+        files.write_file(path, content, durable=durable)
+    except OSError as error:
+        raise refusal(path, error) from None
+
+
+def refusal(path: Path, error: OSError) -> ConfigurationError:
+    """What is said of a file or folder that cannot be written."""
+    return ConfigurationError(
+        f"{path}: must be writable, got {error.strerror or error}; runs that are finished are kept"
+    )

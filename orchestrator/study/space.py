@@ -1,0 +1,239 @@
+"""Spaces: factors with distributions, and samples of them for Sobol' indices.
+
+A sample has n base rows. For k factors and the seed, each base row is k + 3 runs: one at a point A,
+one for each of the k + 1 columns with that column alone taken from another point B, and one at B
+(the radial design of A. Saltelli et al., Comput. Phys. Commun. 181, 2010, 259–270). A and B are the
+two halves of a scrambled Sobol' sequence in 2 (k + 1) dimensions.
+
+The simulator is stochastic, and the seed is a column like the others: the runs of a base row share
+the seed of A, but for the one that swaps the seed and the one at B. So the differences between two
+runs of a base row are due to the swapped column alone; with a seed for each run, the noise of both
+would count as an effect of every factor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..errors import ConfigurationError, instance, quoted, shortened
+from ..scenario.schema import SEED
+from ..shown import Shown
+from .distributions import Distribution, Floats, is_number, problems
+
+SEED_FACTOR = "seed"
+"""Name of the column of seeds, the last one that is swapped."""
+LEAST_BASE_ROWS, MOST_BASE_ROWS = 16, 2**20
+_CELL = 2.0**-30  # of the Sobol' sequence; values are taken in the middle of a cell
+_ENDS = np.array([_CELL / 2, 1 - _CELL / 2])
+_SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
+
+
+# --- Factors -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A quantity that is drawn from a distribution.
+
+    Attributes
+    ----------
+    low, high
+        Bounds of the keys. A distribution that leaves them is refused, so that no run fails for
+        its values; a normal or log-normal one may be truncated by its ``range``.
+    step
+        Values are rounded to its whole multiples, within the distribution and the bounds. Those at
+        the two ends of a range are half as probable as the others. A whole number gives integers.
+        The levels of a choice must be multiples.
+    names
+        The values of a key that is set by name; only a choice among them can vary it.
+    label, unit
+        For people; without a label, the name.
+
+    Raises
+    ------
+    ConfigurationError
+        The distribution is not as it must be; the message begins with ``factor NAME: ``.
+    """
+
+    name: str
+    distribution: Distribution
+    low: float = -math.inf
+    high: float = math.inf
+    step: float | None = None
+    names: tuple[str, ...] = ()
+    label: str = ""
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        for problem in chain(problems(self.distribution, self.names), self._beyond()):
+            raise ConfigurationError(f"factor {self.name}: {problem}")
+
+    def _beyond(self) -> Iterator[str]:
+        """Errors in the distribution as one of these keys."""
+        given = self.distribution
+        if self.numeric:
+            values = given.levels if given.levels is not None else given.quantiles(_ENDS)
+            least, most = float(min(values)), float(max(values))
+            bounds = f"within the bounds of its keys, {self.low:g} to {self.high:g}"
+            finite = math.isfinite(least) and math.isfinite(most)
+            if not finite or least < self.low or most > self.high:
+                got = f"values from {least:.6g} to {most:.6g}"
+                if given.distribution == "choice":
+                    yield f"levels: must be {bounds}, got {got}"
+                elif given.range is not None:
+                    yield f"range: must be {bounds}, got {shortened([*given.range])}"
+                else:
+                    yield f"range: must be given to keep {given.distribution!r} {bounds}, got {got}"
+            elif self.step is not None and given.levels is not None:
+                for level in given.levels:
+                    if abs(level / self.step - round(level / self.step)) > _SLACK:
+                        yield f"levels: must be whole multiples of {self.step:g}, got {level:g}"
+            elif self.step is not None and len({*self.values(_ENDS)}) < 2:
+                yield (
+                    f"{'range' if given.range else given.distribution}: must hold two multiples of "
+                    f"{self.step:g}, to which values are rounded, got values from {least:.6g} to "
+                    f"{most:.6g}"
+                )
+        elif self.step is not None or (self.low, self.high) != (-math.inf, math.inf):
+            yield f"levels: must be numbers, got {quoted(given.levels and given.levels[0])}"
+
+    @property
+    def numeric(self) -> bool:
+        """Whether its values are numbers (true and false are none)."""
+        levels = self.distribution.levels
+        return levels is None or is_number(levels[0])
+
+    def values(self, u: Floats) -> NDArray[Any]:
+        """Physical values at quantiles, rounded to the step; the shape of `u`."""
+        given = self.distribution
+        values = given.quantiles(u)
+        if self.step is None or given.levels is not None:
+            return values
+        low, high = given.range if given.range is not None else given.quantiles(_ENDS)
+        least = math.ceil(max(low, self.low) / self.step - _SLACK)
+        most = math.floor(min(high, self.high) / self.step + _SLACK)
+        whole = np.clip(np.rint(values / self.step), least, max(least, most))
+        if self.step == round(self.step):
+            return (whole * self.step).astype(np.int64)
+        parts = round(1 / self.step)
+        # by a division: 300 / 1000 is 0.3, while 300 × 0.001 is not
+        return whole / parts if math.isclose(parts * self.step, 1.0) else whole * self.step
+
+
+# --- Samples -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample(Shown):
+    """The runs of a space; those of a base row follow each other.
+
+    Attributes
+    ----------
+    base_rows
+        Their number n, a power of 2.
+    values
+        Physical values; shape (rows, factors), a column for each factor by its name.
+    seeds
+        Seed of each run; shape (rows,).
+    """
+
+    factors: tuple[Factor, ...]
+    base_rows: int
+    values: pd.DataFrame
+    seeds: NDArray[np.int64]
+
+    def _gist(self) -> str:
+        return f"of {len(self.factors)} factors, {self.base_rows} base rows, {len(self)} runs"
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the factors, and the seed: in the order in which they are swapped."""
+        return (*(factor.name for factor in self.factors), SEED_FACTOR)
+
+    @property
+    def runs_per_row(self) -> int:
+        """Runs of a base row: k + 3 for k factors."""
+        return len(self.factors) + 3
+
+    def table(self) -> pd.DataFrame:
+        """One row per run: ``point`` (from 1), the factors, ``seed``."""
+        return pd.DataFrame(
+            {"point": np.arange(1, len(self) + 1), **self.values, SEED_FACTOR: self.seeds}
+        )
+
+
+def sample(factors: Sequence[Factor], base_rows: int, seed: int = 1) -> Sample:
+    """Sample a space for first-order and total Sobol' indices; see the module.
+
+    Equal arguments give equal bits. More base rows continue a sample: its first runs are the same.
+
+    Parameters
+    ----------
+    base_rows
+        A power of 2: so many points of a Sobol' sequence are balanced.
+    seed
+        The sequence is scrambled by it, and it is the seed of the first run; the others follow: 2 n
+        different ones.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no factor, two have the same name, the number of base rows is no power of 2, or
+        there are not enough seeds.
+    """
+    from SALib.sample import sobol  # only where something is drawn
+
+    _check(factors, base_rows, seed)
+    k = len(factors) + 1
+    problem = {"num_vars": k, "names": [str(i) for i in range(k)], "bounds": [[0.0, 1.0]] * k}
+    u = sobol.sample(
+        problem, base_rows, calc_second_order=False, seed=np.random.default_rng(seed)
+    ) + _CELL / 2
+    values = pd.DataFrame({f.name: f.values(u[:, i]) for i, f in enumerate(factors)})
+    # The last two runs of a base row are the one that swaps the seed, and B.
+    at_b = np.arange(k + 2) >= k
+    seeds = seed + 2 * np.arange(base_rows)[:, None] + at_b
+    return Sample(tuple(factors), base_rows, values, seeds.ravel().astype(np.int64))
+
+
+def _check(factors: Sequence[Factor], base_rows: int, seed: int) -> None:
+    if not factors:
+        raise ConfigurationError("space: must have at least one factor, got none")
+    names = [factor.name for factor in factors]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"factor {name}: must be there once, got {names.count(name)}")
+        if name == SEED_FACTOR:
+            raise ConfigurationError(
+                f"factor {name}: must have another name, the seed is a factor of every space"
+            )
+    whole = isinstance(base_rows, int | np.integer) and not isinstance(base_rows, bool)
+    if (
+        not whole
+        or not LEAST_BASE_ROWS <= base_rows <= MOST_BASE_ROWS
+        or base_rows & (base_rows - 1)
+    ):
+        close = ""
+        if whole and LEAST_BASE_ROWS < base_rows < MOST_BASE_ROWS:
+            close = f"; did you mean {2 ** round(math.log2(base_rows))}?"
+        raise ConfigurationError(
+            f"base_rows: must be a power of 2 from {LEAST_BASE_ROWS} to {MOST_BASE_ROWS}, got "
+            f"{shortened(instance(base_rows))}{close}"
+        )
+    last = seed + 2 * base_rows - 1
+    if SEED.max is not None and not (SEED.min or 0) <= seed <= last <= SEED.max:
+        raise ConfigurationError(
+            f"seed: must be from {int(SEED.min or 0)} on and leave room for {2 * base_rows} seeds "
+            f"up to {int(SEED.max)}, got {seed}"
+        )

@@ -1,0 +1,186 @@
+"""A Python function that stands in for the simulation, such as a published test function.
+
+It is called once for each run, with the values of the factors by their names, and returns one
+number, or NaN where there is none::
+
+    def ishigami(x1, x2, x3, a=7.0, b=0.1):
+        return sin(x1) + a * sin(x2) ** 2 + b * x3**4 * sin(x1)
+
+A function with a parameter ``seed`` is given that of the run: whatever is random in it must come
+from there. Other parameters need defaults.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import numpy as np
+
+from ..errors import ConfigurationError, instance, nearest, quoted, shortened
+from ..simulation.user_code import by_value, fingerprint, function_of_file, raised
+from .distributions import Floats
+from .space import SEED_FACTOR, Sample
+
+
+class StandIn:
+    """A function of the user's in place of the simulation.
+
+    Attributes
+    ----------
+    function
+        Of one run.
+    name
+        The function's name.
+    origin, sha256
+        ``file.py:function``, or module and name; and the hash of the file, or of the source and all
+        that it refers to.
+    """
+
+    # Not a dataclass: pydantic would convert it when a study holds it.
+    def __init__(self, function: Callable[..., Any], origin: str, sha256: str) -> None:
+        self.function, self.origin, self.sha256 = function, origin, sha256
+        self.name = origin.rpartition(":")[2]
+        self.parameters = inspect.signature(function).parameters
+
+    def __reduce__(self) -> Any:
+        # By value: a worker may have neither the file nor the module.
+        return _unpacked, (by_value(self.function), self.origin, self.sha256)
+
+    def __repr__(self) -> str:
+        return f"<function {self.name} from {self.origin} in place of the simulation>"
+
+    @property
+    def is_random(self) -> bool:
+        """Whether it is given the seed of the run."""
+        return SEED_FACTOR in self.parameters
+
+    def check(self, factors: Sequence[str]) -> None:
+        """Refuse a function whose parameters are not these factors.
+
+        Raises
+        ------
+        ConfigurationError
+            A factor is no parameter, or a parameter without a default is no factor.
+        """
+        kinds = inspect.Parameter
+        known = {
+            name for name, parameter in self.parameters.items()
+            if parameter.kind in (kinds.POSITIONAL_OR_KEYWORD, kinds.KEYWORD_ONLY)
+        }
+        anything = any(p.kind is kinds.VAR_KEYWORD for p in self.parameters.values())
+        for name in factors:
+            if name not in known and not anything:
+                raise ConfigurationError(
+                    f"model: {self.name} must take the factor {quoted(name)} by its name, got the "
+                    f"parameters {', '.join(self.parameters) or 'none'}{nearest(name, known)}"
+                )
+        for name, parameter in self.parameters.items():
+            needed = parameter.default is kinds.empty and parameter.kind not in (
+                kinds.VAR_KEYWORD, kinds.VAR_POSITIONAL
+            )
+            if needed and name not in (*factors, SEED_FACTOR):
+                raise ConfigurationError(
+                    f"model: {self.name} must have a default for {quoted(name)}, which is no "
+                    f"factor, got none{nearest(name, factors)}"
+                )
+
+    def __call__(self, values: Mapping[str, Any], seed: int) -> float:
+        """The number of one run; NaN if there is none.
+
+        Raises
+        ------
+        ConfigurationError
+            The function has raised an exception, or has not returned a number.
+        """
+        given = {**values, SEED_FACTOR: seed} if self.is_random else values
+        try:
+            value = self.function(**given)
+        except ConfigurationError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise ConfigurationError(
+                f"model: {self.name} must not raise an exception, got {raised(error)} at "
+                f"{_listed(given)}"
+            ) from error
+        if isinstance(value, int | float | np.number | np.bool_) and not isinstance(
+            value, np.complexfloating
+        ):
+            return float(value)
+        raise ConfigurationError(
+            f"model: {self.name} must return a number, got {shortened(instance(value))} at "
+            f"{_listed(given)}"
+        )
+
+
+def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> StandIn:
+    """The function that stands in for the simulation.
+
+    Parameters
+    ----------
+    source
+        ``file.py:function``, known by the file and not by what that imports, or a function, known
+        by its source and all that it refers to.
+    folder
+        That the file may be relative to; default: the current one.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file or function, the file cannot be run, or the source of a function is
+        unavailable.
+    """
+    if isinstance(source, str):
+        if ":" not in source:
+            raise ConfigurationError(f"model: must be FILE.py:FUNCTION, got {quoted(source)}")
+        function, sha256 = function_of_file(source, folder or Path(), "model")
+        return StandIn(function, source, sha256)
+    if not inspect.isfunction(source):
+        raise ConfigurationError(
+            f"model: must be FILE.py:FUNCTION or a function, got {shortened(instance(source))}"
+        )
+    origin = f"{source.__module__}:{source.__name__}"
+    return StandIn(source, origin, fingerprint(source, "model", source.__name__))
+
+
+def stand_in_of(origin: str, sha256: str) -> StandIn:
+    """A stand-in of which only the origin and the hash are known."""
+
+    def gone(**values: Any) -> float:
+        raise ConfigurationError(
+            f"model: must be at hand to do more runs, got none; it is {origin}"
+        )
+
+    return StandIn(gone, origin, sha256)
+
+
+def evaluate(model: StandIn, sample: Sample) -> Floats:
+    """The numbers of all runs of a sample; shape (rows,).
+
+    Raises
+    ------
+    ConfigurationError
+        The parameters are not the factors, or a run fails.
+    """
+    names = [factor.name for factor in sample.factors]
+    model.check(names)
+    columns = zip(*(sample.values[name].tolist() for name in names), strict=True)
+    with np.errstate(all="ignore"):
+        runs = zip(columns, sample.seeds.tolist(), strict=True)
+        return np.array(
+            [model(dict(zip(names, values, strict=True)), seed) for values, seed in runs]
+        )
+
+
+def _listed(values: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in values.items()
+    )
+
+
+def _unpacked(packed: bytes, origin: str, sha256: str) -> StandIn:
+    return StandIn(cloudpickle.loads(packed), origin, sha256)

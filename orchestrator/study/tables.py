@@ -1,0 +1,185 @@
+"""The tables of a study file: factors, conditions, design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from ..scenario.schema import Table
+from .design import Level
+from .distributions import Distribution, Kind, Numbers
+from .space import LEAST_BASE_ROWS, MOST_BASE_ROWS
+
+RESERVED = (
+    "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
+    "runs", "mean", "std", "fit", "value",
+)
+"""Columns of the table of runs, or of tables derived from it, that are not factors."""
+LONGEST_NAME = 60  # characters of a factor's name
+RECEIVERS_KEY = "receivers"
+"""As the only key of a factor: its levels are receivers, as in `Definition.receivers`."""
+BASE_ROWS = 256
+"""Of a space that does not say how many."""
+
+
+def array(value: Any) -> Any:
+    """A list as a tuple; what is none is refused later."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _levels(value: Any) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        if not all(isinstance(v, Mapping) for v in value.values()):
+            raise PydanticCustomError("levels", "must be a table of tables of keys, or of files")
+        return dict(value)
+    if not isinstance(value, list | tuple) or any(
+        not isinstance(v, bool | int | float | str) for v in value
+    ):
+        raise PydanticCustomError(
+            "levels", "must be an array of numbers, texts or truth values, or a table of names"
+        )
+    return tuple(value)
+
+
+_Texts = Annotated[tuple[str, ...], BeforeValidator(array)]
+
+
+class FactorTable(Numbers):
+    """Table ``[factors.NAME]``.
+
+    Attributes
+    ----------
+    keys
+        Keys of the scenario, ``table.key``; all are set to the level. Or ``receivers`` alone.
+    levels
+        In the units of the keys: numbers, and in a grid texts and truth values, too. Of two levels,
+        the first is coded −1 and the second +1. Without keys: by name, the keys that a level
+        sets and their values (in a file, tables of a scenario, or the name of such a file).
+    distribution
+        Of a space: what the values are drawn from; `sblcosim.study.distributions.Distribution` says
+        what numbers each has.
+    label, unit
+        Display name, and unit shown after the levels (default: from the suffix of the keys).
+    """
+
+    keys: _Texts = ()
+    levels: Annotated[Any, BeforeValidator(_levels)] = None
+    distribution: Kind | None = Field(default=None, description="Of the values, in a space")
+    label: str = Field(default="", description="Display name")
+    unit: str = Field(default="", description="Shown after the levels; else that of the keys")
+
+    @cached_property
+    def settings(self) -> Mapping[Level, Mapping[str, Any]]:
+        """What each level sets: keys of the scenario and their values."""
+        if self.levels is None:
+            return {}
+        if isinstance(self.levels, Mapping):
+            return {name: dict(flat(tables)) for name, tables in self.levels.items()}
+        return {named(level): dict.fromkeys(self.keys, level) for level in self.levels}
+
+    @property
+    def values(self) -> tuple[Level, ...]:
+        """The levels as they stand in tables: numbers, and names."""
+        # Of an array, twice the same level must be seen.
+        return tuple(map(named, self.levels or ()))
+
+    @property
+    def law(self) -> Distribution | None:
+        """The distribution, if it has one."""
+        if self.distribution is None:
+            return None
+        numbers = {name: getattr(self, name) for name in Numbers.model_fields}
+        levels = None if self.levels is None else tuple(self.levels)
+        return Distribution(distribution=self.distribution, levels=levels, **numbers)
+
+    @property
+    def all_keys(self) -> tuple[str, ...]:
+        """Keys that some level sets."""
+        if not isinstance(self.levels, Mapping):
+            return self.keys
+        return tuple(dict.fromkeys(key for setting in self.settings.values() for key in setting))
+
+
+def named(level: Any) -> Level:
+    """A level as it stands in tables."""
+    number: Level = str(level).lower() if isinstance(level, bool) else level
+    return number
+
+
+def flat(tables: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
+    """Keys of nested tables, ``table.key``, and their values."""
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+VARIED = ("factors", "conditions")
+"""Tables of a study whose entries are varied."""
+
+
+class ConditionTable(FactorTable):
+    """Table ``[conditions.NAME]``: as a factor, but nobody's choice.
+
+    Attributes
+    ----------
+    combine
+        What counts of the responses in the conditions: their ``average``, or the worst, for a
+        design that must hold in ``all``.
+    """
+
+    combine: Literal["average", "all"] = Field(
+        default="average", description="What counts is the average of the conditions, or the worst"
+    )
+
+
+class DesignTable(Table):
+    """Table ``[design]``.
+
+    Attributes
+    ----------
+    kind
+        ``full`` (two levels, all combinations), ``fraction`` (part of a full design), ``sweep``
+        (one factor at a time, any number of levels), ``grid`` (any number of levels, all
+        combinations or some at random), ``space`` (distributions, sampled for Sobol' indices), or
+        ``single`` (the scenario itself, without factors).
+    generators, resolution
+        For a fraction, see `sblcosim.study.design.fractional`.
+    centre_points
+        Number of points in the middle of all factors.
+    order
+        Interactions up to this order must not be aliased with each other.
+    points
+        Of a grid: so many combinations, drawn with the study's seed; default: all.
+    base_rows
+        Of a space: a power of 2; for k factors each is k + 3 runs.
+    """
+
+    kind: Literal["full", "fraction", "sweep", "grid", "space", "single"] = Field(
+        default="full",
+        description="Two levels, all combinations or a part of them; one factor at a time; any "
+        "levels, all combinations or a random part; distributions; or the scenario itself",
+    )
+    generators: _Texts = Field(default=(), description="Of a fraction: C=AB")
+    resolution: Annotated[int, Field(ge=3)] | None = Field(
+        default=None, description="Of a fraction"
+    )
+    centre_points: Annotated[int, Field(ge=0, le=1000)] = Field(
+        default=0, description="Number of points in the middle of all factors"
+    )
+    order: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="Interactions up to this order must not be aliased with each other"
+    )
+    points: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="Of a grid: so many of its combinations, at random"
+    )
+    base_rows: Annotated[int, Field(ge=LEAST_BASE_ROWS, le=MOST_BASE_ROWS)] | None = Field(
+        default=None, description=f"Of a space: a power of 2; default: {BASE_ROWS}"
+    )

@@ -1,0 +1,426 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sblcosim.analysis.bounds import runs_for_t, runs_to_see
+from sblcosim.analysis.general import GeneralFactorial, analyse
+from sblcosim.errors import ConfigurationError
+from scipy import stats
+from statsmodels.formula.api import ols
+from statsmodels.stats.anova import AnovaRM, anova_lm
+
+AWKWARD = "C(type, Sum) ~ `x` + 1"
+Draw = Callable[[np.random.Generator, int], np.ndarray]
+
+
+def crossed(seed: int = 1, runs: int = 400) -> pd.DataFrame:
+    """Unbalanced runs of three factors, numbers, words and truth."""
+    rng = np.random.default_rng(seed)
+    table = pd.DataFrame({
+        "gps": rng.choice([5.0, 0.1, 1.0], runs, p=[0.4, 0.3, 0.3]),
+        AWKWARD: rng.choice(["buoy", "raft", "ship", "quay"], runs),
+        "gated": rng.choice([True, False], runs),
+    })
+    rough = table[AWKWARD] == "ship"
+    return table.assign(y=10 + table["gps"] * (1 + 0.4 * rough) + rng.normal(0, 1, runs))
+
+
+FACTORS = ["gps", AWKWARD, "gated"]
+
+
+@pytest.fixture(scope="module")
+def analysis() -> GeneralFactorial:
+    return analyse(crossed(), FACTORS, "y", unit="m", units={"gps": "m"})
+
+
+def replicates(count: int = 12) -> pd.DataFrame:
+    """Runs of common random numbers: 3 × 4 design points, with a term of each replicate."""
+    rng = np.random.default_rng(3)
+    index = pd.MultiIndex.from_product(
+        [range(count), list("abc"), range(4)], names=["replicate", "A", "B"]
+    )
+    table = index.to_frame(index=False)
+    shared = rng.normal(0, 5, count)[table["replicate"]]
+    own = table["B"] * rng.normal(1, 0.4, len(table)) + (table["A"] == "b")
+    return table.assign(y=shared + own)
+
+
+@pytest.mark.parametrize("typ", [2, 3])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_sums_of_squares_are_those_of_statsmodels_over_the_runs(typ: int, order: int) -> None:
+    table = crossed()
+    anova = analyse(table, FACTORS, "y", order=order, typ=typ).anova
+    safe = table.set_axis(["a", "b", "c", "y"], axis=1)
+    terms = [":".join(f"C({name}, Sum)" for name in term)
+             for n in range(1, order + 1) for term in combinations("abc", n)]
+    expected = anova_lm(ols("y ~ " + " + ".join(terms), safe).fit(), typ=typ).loc[terms]
+    mine = anova.head(len(terms))
+    for column, theirs in (("df", "df"), ("sum_sq", "sum_sq"), ("F", "F"), ("p", "PR(>F)")):
+        np.testing.assert_allclose(mine[column], expected[theirs], rtol=1e-8)
+
+
+def test_lack_of_fit_is_what_the_missing_interactions_explain() -> None:
+    full = analyse(crossed(), FACTORS, "y", order=3).anova
+    less = analyse(crossed(), FACTORS, "y", order=2).anova
+    three = full.index[6]
+    assert less.loc["lack of fit", "sum_sq"] == pytest.approx(full.loc[three, "sum_sq"])
+    assert less.loc["lack of fit", "p"] == pytest.approx(full.loc[three, "p"])
+    assert less.loc["pure error", "sum_sq"] == pytest.approx(full.loc["residual", "sum_sq"])
+
+
+def test_means_are_the_model_over_all_combinations(analysis: GeneralFactorial) -> None:
+    safe = crossed().set_axis(["a", "b", "c", "y"], axis=1)
+    fit = ols("y ~ (C(a) + C(b) + C(c)) ** 2", safe).fit()
+    grid = pd.MultiIndex.from_product([*analysis.levels.values()], names=["a", "b", "c"])
+    grid = grid.to_frame(index=False)
+    grid["y"] = fit.predict(grid)
+    for name, letter in zip(FACTORS, "abc", strict=True):
+        mine = analysis.means[analysis.means["factor"] == name].set_index("level")["mean"]
+        expected = grid.groupby(letter)["y"].mean()
+        np.testing.assert_allclose(mine, expected.reindex(mine.index), rtol=1e-9)
+    cells = analysis.cells[analysis.cells["first"].eq("gps") & analysis.cells["second"].eq("gated")]
+    expected = grid.groupby(["a", "c"])["y"].mean()
+    for row in cells.itertuples():
+        assert row.mean == pytest.approx(expected[row.first_level, row.second_level])
+        assert row.low < row.mean < row.high
+
+
+def test_intervals_of_one_factor_are_those_of_welch() -> None:
+    table = crossed()
+    found = analyse(table, ["gps"], "y")
+    groups = {level: own["y"].to_numpy() for level, own in table.groupby("gps")}
+    for row in found.pairs.itertuples():
+        test = stats.ttest_ind(groups[row.one], groups[row.other], equal_var=False)
+        interval = test.confidence_interval(1 - 0.05 / 3)
+        assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
+        assert row.p == pytest.approx(min(1, 3 * test.pvalue))
+    for row in found.means.itertuples():
+        interval = stats.ttest_1samp(groups[row.level], 0).confidence_interval()
+        assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
+
+
+def test_single_runs_take_the_scatter_about_the_model() -> None:
+    rng = np.random.default_rng(5)
+    grid = pd.MultiIndex.from_product([range(4), range(5)], names=["a", "b"]).to_frame(index=False)
+    table = grid.assign(y=grid["a"] + rng.normal(0, 1, 20))
+    found = analyse(table, ["a", "b"], "y", order=1)
+    fit = ols("y ~ C(a) + C(b)", table).fit()
+    row = found.pairs.iloc[0]
+    expected = fit.t_test("C(a)[T.1] = 0")
+    assert row["difference"] == pytest.approx(-expected.effect[0])
+    assert row["std_error"] == pytest.approx(expected.sd.item())
+    assert row["df"] == pytest.approx(fit.df_resid)
+    assert "No combination of levels has two runs" in found.text(verbose=True)
+
+
+def test_terms_of_common_random_numbers_are_those_of_repeated_measures() -> None:
+    table = replicates()
+    anova = analyse(table, ["A", "B"], "y", seeding="common").anova
+    expected = AnovaRM(table, "y", "replicate", within=["A", "B"]).fit().anova_table
+    np.testing.assert_allclose(anova["F"].head(3), expected["F Value"], rtol=1e-9)
+    # Greenhouse and Geisser's ε of B, from the covariances of its levels' means (Box 1954)
+    means = table.pivot_table(index="replicate", columns="B", values="y").to_numpy()
+    s = np.cov(means, rowvar=False)
+    centred = s - s.mean(0) - s.mean(1)[:, None] + s.mean()
+    epsilon = np.trace(centred) ** 2 / (3 * (centred**2).sum())
+    assert anova.loc["B", "epsilon"] == pytest.approx(epsilon)
+    f = anova.loc["B", "F"]
+    assert anova.loc["B", "p"] == pytest.approx(stats.f.sf(f, 3 * epsilon, 33 * epsilon))
+
+
+def test_pairs_of_common_random_numbers_are_paired() -> None:
+    table = replicates()
+    found = analyse(table, ["A", "B"], "y", seeding="common")
+    means = table.pivot_table(index="replicate", columns="A", values="y")
+    for row in found.pairs[found.pairs["factor"] == "A"].itertuples():
+        test = stats.ttest_rel(means[row.one], means[row.other])
+        interval = test.confidence_interval(1 - 0.05 / 3)
+        assert (row.low, row.high) == pytest.approx((interval.low, interval.high))
+    alone = analyse(table, ["A", "B"], "y")
+    assert (found.pairs["std_error"] < alone.pairs["std_error"] / 3).all()
+
+
+def test_an_incomplete_replicate_is_left_out_and_counted() -> None:
+    table = replicates()
+    table.loc[5, "y"] = np.nan
+    found = analyse(table, ["A", "B"], "y", seeding="common")
+    assert (found.runs, found.dropped) == (132, 12)
+    assert "12 runs are left out: no finite response, or an incomplete replicate." in found.text()
+
+
+def test_interactions_that_cannot_be_estimated_are_left_out_and_named() -> None:
+    table = crossed()
+    table = table[~((table["gps"] == 5) & (table[AWKWARD] == "raft"))]
+    found = analyse(table, FACTORS, "y")
+    assert found.left_out == (f"gps × {AWKWARD}",)
+    assert max(map(len, found.terms)) == 1
+    assert f"Main effects only: the combinations of levels that have runs cannot estimate gps × " \
+        f"{AWKWARD}." in found.text()
+    own = found.cells[found.cells["first"].eq("gps") & found.cells["second"].eq(AWKWARD)]
+    missing = own[own["runs"] == 0]
+    assert missing[["first_level", "second_level"]].values.tolist() == [[5.0, "raft"]]
+    assert missing["mean"].isna().all()
+    assert own.loc[own["runs"] > 0, "mean"].notna().all()
+
+
+def test_a_random_part_of_a_grid_still_has_main_effects() -> None:
+    grid = pd.MultiIndex.from_product([range(4), range(3), range(5)], names=["a", "b", "c"])
+    part = grid.to_frame(index=False).sample(30, random_state=1)
+    rng = np.random.default_rng(2)
+    table = pd.concat([part] * 4).assign(y=lambda t: 2.0 * t["b"] + rng.normal(0, 0.5, len(t)))
+    found = analyse(table, ["a", "b", "c"], "y")
+    assert found.left_out
+    fit = ols("y ~ C(a, Sum) + C(b, Sum) + C(c, Sum)", table).fit()
+    expected = anova_lm(fit, typ=2)["sum_sq"].head(3)
+    np.testing.assert_allclose(found.anova["sum_sq"].head(3), expected, rtol=1e-9)
+    assert found.pairs.loc[found.pairs["factor"] == "b", "differs"].all()
+
+
+def test_levels_keep_the_order_of_the_table_or_the_one_given() -> None:
+    table = crossed()
+    assert analyse(table, FACTORS, "y").levels["gps"] == tuple(pd.unique(table["gps"]))
+    given = {"gps": [0.1, 1.0, 5.0, 20.0]}
+    found = analyse(table, FACTORS, "y", levels=given)
+    assert found.levels["gps"] == (0.1, 1.0, 5.0)
+    assert found.empty == ("gps 20.0",)
+    assert "Levels without a run that counts: gps 20.0." in found.text(verbose=True)
+    assert found.means["level"].head(3).tolist() == [0.1, 1.0, 5.0]
+
+
+def test_the_order_of_runs_and_levels_changes_no_number(analysis: GeneralFactorial) -> None:
+    shuffled = crossed().sample(frac=1, random_state=4)
+    found = analyse(shuffled, FACTORS, "y")
+    pd.testing.assert_frame_equal(found.anova, analysis.anova, rtol=1e-9)
+    same = found.means.set_index(["factor", "level"])["mean"]
+    for row in analysis.means.itertuples():
+        assert same[row.factor, row.level] == pytest.approx(row.mean)
+
+
+def test_the_share_of_lost_runs_stands_beside_every_mean() -> None:
+    table = crossed()
+    table["lost"] = (table["gps"] == 5) & (np.arange(len(table)) % 2 == 0)
+    table.loc[table.index[table["gps"] == 1][:3], "y"] = np.nan
+    found = analyse(table, FACTORS, "y")
+    mine = found.means.set_index(["factor", "level"])["lost"]
+    gone = table["lost"] | table["y"].isna()
+    for name in FACTORS:
+        for level, share in gone.groupby(table[name]).mean().items():
+            assert mine[name, level] == pytest.approx(share)
+    two = found.cells[found.cells["first"].eq("gps") & found.cells["second"].eq("gated")]
+    expected = gone.groupby([table["gps"], table["gated"]]).mean()
+    for row in two.itertuples():
+        assert row.lost == pytest.approx(expected[row.first_level, row.second_level])
+    assert found.dropped == 3
+    renamed = analyse(table.rename(columns={"lost": "ekf.lost"}), FACTORS, "y", lost="ekf.lost")
+    pd.testing.assert_frame_equal(renamed.means, found.means)
+
+
+def test_logarithms_are_ratios() -> None:
+    table = crossed()
+    plain = analyse(table.assign(y=np.log(table["y"])), FACTORS, "y")
+    found = analyse(table, FACTORS, "y", transform="log", unit="m")
+    pd.testing.assert_frame_equal(found.anova, plain.anova)
+    np.testing.assert_allclose(found.pairs["ratio_low"], np.exp(plain.pairs["low"]))
+    assert "by a factor of 1." in found.text()
+    assert "The geometric mean of the y falls most with gps from 5 to 0.1" in found.text()
+
+
+def test_the_answer_names_the_factor_and_the_levels(analysis: GeneralFactorial) -> None:
+    pairs = analysis.pairs
+    row = pairs[(pairs["one"] == 0.1) & (pairs["other"] == 5.0)
+                | (pairs["one"] == 5.0) & (pairs["other"] == 0.1)].iloc[0]
+    low, size, high = sorted(abs(row[["low", "difference", "high"]]))
+    text = analysis.text()
+    assert text.startswith(f"The y falls most with gps from 5 m to 0.1 m, by {size:.2f} m (95% "
+                           f"simultaneous interval {low:.2f} to {high:.2f})")
+    assert "No two levels of gated can be told apart." in text
+    assert f"The largest interaction is gps × {AWKWARD} (" in text
+    alike = analyse(crossed(), ["gated"], "y").text()
+    assert alike.startswith("No two levels of a factor can be told apart by the y.")
+
+
+def test_levels_as_good_as_the_best_are_named() -> None:
+    rng = np.random.default_rng(6)
+    table = pd.DataFrame({"a": np.repeat(list("pqr"), 50)})
+    table["y"] = np.repeat([5.0, 1.0, 1.0], 50) + rng.normal(0, 1, 150)
+    text = analyse(table, ["a"], "y").text()
+    assert "where q cannot be told from it" in text or "where r cannot be told from it" in text
+
+
+def test_labels_are_for_people_only() -> None:
+    found = analyse(crossed(), FACTORS, "y", labels={"gps": "GPS error"}, label="total error")
+    assert set(found.means["factor"]) == set(FACTORS)
+    assert "The total error falls most with GPS error" in found.text()
+    assert "GPS error × gated" in found.readable.anova.index
+    assert set(found.readable.cells["first"]) == {"GPS error", AWKWARD}
+    assert "GPS error" in found._repr_html_()
+    assert repr(found).startswith("<GeneralFactorial of 400 runs, y by gps (3)")
+
+
+def test_text_fits_a_terminal(analysis: GeneralFactorial) -> None:
+    for width in (60, 80, 120):
+        lines = analysis.text(verbose=True, width=width).splitlines()
+        assert max(map(len, lines)) <= width
+    assert "differences" not in analysis.text().lower()
+    assert "Differences of the means of y [m], 95 % intervals for all pairs" in \
+        analysis.text(verbose=True)
+
+
+def test_heavy_tails_are_recognised_and_said() -> None:
+    rng = np.random.default_rng(7)
+    cell = np.repeat(np.arange(4), 40)
+    normal = rng.normal(10, 1, 160)
+    bad = np.where(rng.random(160) < 0.05, 20.0, 0.0)
+    tables = {"clean": normal, "bad": normal + bad, "skewed": np.exp(rng.normal(0, 1, 160))}
+    found = {name: analyse(pd.DataFrame({"a": cell, "y": y}), ["a"], "y")
+             for name, y in tables.items()}
+    assert (found["clean"].heavy, found["bad"].heavy, found["skewed"].heavy) == (False, True, True)
+    assert found["bad"].far == pytest.approx((bad > 0).mean())
+    assert "Heavy tails" not in found["clean"].text()
+    assert "Heavy tails: 5.6% of the runs lie more than 5 robust standard deviations" in \
+        found["bad"].text().replace(f"{(bad > 0).mean():.1%}", "5.6%")
+    assert "transform log compares typical runs" in found["skewed"].text()
+    assert "transform log" not in found["bad"].text()
+    assert "Skewed runs" not in found["clean"].text()
+    needed = runs_for_t(found["skewed"].skewness)
+    assert f"hold from about {needed} runs at each level on" in found["skewed"].text()
+
+
+def test_normal_runs_are_hardly_ever_called_heavy() -> None:
+    rng = np.random.default_rng(8)
+    heavy = 0
+    for _ in range(150):
+        table = pd.DataFrame({"a": np.repeat(np.arange(6), 10), "y": rng.normal(size=60)})
+        heavy += analyse(table, ["a"], "y").heavy
+    assert heavy <= 8
+
+
+def test_text_says_how_many_runs_it_takes_to_see_a_bad_one() -> None:
+    assert runs_to_see(0.05, 0.05) == 59
+    assert 0.95**59 <= 0.05 < 0.95**58
+    for each in (85, 86):
+        table = pd.DataFrame({"a": np.repeat(np.arange(4), each)})
+        table["y"] = np.random.default_rng(9).normal(size=len(table))
+        found = analyse(table, ["a"], "y")
+        assert found.runs_needed == 86  # ln(0.05/4)/ln(0.95) = 85.4
+        assert ("that takes 86 runs at each level, there are 85" in found.text()) == (each < 86)
+
+
+def test_runs_for_t_are_cochran_s() -> None:
+    assert (runs_for_t(1.0), runs_for_t(2.0), runs_for_t(0.0)) == (25, 100, 0)
+
+
+def test_a_million_runs_need_no_design_matrix_of_runs() -> None:
+    runs = 1_000_000
+    rng = np.random.default_rng(10)
+    table = pd.DataFrame({"a": rng.integers(0, 4, runs), "b": rng.integers(0, 5, runs),
+                          "c": rng.integers(0, 12, runs)})
+    table["y"] = table["a"] + rng.normal(size=runs)
+    found = analyse(table, ["a", "b", "c"], "y")
+    assert (found.runs, found.combinations) == (runs, 240)
+    gaps = found.pairs[found.pairs["factor"] == "a"]
+    assert (gaps["low"] < gaps["one"].astype(float) - gaps["other"].astype(float)).all()
+    assert (gaps["high"] > gaps["one"].astype(float) - gaps["other"].astype(float)).all()
+
+
+def bad_tables() -> dict[str, tuple[pd.DataFrame, dict[str, object], str]]:
+    table = crossed()
+    missing = table.assign(gps=table["gps"].where(table.index > 0))
+    same = table.assign(copy=table["gps"])
+    pair = pd.DataFrame({"a": [0, 0, 1, 1], "b": [0, 1, 0, 1], "y": [1.0, 2.0, 3.0, 5.0]})
+    return {
+        "no column": (table, {"factors": ["gpss"]}, "factors: must be columns of the table, got "
+                      "'gpss'; did you mean 'gps'?"),
+        "level": (table, {"levels": {"gps": [0.1, 1.0]}}, "gps: must be one of 0.1, 1.0, got"),
+        "levels of": (table, {"levels": {"gp": [1]}}, "levels: must be of the factors, got 'gp'"),
+        "twice": (table, {"levels": {"gps": [0.1, 0.1, 1, 5]}}, "must be different, got 0.1 twice"),
+        "missing": (missing, {}, "gps: must have a level in every run, got a missing value"),
+        "aliased": (same, {"factors": ["gps", "copy"]}, "factors: must be told apart by the 3"),
+        "one level": (table[table["gps"] == 1], {}, "gps: must have two different levels"),
+        "saturated": (pair, {"factors": ["a", "b"]}, "runs: must be more than the 4 coefficients"),
+        "typ": (table, {"typ": 1}, "typ: must be 2 or 3, got 1"),
+        "order": (table, {"order": 4}, "order: must be from 1 to the number of factors, 3, got 4"),
+        "transform": (table, {"transform": "spread"}, "transform: must be none or log, got"),
+        "negative": (table.assign(y=-table["y"]), {"transform": "log"}, "y: must be positive"),
+        "lost": (table, {"lost": "ekf.lost"}, "lost: must be a column of the table"),
+        "labels": (table, {"labels": {"gp": "x"}}, "labels: must be of the factors, got 'gp'"),
+        "seeding": (table, {"seeding": "common"}, "replicate: must be a column of the table"),
+        "words": (table.assign(y="far"), {}, "y: must be a column of numbers"),
+        "many": (table.assign(gps=range(400)), {}, "gps: must have at most 100 levels, got 400"),
+        "exact": (pd.concat([pair.assign(y=pair["a"] * 1.0)] * 3), {"factors": ["a", "b"]},
+                  "response: must scatter about the model"),
+    }
+
+
+@pytest.mark.parametrize("case", bad_tables())
+def test_mistakes_are_named_in_one_line(case: str) -> None:
+    table, options, message = bad_tables()[case]
+    arguments = {"factors": FACTORS, **options}
+    with pytest.raises(ConfigurationError) as caught:
+        analyse(table, response="y", **arguments)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def normal(rng: np.random.Generator, runs: int) -> np.ndarray:
+    return rng.normal(0, 1, runs)
+
+
+def skewed(rng: np.random.Generator, runs: int) -> np.ndarray:
+    return np.exp(rng.normal(0, 1, runs)) - np.exp(0.5)
+
+
+def contaminated(rng: np.random.Generator, runs: int) -> np.ndarray:
+    return rng.normal(0, np.where(rng.random(runs) < 0.05, 10, 1))
+
+
+def coverage(draw: Draw, sizes: list[int], scale: list[float], times: int, common: bool) -> float:
+    """Share of experiments in which all pairs' intervals hold the true difference, zero."""
+    rng = np.random.default_rng(11)
+    levels = np.repeat(np.arange(len(sizes)), sizes)
+    held = 0
+    for _ in range(times):
+        y = draw(rng, len(levels)) * np.array(scale)[levels]
+        table = pd.DataFrame({"a": levels, "y": y})
+        if common:
+            table["replicate"] = np.concatenate([np.arange(n) for n in sizes])
+            table["y"] += 3 * rng.normal(size=sizes[0])[table["replicate"]]
+        pairs = analyse(table, ["a"], "y", seeding="common" if common else "independent").pairs
+        held += not pairs["differs"].any()
+    return held / times
+
+
+def test_simultaneous_intervals_hold_all_at_once() -> None:
+    # of 100 experiments a share of 95 % has a standard error of 2.2 %; unadjusted it is 80 %
+    assert coverage(normal, [20] * 4, [1] * 4, 100, False) >= 0.89
+    assert coverage(normal, [10, 20, 20, 40], [4, 1, 1, 1], 100, False) >= 0.89
+    assert coverage(skewed, [20] * 4, [1] * 4, 100, False) >= 0.89
+
+
+EQUAL, UNEQUAL = [1.0] * 4, [4.0, 2.0, 1.0, 1.0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("draw", "sizes", "scale", "common", "least", "most"), [
+    (normal, [20] * 4, EQUAL, False, 0.94, 0.97),
+    (normal, [20] * 4, EQUAL, True, 0.94, 0.97),
+    (normal, [10, 20, 40, 80], UNEQUAL, False, 0.94, 0.975),
+    (normal, [20] * 12, [1.0] * 12, False, 0.94, 0.975),
+    (skewed, [20] * 4, EQUAL, False, 0.94, 1),
+    (skewed, [20] * 4, EQUAL, True, 0.94, 1),
+    # no t interval holds here; logarithms do, and the text says so
+    (skewed, [20] * 4, [1.0, 2.0, 4.0, 8.0], False, 0.80, 0.92),
+    (contaminated, [20] * 4, EQUAL, False, 0.94, 1),
+    (contaminated, [20] * 4, UNEQUAL, False, 0.94, 1),
+    (contaminated, [10, 20, 40, 80], UNEQUAL, False, 0.94, 1),
+])
+def test_coverage(
+    draw: Draw, sizes: list[int], scale: list[float], common: bool, least: float, most: float
+) -> None:
+    share = coverage(draw, sizes, scale, 2000, common)
+    print(f"{draw.__name__}, {sizes}, {scale}, common {common}: {share:.1%}")
+    assert least <= share <= most

@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+from sblcosim import style
+from sblcosim.analysis import general_figures as figures
+from sblcosim.analysis.general import GeneralFactorial, analyse
+
+LONG = [f"Manufacturer no. {i} long-range model {letter * 3}" for i, letter in
+        enumerate("ABCDEFGHIJKL")]
+SEA = ["calm", "slight", "rough", "very_rough_sea_state"]
+ALL = (figures.plot_means, figures.plot_pairs, figures.plot_interactions)
+
+
+@pytest.fixture(scope="module")
+def analysis() -> GeneralFactorial:
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame({
+        "gps": rng.choice([5.0, 1.0, 0.1], 1500), "transceiver $x$": rng.choice(LONG, 1500),
+        "sea": rng.choice(SEA, 1500),
+    })
+    slope = 1 + 0.5 * (table["sea"] == "rough")
+    return analyse(
+        table.assign(y=slope * table["gps"] + rng.normal(0, 0.8, 1500)), list(table), "y", unit="m",
+        units={"gps": "m"}, label="RMS of the total absolute error",
+        levels={"gps": [0.1, 1.0, 5.0], "transceiver $x$": LONG, "sea": SEA},
+    ).readable
+
+
+def test_means_have_a_row_per_level_with_its_interval(analysis: GeneralFactorial) -> None:
+    panels = figures.plot_means(analysis)
+    assert [len(panel.get_yticks()) for panel in panels] == [3, 12, 4]
+    for panel, (_, own) in zip(panels, analysis.means.groupby("factor", sort=False), strict=True):
+        container = panel.containers[0]
+        np.testing.assert_allclose(container.lines[0].get_xdata(), own["mean"])
+        segments = np.array(container.lines[2][0].get_segments())
+        np.testing.assert_allclose(segments[:, :, 0], own[["low", "high"]])
+    assert [text.get_text() for text in panels[0].get_yticklabels()] == ["0.1 m", "1 m", "5 m"]
+    assert panels[0].get_ylim()[0] > panels[0].get_ylim()[1]  # the first level is on top
+    assert len({panel.get_xlim() for panel in panels}) == 1
+    assert panels[-1].get_xlabel().replace("\n", " ") == "Mean RMS of the total absolute error [m]"
+
+
+def test_pairs_have_the_largest_on_top_and_a_line_at_zero(analysis: GeneralFactorial) -> None:
+    panels = figures.plot_pairs(analysis)
+    for panel, (name, own) in zip(panels, analysis.pairs.groupby("factor", sort=False),
+                                  strict=True):
+        assert [0.0, 0.0] in [list(line.get_xdata()) for line in panel.lines]
+        drawn = {round(float(x), 9) for container in panel.containers
+                 for x in container.lines[0].get_xdata()}
+        largest = own["difference"].sort_values(key=np.abs, ascending=False)
+        assert drawn == {round(float(x), 9) for x in largest.head(figures.MOST_PAIRS)}
+        some = ", 15 of 66 pairs" if len(own) == 66 else ""
+        assert panel.get_title("left") == f"{name}{some}"
+    assert panels[0].get_yticklabels()[0].get_text() == "0.1 m − 5 m"
+    sure = panels[2].containers[0].lines[0].get_xdata()
+    own = analysis.pairs[(analysis.pairs["factor"] == "sea") & analysis.pairs["differs"]]
+    np.testing.assert_allclose(np.sort(sure), np.sort(own["difference"]))
+
+
+def test_interactions_are_lines_of_the_factor_with_fewer_levels(
+    analysis: GeneralFactorial,
+) -> None:
+    panels = figures.plot_interactions(analysis)
+    assert len(panels) == 6  # three, each with its key
+    panel, key = panels[2], panels[3]
+    assert panel.get_title("left") == "sea; lines: gps [m]"
+    cells = analysis.cells[(analysis.cells["first"] == "gps") & (analysis.cells["second"] == "sea")]
+    for container, level in zip(panel.containers, analysis.levels["gps"], strict=True):
+        expected = cells.loc[cells["first_level"] == level, "mean"]
+        np.testing.assert_allclose(container.lines[0].get_xdata(), expected)
+    assert [text.get_text() for text in key.get_legend().get_texts()] == ["0.1 m", "1 m", "5 m"]
+    assert panels[0].get_title("left") == "transceiver $x$; lines: gps [m]"
+
+
+@pytest.mark.parametrize("plot", ALL)
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_text_is_inside_the_figure_and_large_enough(
+    analysis: GeneralFactorial, plot, theme: style.ThemeName
+) -> None:
+    panels = plot(analysis, theme=theme)
+    figure = panels[0].figure
+    assert figure.get_size_inches()[0] * 96 <= 390  # pixels of a narrow screen
+    figure.draw_without_rendering()
+    width, height = figure.bbox.size
+    ink = style.THEMES[theme].ink
+    hidden = [
+        label for panel in panels for label in panel.get_xticklabels()
+        if not panel.axison or not panel.get_xlim()[0] <= label.get_position()[0]
+        <= panel.get_xlim()[1]
+    ] + [label for panel in panels if not panel.axison for label in panel.get_yticklabels()]
+    for text in figure.findobj(Text):
+        box = text.get_window_extent()
+        if text.get_text() and box.width and text not in hidden:
+            assert text.get_fontsize() >= 8
+            assert -1 <= box.x0 < box.x1 <= width + 1, text.get_text()
+            assert -1 <= box.y0 < box.y1 <= height + 1, text.get_text()
+            assert text.get_color() == ink
+
+
+@pytest.mark.parametrize("plot", ALL)
+def test_rows_do_not_overlap(analysis: GeneralFactorial, plot) -> None:
+    panels = plot(analysis)
+    panels[0].figure.draw_without_rendering()
+    for panel in panels:
+        boxes = [label.get_window_extent() for label in panel.get_yticklabels()] if panel.axison \
+            else []
+        for above, below in pairwise(boxes):
+            assert above.y0 >= below.y1 - 1
+
+
+@pytest.mark.parametrize("plot", ALL)
+def test_given_axes_are_replaced(analysis: GeneralFactorial, plot) -> None:
+    from matplotlib.figure import Figure
+
+    ax = Figure(figsize=(8, 20)).subplots()
+    panels = plot(analysis, ax)
+    assert not ax.axison
+    assert all(panel.figure is ax.figure for panel in panels)
+
+
+def test_many_factors_show_their_surest_interactions() -> None:
+    rng = np.random.default_rng(2)
+    table = pd.DataFrame({name: rng.integers(0, 3, 900) for name in "abcde"})
+    table["y"] = table["c"] * table["e"] + rng.normal(0, 0.5, 900)
+    panels = figures.plot_interactions(analyse(table, list("abcde"), "y"))
+    titles = [panel.get_title("left") for panel in panels[::2]]
+    assert len(titles) == figures.MOST_PANELS
+    assert "c; lines: e" in titles
+    assert panels[0].figure.get_suptitle() == "Interactions, 6 of 10 pairs of factors"
+
+
+def test_a_single_factor_has_no_interactions_to_draw(analysis: GeneralFactorial) -> None:
+    table = pd.DataFrame({"a": [0, 0, 1, 1, 2, 2], "y": [1.0, 2, 3, 4, 5, 7]})
+    one = analyse(table, ["a"], "y")
+    picture = one.plot_means()
+    assert repr(picture).startswith("<Picture of 1 panel,")
+    with pytest.raises(ValueError, match="two factors"):
+        one.plot_interactions()

@@ -1,0 +1,259 @@
+"""The Parquet files of a study: what is read of them, and what the whole table is for."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from sblcosim.analysis import workflow
+from sblcosim.errors import ConfigurationError, DamageWarning
+from sblcosim.report import study as reports
+from sblcosim.study import campaign, definition, parts, runner, store, study
+
+RUNS = 40_000
+
+
+def small(**changes: Any) -> definition.Study:
+    """Two points, four replicates, runs of 2 s."""
+    return study.load(
+        {
+            "name": "small",
+            "scenario": "paper-scenario-1",
+            "fixed": {"time": {"duration_s": 2.0}},
+            "replicates": 4,
+            "factors": {"arm": {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}},
+            **changes,
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results in four parts."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner, "BATCH", 2)
+        small().run(out)
+    assert len(stored(out)) == 4
+    return out
+
+
+@pytest.fixture
+def out(whole: Path, tmp_path: Path) -> Path:
+    """A copy that may be damaged."""
+    return Path(shutil.copytree(whole, tmp_path / "out"))
+
+
+@pytest.fixture(scope="module")
+def large(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same runs again and again, with run ids of their own, in parts as they are written."""
+    out = tmp_path_factory.mktemp("large") / "out"
+    asked = campaign.prepare(small(replicates=RUNS // 2))
+    store.open_folder(out, asked)
+    few = store.table(whole)
+    for first in range(0, RUNS // 2, 2000):
+        made = pd.concat([few] * 500, ignore_index=True)
+        made["replicate"] = first + 1 + np.arange(len(made)) // 2
+        made["seed"] = 2 * first + 1 + np.arange(len(made))
+        made["run_id"] = [f"{seed:016x}" for seed in made["seed"]]
+        runs = [campaign.Run(0, first + 1, 1, made["run_id"][0])]
+        parts.write(out, asked, runs, made)
+    return out
+
+
+def stored(out: Path) -> list[Path]:
+    return sorted((out / "parts").glob("*.parquet"))
+
+
+def flip(path: Path, bit: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(content)
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Rows read of each column."""
+    rows: Counter[str] = Counter()
+    original = parts._columns
+
+    def counted(path: Path, wanted: parts.Wanted) -> pa.Table:
+        arrow = original(path, wanted)
+        rows.update(dict.fromkeys(arrow.column_names, len(arrow)))
+        return arrow
+
+    monkeypatch.setattr(parts, "_columns", counted)
+    return rows
+
+
+def test_an_analysis_reads_each_column_that_it_needs_once_and_no_other(
+    out: Path, tmp_path: Path, read: Counter[str]
+) -> None:
+    reports.save(out, tmp_path / "analysis")
+    needed = {
+        "run_id", "replicate", "point", "run_order", "arm", "error", "ekf.absolute_total_rms_m",
+        "ekf.nees_position", "ekf.own_relative_nees_position", "ekf.inconsistent", "ekf.lost",
+    }  # fmt: skip
+    assert read == dict.fromkeys(needed, 8)
+
+
+def test_going_on_with_a_finished_study_reads_what_tells_the_runs(
+    large: Path, read: Counter[str], tmp_path: Path
+) -> None:
+    out = Path(shutil.copytree(large, tmp_path / "out"))
+    runner.carry_out(small(replicates=RUNS // 2), out)
+    assert read["ekf.updates"] == RUNS  # for the table of all runs, which was not there
+    read.clear()
+    runner.carry_out(small(replicates=RUNS // 2), out)
+    assert read == {"run_id": RUNS, "replicate": RUNS, "point": RUNS}
+
+
+def test_no_run_becomes_a_python_object(large: Path) -> None:
+    asked = campaign.prepare(small(replicates=RUNS // 2))
+    runner.missing(asked, large)  # whatever is made once
+    before = sys.getallocatedblocks()
+    found = store.finished(large)
+    missing = runner.missing(asked, large)
+    table = store.table(large, workflow.needed(asked.study))  # type: ignore[arg-type]
+    made = sys.getallocatedblocks() - before
+    assert made < RUNS / 10
+    assert (len(found), missing.runs, len(table)) == (RUNS, 0, RUNS)
+    assert not any(table[name].dtype == object for name in table)
+
+
+def test_the_whole_table_has_the_same_bytes_from_whatever_parts(
+    out: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Written at once or grown, in several groups of rows."""
+    monkeypatch.setattr(parts, "GROUP", 3)
+    small().run(tmp_path / "at once")  # in one part
+    once = (tmp_path / "at once" / "runs.parquet").read_bytes()
+    assert parquet.ParquetFile(pa.BufferReader(once)).num_row_groups == 3
+    for number in (1, 3, 4):
+        small(replicates=number).run(tmp_path / "grown")
+    assert len(stored(tmp_path / "grown")) == 3
+    assert (tmp_path / "grown" / "runs.parquet").read_bytes() == once
+    pd.testing.assert_frame_equal(
+        store.table(tmp_path / "grown"), pd.read_parquet(whole / "runs.parquet"), check_exact=True
+    )
+
+
+def test_a_table_that_is_not_as_it_was_written_stands_for_nothing(out: Path, whole: Path) -> None:
+    right = store.table(whole)
+    forged = right.assign(**{"ekf.absolute_total_rms_m": 0.0})
+    forged.to_parquet(out / "runs.parquet")
+    pd.testing.assert_frame_equal(store.table(out), right, check_exact=True)
+    small().run(out)
+    assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+
+
+def test_a_table_that_cannot_be_read_is_not_needed(out: Path, whole: Path) -> None:
+    (out / "runs.parquet").unlink()
+    (out / "runs.parquet").mkdir()
+    pd.testing.assert_frame_equal(store.table(out), store.table(whole), check_exact=True)
+
+
+def test_a_damaged_part_counts_as_missing_although_its_runs_are_in_the_table(out: Path) -> None:
+    flip(stored(out)[2], 9999)
+    asked = campaign.prepare(small())
+    assert runner.missing(asked, out).by_point == (1, 1)
+    assert len(store.finished(out)) == 6
+    with pytest.raises(ConfigurationError, match="must be as it was written, got other bytes"):
+        store.table(out)
+    with pytest.warns(DamageWarning):
+        assert len(small().run(out)) == 8
+
+
+def as_of_old(out: Path) -> None:
+    """Take from a folder what earlier versions did not write."""
+    for path in stored(out):
+        stream = pa.BufferOutputStream()
+        parquet.write_table(parquet.read_table(path).replace_schema_metadata(None), stream)
+        content = stream.getvalue().to_pybytes()
+        path.unlink()
+        name = parts.named(path.stem.rpartition("-")[0], content)
+        (path.parent / name).write_bytes(content)
+    said = store.described(out)
+    del said["table"]
+    (out / "study.json").write_bytes(store.sealed(said))
+
+
+def test_a_folder_of_old_is_read_and_completed(out: Path, whole: Path) -> None:
+    as_of_old(out)
+    pd.testing.assert_frame_equal(store.table(out), store.table(whole), check_exact=True)
+    asked = campaign.prepare(small(replicates=5))
+    assert runner.missing(asked, out).by_point == (1, 1)
+    before = stored(out)
+    assert len(small(replicates=5).run(out)) == 10
+    assert set(before) < set(stored(out))
+    assert len(stored(out)) == 5
+
+
+def test_runs_of_another_study_in_a_part_count_for_nothing(
+    out: Path, tmp_path: Path
+) -> None:
+    """Whether their part says whose they are or not."""
+    small(seed=77, replicates=5).run(tmp_path / "other")
+    for old in (False, True):
+        if old:
+            as_of_old(tmp_path / "other")
+        (foreign,) = stored(tmp_path / "other")
+        shutil.copy(foreign, out / "parts")
+        missing = runner.missing(campaign.prepare(small(replicates=5)), out)
+        assert missing.by_point == (1, 1), old
+        (out / "parts" / foreign.name).unlink()
+
+
+def test_run_ids_must_be_ours(out: Path) -> None:
+    (path, *_) = stored(out)
+    arrow = parquet.read_table(path)
+    for wrong in (["x" * 16] * 2, ["abc"] * 2):
+        index = arrow.schema.get_field_index("run_id")
+        stream = pa.BufferOutputStream()
+        parquet.write_table(arrow.set_column(index, "run_id", pa.array(wrong)), stream)
+        content = stream.getvalue().to_pybytes()
+        other = path.parent / parts.named("000009-x", content)
+        other.write_bytes(content)
+        with pytest.raises(ConfigurationError, match="run_id: must be 16 hexadecimal digits"):
+            store.table(out)
+        other.unlink()
+
+
+def test_texts_as_levels_of_factors_are_kept(out: Path) -> None:
+    """In parts and in the whole table; nothing here takes a factor for a number."""
+    there = store.open_folder(out, campaign.prepare(small()))
+    made = store.table(out).assign(arm=["a", "bc"] * 4)
+    for path in there.paths:
+        path.unlink()
+    runs = [campaign.Run(0, 1, 1, made["run_id"][0])]
+    written = parts.write(out, campaign.prepare(small()), runs, made)
+    store.save(parts.Parts(out, (written,), frozenset()))
+    assert parquet.read_table(out / "runs.parquet")["arm"].to_pylist() == ["a", "bc"] * 4
+    assert store.table(out)["arm"].tolist() == ["a", "bc"] * 4
+
+
+def test_the_description_tells_the_hash_of_the_table(out: Path) -> None:
+    said = store.described(out)["table"]
+    assert said["sha256"] == hashlib.sha256((out / "runs.parquet").read_bytes()).hexdigest()
+    assert said["parts"] == [path.name for path in stored(out)]
+
+
+def test_columns_are_chosen_of_all_names(out: Path) -> None:
+    seen: list[str] = []
+
+    def chosen(names: Sequence[str]) -> list[str]:
+        seen[:] = names
+        return ["ekf.nis", "arm"]
+
+    assert list(store.table(out, chosen)) == ["arm", "ekf.nis"]
+    assert seen == list(store.table(out))

@@ -1,0 +1,330 @@
+"""Distributions of factors, and samples of a space in which the seed is a factor."""
+
+from __future__ import annotations
+
+import re
+from typing import get_args
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+from sblcosim.errors import ConfigurationError
+from sblcosim.study.distributions import Distribution, Kind, distribution_of
+from sblcosim.study.space import Factor, sample
+from scipy import stats
+
+U = (np.arange(200_000) + 0.5) / 200_000
+
+DISTRIBUTIONS = {
+    "uniform": (distribution_of("uniform", range=[2, 5]), stats.uniform(2, 3)),
+    "log-uniform": (distribution_of("log-uniform", range=[0.1, 10]), stats.loguniform(0.1, 10)),
+    "normal": (distribution_of("normal", mean=-3, std=2), stats.norm(-3, 2)),
+    "truncated normal": (
+        distribution_of("normal", mean=1, std=2, range=[0, 1.5]),
+        stats.truncnorm(-0.5, 0.25, 1, 2),
+    ),
+    "log-normal": (
+        distribution_of("log-normal", median=3, factor=2), stats.lognorm(np.log(2), scale=3)
+    ),
+    "triangular": (
+        distribution_of("triangular", range=[1, 4], mode=2), stats.triang(1 / 3, loc=1, scale=3)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+def test_quantiles_have_the_distribution_that_was_asked_for(name: str) -> None:
+    given, law = DISTRIBUTIONS[name]
+    x = given.quantiles(U)
+    assert np.all(np.diff(x) >= 0)
+    assert np.abs(law.cdf(x) - U).max() < 1e-9
+
+
+def test_a_truncated_log_normal_is_the_log_normal_inside_the_range() -> None:
+    x = distribution_of("log-normal", median=3, factor=2, range=[1, 4]).quantiles(U)
+    law = stats.lognorm(np.log(2), scale=3)
+    inside = (law.cdf(x) - law.cdf(1)) / (law.cdf(4) - law.cdf(1))
+    assert np.abs(inside - U).max() < 1e-9
+    assert 1 <= x.min() < x.max() <= 4
+    from_zero = distribution_of("log-normal", median=3, factor=2, range=[0, 4]).quantiles(U)
+    assert np.abs(law.cdf(from_zero) / law.cdf(4) - U).max() < 1e-9
+
+
+def test_two_thirds_of_a_log_normal_are_within_its_factor() -> None:
+    x = distribution_of("log-normal", median=0.2, factor=3).quantiles(U)
+    assert np.median(x) == pytest.approx(0.2, rel=1e-4)
+    assert np.mean((x > 0.2 / 3) & (x < 0.2 * 3)) == pytest.approx(0.6827, abs=1e-4)
+
+
+@pytest.mark.parametrize("levels", [(1, 3, 2), (0.5, 1.5, 9.0), ("ekf", "ukf", "pf")])
+def test_a_choice_has_its_levels_as_often_as_their_weights_say(levels) -> None:
+    x = distribution_of("choice", levels=levels, weights=[1, 2, 5]).quantiles(U)
+    shares = [np.mean(x == level) for level in levels]
+    assert shares == pytest.approx([1 / 8, 2 / 8, 5 / 8], abs=1e-4)
+    x = distribution_of("choice", levels=levels).quantiles(U)
+    assert [np.mean(x == level) for level in levels] == pytest.approx([1 / 3] * 3, abs=1e-4)
+    assert {type(value) for value in x.tolist()} == {type(level) for level in levels}
+
+
+def test_true_and_false_are_levels() -> None:
+    x = distribution_of("choice", levels=[True, False]).quantiles(np.array([0.2, 0.7]))
+    assert x.tolist() == [True, False]
+
+
+def test_a_table_of_a_file_can_hold_a_distribution() -> None:
+    class FactorTable(Distribution):
+        keys: tuple[str, ...]
+
+    class File(BaseModel):
+        gps: FactorTable
+
+    file = File.model_validate(
+        {"gps": {"keys": ("platform.gps_std_m",), "distribution": "uniform", "range": [0, 2]}}
+    )
+    assert file.gps.quantiles(np.array([0.25])) == 0.5
+
+
+# --- Bad input -----------------------------------------------------------------------------------
+
+MESSAGES = {
+    "distribution: must be uniform or .*, got 'norml'; did you mean 'normal'?":
+        {"distribution": "norml"},
+    "std: must be given for the distribution 'normal', which has mean and std and perhaps range, "
+    "got nothing": {"distribution": "normal", "mean": 1},
+    "range: must be given for the distribution 'uniform', .*, got nothing":
+        {"distribution": "uniform", "mean": 1, "std": 2},
+    "median: must be given for the distribution 'log-normal', which has median and factor .*":
+        {"distribution": "log-normal", "mean": 1, "std": 2},
+    "mean: must not be given for the distribution 'uniform', which has range, got it":
+        {"distribution": "uniform", "range": [0, 1], "mean": 2},
+    "normal: there is no key 'stdd'; did you mean 'std'?":
+        {"distribution": "normal", "mean": 1, "stdd": 1},
+    "mean: must be a number, got abc": {"distribution": "normal", "mean": "abc", "std": 1},
+    "mean: must be a finite number, got inf":
+        {"distribution": "normal", "mean": float("inf"), "std": 1},
+    "std: must be more than 0, got 0": {"distribution": "normal", "mean": 1, "std": 0},
+    "factor: must be more than 1, got 0.5":
+        {"distribution": "log-normal", "median": 1, "factor": 0.5},
+    "range: must be two numbers, the lower first, got .2.0, 1.0.":
+        {"distribution": "uniform", "range": [2, 1]},
+    "range: must be two numbers, the lower first, got .1.0.":
+        {"distribution": "uniform", "range": [1]},
+    "range: must be two numbers, the lower first, got .-1e.308, 1e.308.":
+        {"distribution": "uniform", "range": [-1e308, 1e308]},
+    "range: must be above 0 for 'log-uniform', got .0.0, 1.0.":
+        {"distribution": "log-uniform", "range": [0, 1]},
+    "range: must reach above 0 for 'log-normal', got .-2.0, 0.0.":
+        {"distribution": "log-normal", "median": 1, "factor": 2, "range": [-2, 0]},
+    "mode: must be within the range .1.0, 2.0., got 3":
+        {"distribution": "triangular", "range": [1, 2], "mode": 3},
+    "levels: must be at least two, got 1": {"distribution": "choice", "levels": [1]},
+    "levels: must differ, got 'a' 2 times": {"distribution": "choice", "levels": ["a", "a"]},
+    "levels: must be all numbers or all texts, got .1, 'a'.":
+        {"distribution": "choice", "levels": [1, "a"]},
+    "levels: must be all numbers or all texts, got .1, True.":
+        {"distribution": "choice", "levels": [1, True]},
+    "levels: must be numbers or texts, got an instance of list":
+        {"distribution": "choice", "levels": [[1], [2]]},
+    "levels: must be finite, got nan": {"distribution": "choice", "levels": [1.0, float("nan")]},
+    "weights: must be as many as the levels, 2, got 1":
+        {"distribution": "choice", "levels": [1, 2], "weights": [1]},
+    "weights: must be more than 0, got 0":
+        {"distribution": "choice", "levels": [1, 2], "weights": [1, 0]},
+}
+
+
+@pytest.mark.parametrize("message", MESSAGES)
+def test_a_wrong_distribution_is_refused_in_one_line(message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        distribution_of(**MESSAGES[message])
+    assert re.fullmatch(message.replace("?", r"\?"), str(caught.value)), caught.value
+
+
+def refused(**options) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        Factor("gps", **options)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("factor gps: ")
+    return str(caught.value).removeprefix("factor gps: ")
+
+
+def test_a_key_that_is_set_by_name_has_a_choice_only() -> None:
+    names = ("ekf", "sequential_ekf")
+    given = distribution_of("uniform", range=[0, 1])
+    assert refused(distribution=given, names=names) == (
+        "distribution: must be 'choice' for a key that is one of 'ekf', 'sequential_ekf', got "
+        "'uniform'"
+    )
+    given = distribution_of("choice", levels=["ekf", "sequental_ekf"])
+    assert refused(distribution=given, names=names) == (
+        "levels: must be among 'ekf', 'sequential_ekf', got 'sequental_ekf'; did you mean "
+        "'sequential_ekf'?"
+    )
+    assert not Factor("x", distribution_of("choice", levels=names), names=names).numeric
+    given = distribution_of("choice", levels=["a", "b"])
+    assert refused(distribution=given, low=0) == "levels: must be numbers, got 'a'"
+
+
+def test_no_value_can_leave_the_bounds_of_the_keys() -> None:
+    normal = distribution_of("normal", mean=1, std=0.5)
+    assert refused(distribution=normal, low=0) == (
+        "range: must be given to keep 'normal' within the bounds of its keys, 0 to inf, got values "
+        "from -2.06038 to 4.06038"
+    )
+    Factor("gps", distribution_of("normal", mean=1, std=0.1), low=0)  # ten standard deviations
+    truncated = distribution_of("normal", mean=1, std=0.5, range=[0, 3])
+    assert Factor("gps", truncated, low=0).values(U).min() >= 0
+    wide = distribution_of("uniform", range=[-1, 2])
+    assert refused(distribution=wide, low=0, high=2) == (
+        "range: must be within the bounds of its keys, 0 to 2, got [-1.0, 2.0]"
+    )
+    endless = distribution_of("log-normal", median=1, factor=1e100)
+    assert refused(distribution=endless).endswith("got values from 0 to inf")
+    assert refused(distribution=distribution_of("choice", levels=[1, 7]), high=6).startswith(
+        "levels: must be within the bounds of its keys, -inf to 6, got values from 1 to 7"
+    )
+
+
+@pytest.mark.parametrize("step", [0.001, 0.25, 1, 2, 0.3])
+def test_values_are_rounded_to_whole_steps_inside_the_range(step: float) -> None:
+    given = distribution_of("uniform", range=[0.7, 9.2])
+    x = Factor("T", given, step=step).values(U)
+    whole = x / step
+    assert np.abs(whole - np.rint(whole)).max() < 1e-9
+    assert 0.7 <= x.min() < 0.7 + step
+    assert 9.2 - step < x.max() <= 9.2
+    assert np.abs(x - given.quantiles(U)).max() <= step * (1 + 1e-9)
+    assert np.issubdtype(x.dtype, np.integer) == (step >= 1)
+
+
+def test_a_sampling_time_in_ms_is_the_number_that_people_write() -> None:
+    x = Factor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001).values(U)
+    assert set(np.unique(x)) == {k / 1000 for k in range(100, 2001)}
+    given = distribution_of("uniform", range=[0.0004, 0.1])
+    assert Factor("T", given, low=0.0001, step=0.001).values(U).min() == 0.001  # and not 0
+    choice = distribution_of("choice", levels=[0.1, 0.3, 2])
+    assert set(Factor("T", choice, step=0.001).values(U)) == {0.1, 0.3, 2}
+    choice = distribution_of("choice", levels=[0.1, 0.3004])
+    assert refused(distribution=choice, step=0.001) == (
+        "levels: must be whole multiples of 0.001, got 0.3004"
+    )
+    tiny = distribution_of("uniform", range=[0.0001, 0.0002])
+    assert refused(distribution=tiny, step=0.001) == (
+        "range: must hold two multiples of 0.001, to which values are rounded, got values from "
+        "0.0001 to 0.0002"
+    )
+
+
+def test_random_numbers_make_a_distribution_or_a_line() -> None:
+    rng = np.random.default_rng(1)
+    pool = [0, 1, -1, 1e-300, 1e300, 0.1, 2, 5, -0.5, 1e-9, 1 + 1e-12]
+    made, lines = 0, list[str]()
+    for _ in range(2000):
+        kind = rng.choice([*get_args(Kind)])
+        needed = {"uniform": ["range"], "log-uniform": ["range"], "normal": ["mean", "std"],
+                  "log-normal": ["median", "factor"], "triangular": ["range", "mode"],
+                  "choice": ["levels"]}[kind]  # fmt: skip
+        several = ("range", "levels", "weights")
+        names = {*needed, *rng.choice([*Distribution.model_fields][1:], rng.integers(0, 2))}
+        numbers = {
+            name: rng.choice(pool, rng.integers(1, 4)).tolist() if name in several
+            else float(rng.choice(pool)) for name in sorted(names)
+        }
+        step = rng.choice([None, 0.001, 1])
+        try:
+            factor = Factor("x", distribution_of(kind, **numbers), low=-10, high=10, step=step)
+        except ConfigurationError as error:
+            lines.append(str(error))
+            continue
+        made += 1
+        x = factor.values(rng.uniform(2**-31, 1 - 2**-31, 50))
+        assert np.isfinite(x).all(), numbers
+        assert (x >= -10).all(), numbers
+        assert (x <= 10).all(), numbers
+    assert made > 100
+    assert not any("\n" in line for line in lines)
+
+
+# --- Samples -------------------------------------------------------------------------------------
+
+FACTORS = (
+    Factor("gps", distribution_of("log-uniform", range=[0.1, 5])),
+    Factor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001),
+    Factor("receiver", distribution_of("choice", levels=["ekf", "ukf"])),
+)
+
+
+def test_a_base_row_swaps_one_column_at_a_time_and_the_seed_is_a_column() -> None:
+    drawn = sample(FACTORS, 64, seed=100)
+    assert len(drawn) == 64 * (3 + 3)
+    assert drawn.columns == ("gps", "T", "receiver", "seed")
+    for rows in np.arange(len(drawn)).reshape(64, drawn.runs_per_row):
+        a, *swapped, b = drawn.table()[[*drawn.columns]].to_numpy()[rows]
+        for i, row in enumerate(swapped):
+            expected = a.copy()
+            expected[i] = b[i]
+            assert (row == expected).all()
+        assert a[3] != b[3]
+
+
+def test_seeds_are_different_and_go_upward_from_the_first() -> None:
+    drawn = sample(FACTORS, 64, seed=100)
+    by_row = drawn.seeds.reshape(64, -1)
+    assert sorted({*drawn.seeds.tolist()}) == [*range(100, 228)]
+    assert all(len({*row}) == 2 for row in by_row.tolist())
+    assert (by_row[:, :-2] == by_row[:, :1]).all()
+
+
+def test_equal_arguments_give_equal_bits_and_more_rows_continue() -> None:
+    one, same, more, other = (sample(FACTORS, n, seed=s) for n, s in
+                              ((64, 7), (64, 7), (256, 7), (64, 8)))
+    assert one.table().equals(same.table())
+    assert more.table()[: len(one)].equals(one.table())
+    assert not other.values.equals(one.values)
+
+
+def test_a_sample_is_more_even_than_independent_points() -> None:
+    for n in (64, 1024):
+        u = sample([Factor("x", distribution_of("uniform", range=[0, 1]))], n).values["x"]
+        at_a = u.to_numpy().reshape(n, -1)[:, 0]
+        assert {*np.floor(at_a * n).astype(int).tolist()} == {*range(n)}  # one in each cell
+
+
+def test_every_quantile_is_finite() -> None:
+    drawn = sample([Factor("x", distribution_of("normal", mean=0, std=1))], 2**14, seed=3)
+    assert np.isfinite(drawn.values["x"]).all()
+    assert stats.kstest(drawn.values["x"][:: drawn.runs_per_row], "norm").pvalue > 0.5
+
+
+@pytest.mark.parametrize(
+    ("factors", "n", "seed", "message"),
+    [
+        ((), 16, 1, "space: must have at least one factor, got none"),
+        (FACTORS[:1] * 2, 16, 1, "factor gps: must be there once, got 2"),
+        (FACTORS, 1000, 1,
+         "base_rows: must be a power of 2 from 16 to 1048576, got 1000; did you mean 1024?"),
+        (FACTORS, 8, 1, "base_rows: must be a power of 2 from 16 to 1048576, got 8"),
+        (FACTORS, 2**21, 1, "base_rows: must be a power of 2 from 16 to 1048576, got 2097152"),
+        (FACTORS, True, 1, "base_rows: must be a power of 2 from 16 to 1048576, got True"),
+        (FACTORS, 16.0, 1, "base_rows: must be a power of 2 from 16 to 1048576, got 16.0"),
+        (FACTORS, 16, -1,
+         "seed: must be from 0 on and leave room for 32 seeds up to 2147483647, got -1"),
+        (FACTORS, 16, 2**31 - 31,
+         "seed: must be from 0 on and leave room for 32 seeds up to 2147483647, got 2147483617"),
+        ([Factor("seed", FACTORS[0].distribution)], 16, 1,
+         "factor seed: must have another name, the seed is a factor of every space"),
+    ],
+)  # fmt: skip
+def test_a_wrong_space_is_refused_in_one_line(factors, n, seed, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        sample(factors, n, seed)
+    assert str(caught.value) == message
+
+
+def test_the_last_seed_may_be_the_largest() -> None:
+    assert sample(FACTORS, 16, 2**31 - 32).seeds.max() == 2**31 - 1
+    assert sample(FACTORS, 16, 0).seeds.min() == 0
+
+
+def test_a_sample_shows_itself_in_a_line() -> None:
+    assert repr(sample(FACTORS, 16)) == "<Sample of 3 factors, 16 base rows, 96 runs>"

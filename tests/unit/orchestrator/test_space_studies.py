@@ -1,0 +1,182 @@
+"""Studies of spaces, and of functions in place of the simulation."""
+
+from __future__ import annotations
+
+from math import pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import sblcosim
+from sblcosim.analysis import sensitivity, workflow
+from sblcosim.cli import contents
+from sblcosim.errors import ConfigurationError
+from sblcosim.report import study as reports
+from sblcosim.report.common import as_toml
+from sblcosim.report.space import Indices
+from sblcosim.study import again, study
+from sblcosim.study.study import study_of
+
+AROUND = {"distribution": "uniform", "range": [-pi, pi]}
+GPS = {"keys": ["platform.gps_horizontal_markov_std_m"], "distribution": "log-uniform",
+       "range": [0.01, 3.0]}  # fmt: skip
+TICK = {"keys": ["time.sampling_time_s"], "distribution": "uniform", "range": [0.2, 0.6]}
+GRADE = {"keys": ["platform.imu_grade"], "distribution": "choice",
+         "levels": ["consumer", "tactical"]}  # fmt: skip
+FACTORS = {"gps": GPS, "tick": TICK, "imu": GRADE}
+
+
+def ishigami(x1: float, x2: float, x3: float, a: float = 7.0, b: float = 0.1) -> float:
+    return sin(x1) + a * sin(x2) ** 2 + b * x3**4 * sin(x1)
+
+
+def of_function(**changes: Any) -> study.Study:
+    return study.load({
+        "name": "ishigami", "model": ishigami, "design": {"kind": "space", "base_rows": 512},
+        "factors": dict.fromkeys(("x1", "x2", "x3"), AROUND), **changes,
+    })  # fmt: skip
+
+
+def dive(**changes: Any) -> study.Study:
+    return study.load({
+        "name": "space", "scenario": "realistic-dive", "fixed": {"time": {"duration_s": 12.0}},
+        "design": {"kind": "space", "base_rows": 16}, "factors": FACTORS, **changes,
+    })  # fmt: skip
+
+
+def test_a_published_function_goes_the_way_of_a_simulation(tmp_path: Path) -> None:
+    """T. Ishigami, T. Homma, 1990: indices in closed form."""
+    made = of_function()
+    assert repr(made) == "<Study ishigami: 3 factors, 3,072 points × 1 = 3,072 runs>"
+    table = made.run(tmp_path / "out")
+    assert list(table.columns[3:7]) == ["x1", "x2", "x3", "seed"]
+    assert made.sample is not None
+    (found,) = sensitivity.of_table(made.sample, table, "ishigami.value", transform="none")
+    for name, first, total in (("x1", 0.3139, 0.5576), ("x2", 0.4424, 0.4424), ("x3", 0, 0.2437)):
+        row = found.indices.loc[name]
+        assert row["first_low"] <= first <= row["first_high"]
+        assert row["total_low"] <= total <= row["total_high"]
+    assert found.indices.loc["seed", "total"] == 0
+    again_made = study_of(tmp_path / "out")
+    assert again_made.points == made.points
+    pd.testing.assert_frame_equal(again_made.run(tmp_path / "out"), table)  # nothing is missing
+    with pytest.raises(ConfigurationError, match=r"model: must be at hand to do more runs"):
+        again_made.run(tmp_path / "elsewhere")
+    with pytest.raises(ConfigurationError, match="must be of simulated runs to do one again"):
+        again.replay(tmp_path / "out", table["run_id"][0])
+
+
+def test_a_function_may_have_any_design_and_conditions(tmp_path: Path) -> None:
+    made = study.load({
+        "model": lambda a, b, kind: a * b + (kind == "odd"), "design": {"kind": "grid"},
+        "factors": {"a": {"levels": [1, 2, 3]}, "kind": {"levels": ["odd", "even"]}},
+        "conditions": {"b": {"levels": [1, 10]}},
+    })  # fmt: skip
+    table = made.run(tmp_path)
+    expected = table["a"] * table["b"] + (table["kind"] == "odd")
+    np.testing.assert_array_equal(table["<lambda>.value"], expected)
+
+
+def test_a_space_is_run_with_the_seed_as_a_factor(tmp_path: Path) -> None:
+    made = dive()
+    table = made.run(tmp_path / "out", workers=1)
+    assert len(table) == 16 * (3 + 3)
+    assert table["error"].isna().all()
+    assert table["run_id"].is_unique  # also where a choice is swapped for itself
+    by_row = table["seed"].to_numpy().reshape(16, 6)
+    assert (by_row[:, :4] == by_row[:, :1]).all()  # swapped rows keep their seed
+    assert (by_row[:, 4] != by_row[:, 0]).all()  # one column swaps it
+    assert np.array_equal(table["tick"] * 1e3, np.rint(table["tick"] * 1e3))
+    assert set(table["imu"]) == {"consumer", "tactical"}
+    row = table.iloc[7]
+    direct = sblcosim.run("realistic-dive", overrides={
+        "time.duration_s": 12.0, "time.sampling_time_s": row["tick"], "seed": int(row["seed"]),
+        "platform.gps_horizontal_markov_std_m": row["gps"], "platform.imu_grade": row["imu"],
+    })  # fmt: skip
+    assert row["coupled.absolute_total_rms_m"] == pytest.approx(
+        direct.errors.loc["coupled", "absolute", "total"].rms_m, rel=1e-12
+    )
+    assert again.replay(tmp_path / "out", row["run_id"]).errors.equals(direct.errors)
+    dive().run(tmp_path / "two", workers=2)
+    names = ("out/runs.parquet", "two/runs.parquet")
+    first, second = ((tmp_path / name).read_bytes() for name in names)
+    assert first == second
+    text = as_toml(study_of(tmp_path / "out").tables())
+    (tmp_path / "again.toml").write_text(text)
+    assert study.load(tmp_path / "again.toml").points == made.points
+
+
+PROBLEMS = [
+    ({"factors": {"gps": {"keys": GPS["keys"], "levels": [1, 2]}}}, "did you mean distribution = "),
+    ({"factors": {"gps": {**GPS, "range": None}}}, "range: must be given for the distribution"),
+    ({"factors": {"gps": {**GPS, "distribution": "log-unifrm"}}}, "did you mean 'log-uniform'"),
+    ({"factors": {"gps": {**GPS, "range": [-1.0, 1.0]}}}, "range: must be above 0"),
+    ({"factors": {"gps": {**GPS, "distribution": "uniform", "range": [-1.0, 1.0]}}},
+     r"\[factors.gps\] range: must be within the bounds of its keys, 0 to"),
+    ({"factors": {"imu": {**GRADE, "distribution": "uniform", "levels": None, "range": [0, 1]}}},
+     r"\[factors.imu\] distribution: must be 'choice' for a key that is one of 'marine'"),
+    ({"factors": {"imu": {**GRADE, "levels": ["consumer", "tacticl"]}}}, "imu_grade: must be 'mar"),
+    ({"replicates": 2}, "replicates: must be left out in a space, where the seed is a factor"),
+    ({"seeding": "common"}, "seeding: must be left out in a space"),
+    ({"design": {"kind": "space", "base_rows": 100}}, "base_rows: must be a power of 2"),
+    ({"design": {"kind": "grid"}}, "distribution: must be left out, but in a space"),
+    ({"scenario": ""}, "scenario: must be given"),
+    ({"model": ishigami}, "scenario: must be left out with a model"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), PROBLEMS)
+def test_what_is_wrong_with_a_space_is_said(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        dive(**changes)
+    if "model" not in changes and changes != {"design": {"kind": "grid"}}:
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"factors": {"x": AROUND}}, "ishigami must take the factor 'x'"),
+        ({"factors": {"x1": AROUND, "x2": AROUND}}, "must have a default for 'x3'"),
+        ({"factors": {n: {**AROUND, "keys": ["platform.beaufort"]} for n in ("x1", "x2", "x3")}},
+         "keys: must be left out with a model"),
+        ({"model": "nowhere.py:f"}, "nowhere.py"),
+        ({"model": 3}, r"model: must be FILE.py:FUNCTION"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_function_is_said(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        of_function(**changes)
+
+
+def test_a_space_is_reported(tmp_path: Path) -> None:
+    made = dive(responses=["absolute_total_p95_m"])
+    table = made.run(tmp_path / "out")
+    found = reports.save(tmp_path / "out", tmp_path / "page", "absolute_total_p95_m")
+    assert isinstance(found, Indices)
+    assert found.main.transform == "log"  # of errors, unless told otherwise
+    assert made.sample is not None
+    direct = sensitivity.of_table(made.sample, table, "coupled.absolute_total_p95_m")
+    pd.testing.assert_frame_equal(found.main.indices, direct[0].indices)
+    written = pd.read_csv(tmp_path / "page" / "indices.csv")
+    assert written["factor"].tolist()[:4] == ["gps", "tick", "imu", "seed"]
+    page = (tmp_path / "page" / "report.html").read_text()
+    assert "log-uniform, range 0.01 to 3" in page
+    document = contents.analysis(found, tmp_path, tmp_path)
+    assert [row.factor for row in document.indices[:4]] == ["gps", "tick", "imu", "seed"]
+    with pytest.raises(ConfigurationError, match="practical: must be left out for a design of"):
+        reports.save(tmp_path / "out", tmp_path / "other", practical=1.0)
+    assert not (tmp_path / "other").exists()
+
+
+def test_the_indices_of_a_space_are_those_over_its_conditions(tmp_path: Path) -> None:
+    conditions = {"sea": {"keys": ["platform.beaufort"], "levels": [2, 4]}}
+    made = dive(factors={"gps": GPS, "tick": TICK}, conditions=conditions)
+    table = made.run(tmp_path)
+    assert len(table) == 2 * 16 * 5
+    total = "coupled.absolute_total_rms_m"
+    means = (table[total][:80].to_numpy() + table[total][80:].to_numpy()) / 2
+    found = workflow.of_space(made, table)[0]
+    np.testing.assert_array_equal(found.values, means)
