@@ -29,5 +29,10 @@ def questions() -> Listing:
 
 
 def receivers() -> Listing:
-    """The receivers that `sblcosim.run` knows by name, each with what it is."""
-    return Listing({name: component.description for name, component in RECEIVERS.items()})
+    """The receivers that `sblcosim.run` knows by name, each with what it is, and for what."""
+    from .scenario.doubts import PURPOSES
+
+    return Listing({
+        name: component.description + (f"; for {PURPOSES[name]}" if name in PURPOSES else "")
+        for name, component in RECEIVERS.items()
+    })  # fmt: skip

@@ -31,6 +31,8 @@ class ReceiverEntry(Part):
 
     name: str
     description: str
+    purpose: str
+    """What it is for."""
     keys: list[str]
     """Keys of the table ``[receiver]`` that it has."""
 
@@ -95,6 +97,8 @@ class Possible(Part):
     """False where no accuracy is possible; the numbers are then null."""
     bearing_std_deg: float
     acceleration_psd_m2_s3: float
+    without: list[str]
+    """Keys of ``[platform]`` whose errors are left out: with them less is possible."""
 
 
 _JUDGED = {

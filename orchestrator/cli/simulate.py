@@ -315,11 +315,12 @@ def receivers(as_json: JsonOption = False) -> None:
     if as_json:
         from sblcosim.models import RECEIVERS
 
+        from ..scenario.doubts import PURPOSES
         from .documents import ReceiverEntry, Receivers
 
         entries = [
             ReceiverEntry(
-                name=name, description=component.description,
+                name=name, description=component.description, purpose=PURPOSES.get(name, ""),
                 keys=[variable.key for variable in component.of("parameter")],
             )
             for name, component in RECEIVERS.items()
@@ -350,15 +351,15 @@ def _asked(system: likes.Like) -> dict[str, Any]:
                 ((_, value),) = pairs([f"{question.key}={said}"])
                 load(system.source, {**answers, question.key: value}.items())
             except ConfigurationError as error:
-                say(str(error))
+                say(re.sub(r"^override \w+\.", "", str(error), flags=re.MULTILINE))
                 continue
             answers[question.key] = value
             break
     return answers
 
 
-_OTHER_FORMATS = {".json", ".yaml", ".yml", ".ini", ".xml", ".ssp", ".fmu"}
-"""That somebody may mean; any other end is a part of the name, as in ``dive.1``."""
+_OTHER_FORMAT = r"\.[^\W\d]\w*"
+"""An end that is not part of the name, as it is in ``dive.1``."""
 
 
 @app.command()
@@ -396,8 +397,8 @@ def new(
         raise ConfigurationError(
             f"{file}: must have a name that begins with a letter or digit, got {file.name!r}"
         )
-    if file.suffix.lower() in _OTHER_FORMATS:
-        raise ConfigurationError(f"{file}: must be a TOML file, got {file.suffix}")
+    if file.suffix != ".toml" and re.fullmatch(_OTHER_FORMAT, file.suffix):
+        raise ConfigurationError(f"{file}: must be a TOML file, FILE.toml, got {file.suffix}")
     if file.suffix != ".toml":
         file = file.with_name(f"{file.name}.toml")
     if like is not None and source is not None:

@@ -43,6 +43,11 @@ def read_run(folder: str | Path) -> Result:
         raise ConfigurationError(f"{shown(path)}: {what}, got {got}")
     for name in (MANIFEST, RECORD, SCENARIO):
         if not (path / name).is_file():
+            if name == SCENARIO and _is_of_package(path / MANIFEST):
+                raise ConfigurationError(
+                    f"{shown(path)}: a run of a package cannot be smoothed, as a package does not "
+                    f"say what its errors are (there is no {SCENARIO}); run and smooth the scenario"
+                )
             raise ConfigurationError(f"{shown(path)}: {what}, got no {name} in it")
     scenario = load(path / SCENARIO)
     about = _manifest(path / MANIFEST)
@@ -76,6 +81,15 @@ def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
     tables = {name: getattr(scenario, name) for name in CORE_COMPONENTS}
     tables |= dict.fromkeys(labels, scenario.receiver)
     return {name: nanoseconds(table.interval_s) for name, table in tables.items()}
+
+
+def _is_of_package(path: Path) -> bool:
+    """Whether a manifest is that of a run of a package."""
+    try:
+        scenario = json.loads(path.read_text("utf-8"))["scenario"]
+    except (ValueError, RecursionError, KeyError, TypeError, OSError):
+        return False
+    return isinstance(scenario, dict) and "package" in scenario
 
 
 def _manifest(path: Path) -> dict[str, Any]:

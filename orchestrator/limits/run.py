@@ -20,6 +20,7 @@ from . import field
 from .parameters import STOCHASTIC, beacons_of, conditions, own_beacon, parameters
 from .path import path_psd
 from .recursion import Truth, covariances, marginals, prior, rows_of, transition
+from .unknown import left_out
 from .verdict import Limits, limits_of
 
 Floats = NDArray[np.float64]
@@ -46,10 +47,10 @@ def reference(
     Its model is that of the receiver ``coupled`` without arcs and outliers, or that of
     ``long_baseline`` where each beacon has an error of its own (`has_own_errors`), its priors and
     noises are the scenario's true ones, its measurements those that were really received; outliers
-    take their share of the information (`fisher_factor`). Where the motion is drawn from the model
-    (``trajectory = "white_noise_acceleration"``), no receiver can be better on the average over
-    runs, with the stated priors. On any other path q is a choice: by default that of the path over
-    the filter's own memory (`path_psd`).
+    take their share of the information (`fisher_factor`); other errors are named, in ``without``.
+    Where the motion is drawn from the model (``trajectory = "white_noise_acceleration"``), no
+    receiver can be better on the average over runs, with the stated priors. On any other path q is
+    a choice: by default that of the path over the filter's own memory (`path_psd`).
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def reference(
         epoch, absolute, relative, truth.position - truth.platform, p.acceleration_psd, is_bound
     )
     # Between beacons that are far apart a place is no bearing, and no ring.
-    return replace(found, ring=found.ring & (not own_errors))
+    return replace(found, ring=found.ring & (not own_errors), without=left_out(scenario))
 
 
 def of_run(

@@ -51,6 +51,8 @@ class Limits(Shown):
     is_bound
         The motion is drawn from the model: no receiver can be better (with the stated priors).
         Otherwise q is a choice, and this is a reference.
+    without
+        Keys of the scenario whose errors are left out: with them less is possible.
     """
 
     epoch_ns: Integers
@@ -60,6 +62,7 @@ class Limits(Shown):
     ring: Flags
     acceleration_psd: float
     is_bound: bool
+    without: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -95,6 +98,7 @@ class Limits(Shown):
             bearing_std=float(np.median(self.bearing_std[which])),
             accuracy=bool(self.ring[which].mean() <= 0.5),
             acceleration_psd=self.acceleration_psd,
+            without=self.without,
         )
 
 
@@ -114,6 +118,8 @@ class Possible:
         Whether that is an accuracy: the posterior is no ring at most of the epochs.
     acceleration_psd
         q of the diver [m²/s³].
+    without
+        Keys of the scenario whose errors are left out.
     """
 
     kind: str
@@ -122,6 +128,7 @@ class Possible:
     bearing_std: float
     accuracy: bool
     acceleration_psd: float
+    without: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """As plain data; the numbers that are no accuracy are None."""
@@ -132,11 +139,13 @@ class Possible:
             "accuracy": self.accuracy,
             "bearing_std_deg": float(np.rad2deg(self.bearing_std)),
             "acceleration_psd_m2_s3": self.acceleration_psd,
+            "without": list(self.without),
         }
 
     def __str__(self) -> str:
         if self.accuracy:
-            return f"possible: {self.absolute_rms:.2f} m RMS ({self.kind})"
+            without = f"; without: {', '.join(self.without)}" if self.without else ""
+            return f"possible: {self.absolute_rms:.2f} m RMS ({self.kind}{without})"
         return (
             "no accuracy is possible: with a bearing known to "
             f"{np.rad2deg(self.bearing_std):.0f}°, places all around the platform fit"

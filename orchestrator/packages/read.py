@@ -33,6 +33,7 @@ from ..errors import (
     nearest,
     quoted,
 )
+from ..simulation.resolve import checked
 from ..simulation.system import ComponentSpec, Connection, Conversion, System, Value
 from .structure import Component, Link, Parameter, Structure, structure_of
 from .units import Unit, conversion, units_of
@@ -383,23 +384,23 @@ def _filled(
             )
         if place.port.causality != causality:
             continue
-        numbers = _numbers(f"{name}.{variable}", part, variable, parameter)
+        before = f"{parameter.file}: {name}." if parameter.file else f"{name}."
+        where = before + variable
+        numbers = _numbers(where, part, variable, parameter)
         first = place.element or 0
         size = place.port.size if place.element is None else 1
         if len(numbers) != size:
-            raise ConfigurationError(
-                f"{name}.{variable}: must have {size} values, got {len(numbers)}"
-            )
+            raise ConfigurationError(f"{where}: must have {size} values, got {len(numbers)}")
+        for i, number in enumerate(numbers, first):
+            checked(before + place.port.name, place.port, i, number)
         given.setdefault(place.port.name, {}).update(enumerate(numbers, first))
     return {key: _whole(f"{name}.{key}", part.fmu.ports[key], v) for key, v in given.items()}
 
 
 def _whole(where: str, port: Port, given: Mapping[int, Number]) -> Value:
     if len(given) < port.size and port.start is None:
-        raise ConfigurationError(
-            f"{where}: must have values of all {port.size} elements, as the FMU gives none, got "
-            f"{len(given)}"
-        )
+        got = f"as the FMU gives none, got {len(given)}"
+        raise ConfigurationError(f"{where}: must have values of all {port.size} elements, {got}")
     start = port.start or ()
     values = [given[i] if i in given else start[i] for i in range(port.size)]
     return values if port.shape else values[0]

@@ -58,12 +58,15 @@ class Parameter:
         In the words of the standard; the values of an array are separated by blanks.
     unit
         That of the value; None: that of the variable.
+    file
+        Where it is given, in the package; empty: in the structure itself.
     """
 
     name: str
     type: str
     text: str
     unit: Unit | None
+    file: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +302,7 @@ class _Reader:
                     f"{quoted(unit)}{nearest(unit, units)}",
                 )  # fmt: skip
             known = units[unit] if unit else None
-            yield Parameter(name, _local(value), value.attrib["value"], known)
+            yield Parameter(name, _local(value), value.attrib["value"], known, source or "")
 
     def _defined(self, root: Element) -> dict[str, Unit]:
         """The units that a file defines."""

@@ -18,6 +18,7 @@ from matplotlib.artist import allow_rasterization
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerBase, HandlerLine2D
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
@@ -101,6 +102,10 @@ class _Dots(Line2D):
         renderer.draw_path(gc, path, IdentityTransform())
         gc.restore()
         self.stale = False
+
+
+_MANY: Mapping[Any, HandlerBase] = {_Dots: HandlerLine2D(numpoints=3)}
+"""Dots stand for many in a legend too: a single one is a mark on a map."""
 
 
 def add_line(ax: Axes, x: Any, y: Any, how: Mapping[str, Any]) -> None:
@@ -197,12 +202,13 @@ def finish(axes: Sequence[Any], own: bool, *title: str) -> None:
         legend = _legend_above(figure, handles, names) if names else None
         _set_margins(figure, axes, legend, fill(words, round(12.5 * figure.get_figwidth())))
     else:
-        legend = axes[0].legend(handles, names) if names else None
+        legend = axes[0].legend(handles, names, handler_map=_MANY) if names else None
         if words:
             axes[0].set_title(fill(words, 70), loc="left")
     for handle in legend.legend_handles if legend is not None else ():
         if isinstance(handle, Line2D) and handle.get_marker() == ".":
-            handle.set(markersize=8)
+            many = handle.get_markevery() is None  # of `_MANY`
+            handle.set(markersize=4 if many else 8)
 
 
 def _legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> Any:
@@ -210,7 +216,7 @@ def _legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str]) 
     for rows in range(1, len(names) + 1):
         legend = figure.legend(
             handles, names, loc="upper center", ncols=ceil(len(names) / rows),
-            bbox_to_anchor=(0.5, 1.0), borderaxespad=0.3,
+            bbox_to_anchor=(0.5, 1.0), borderaxespad=0.3, handler_map=_MANY,
         )
         if _extent(figure, legend).width < 0.95 * figure.bbox.width or rows == len(names):
             return legend

@@ -18,7 +18,7 @@ from .definitions import AXES, FRAME_WORDS, Floats, recorded
 from .drawing import Tracks
 from .maps import plot_path as plot_path
 from .maps import plot_path_3d as plot_path_3d
-from .metrics import error_column, with_errors
+from .metrics import REPORTED, error_column, with_errors
 
 if TYPE_CHECKING:
     from ..limits.verdict import Limits
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
 INCLINATION_WINDOW_S = 60.0
-REPORTED = "platform.reported_attitude"
 COARSE_S = 0.25
 """Sampling interval [s] above which a line through samples of waves (periods from 1 s) misleads."""
 

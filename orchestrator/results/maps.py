@@ -94,6 +94,7 @@ def plot_path_3d(
             ax.plot(*arm[:, [1, 0, 2]].T, color=look.soft, marker="^", ms=5, markevery=[-1],
                     ls="" if _are_far(platform.true) else "-",
                     label=platform.name if number == 0 else None)
+            _drop(ax, arm[-1], limits["z_m"][1], look)
         ax.plot(*truth[:, [1, 0, 2]].T, label="true path", **drawing.truth_of(look))
         curves = [truth]
         for label, table, how in drawing.lines_of(tracks, look):
@@ -283,6 +284,13 @@ def _ends(ax: Axes, points: Floats) -> dict[str, str]:
 
 
 # --- In space ------------------------------------------------------------------------------------
+
+
+def _drop(ax: Axes3D, beacon: Floats, floor: float, look: Theme) -> None:
+    """A line from a beacon to the floor of the box, and its foot: where it is, and how high."""
+    below = np.array([beacon, [*beacon[:2], floor]])
+    ax.plot(*below[:, [1, 0, 2]].T, color=look.soft, lw=0.8, ls=(0, (2, 1.5)), marker=".", ms=4,
+            markevery=[-1], zorder=1)
 
 
 def _flat(ax: Axes3D, points: Floats) -> Floats:

@@ -40,6 +40,9 @@ from .definitions import lost as lost_by
 if TYPE_CHECKING:
     from ..simulation.record import Record
 
+REPORTED = "platform.reported_attitude"
+"""An output of our own platform: what its IMU says."""
+
 
 def verdict(mean: float, band: tuple[float, float]) -> str:
     """Judge a filter's covariance by a mean NEES or NIS.
@@ -345,3 +348,10 @@ def summary(
         table = table.astype({"inconsistent": "boolean"})
     table.index.name = "receiver"
     return table
+
+
+def inclines(record: Record) -> bool:
+    """Whether the platform's attitude changes in a run, or is reported wrongly."""
+    true = record.values["platform.attitude"]
+    reported = record.values.get(REPORTED, true)
+    return bool(np.ptp(true, axis=0).any()) or not np.array_equal(true, reported)

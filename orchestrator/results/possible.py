@@ -26,6 +26,10 @@ _NOTES = {
         "no bound."
     ),
 }
+_WITHOUT = (
+    "Without: keys of [platform] that are not zero, and whose errors neither bound nor reference "
+    "knows; with them less is possible."
+)
 _COVARIANCE = {"absolute": "absolute", "own_relative": "relative"}
 """Frames of errors, and the covariance of `Limits` that goes with each."""
 FILL_ALPHA = 0.1
@@ -64,7 +68,8 @@ def lines(possible: Mapping[str, Possible]) -> Iterator[str]:
 def notes(possible: Mapping[str, Possible]) -> list[str]:
     """What these lines mean."""
     for verdict in possible.values():
-        return [_NOTES[verdict.kind].format(q=verdict.acceleration_psd)]
+        without = [_WITHOUT] if verdict.without else []
+        return [_NOTES[verdict.kind].format(q=verdict.acceleration_psd), *without]
     return []
 
 

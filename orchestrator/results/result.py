@@ -36,7 +36,8 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("axes", plots.later("plot_axes"), lambda run: (run.record, run.estimates)),
     Figure("errors", plots.later("plot_errors"),
            lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
-    Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,)),
+    Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,),
+           condition=lambda run: metrics.inclines(run.record)),
 )
 """The figures in the folder of a run."""
 

@@ -155,7 +155,7 @@ def _verdict(result: Result, receiver: str) -> str:
 
 
 def _claim(result: Result, receiver: str) -> str:
-    """What a receiver says of its own error, and whether to believe it."""
+    """What a receiver says of its own error, and whether to believe it, unless it is lost."""
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
         return _without_covariance(result, receiver)
@@ -165,6 +165,8 @@ def _claim(result: Result, receiver: str) -> str:
     reached: Any = result.errors.loc[(receiver, "absolute", "total"), "rms_m"]
     if judged.claim == _SURE:
         trust = "do not trust its covariance"
+    elif result.summary.loc[receiver, "lost"]:
+        return f"claims {meters(said)}"
     elif judged.claim == "fits":
         trust = "looks right"
     else:  # the length may be right, and yet the errors lie where the covariance has little

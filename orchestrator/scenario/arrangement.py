@@ -11,6 +11,8 @@ _FLAT = 0.05
 """Smaller spread of the beacons, as a part of the larger, that is taken for none."""
 _SAME = 1e-6
 """Beacons nearer to each other than this [m] are at one point."""
+_MOTION, _SENSORS = r".*_amplitude.*", r"(gps|imu)_.*_(m|deg|deg_s|deg_K)"
+"""Keys of what moves the platform, and of the errors of its GPS and IMU."""
 _ARRAYS = (("platform", "mounting_error_m"), ("acoustics", "slot_order"),
            ("receiver", "beacon_offset_m"))
 
@@ -95,9 +97,16 @@ def has_own_errors(platform: Any) -> bool:
         return False
     if not platform.gps_shared:
         return True
-    others = (
-        value for key, value in platform
-        if "_amplitude" in key or re.fullmatch(r"(gps|imu)_.*_(m|deg|deg_s|deg_K)", key)
-    )
-    still = not any(any(v) if isinstance(v, tuple) else v for v in others)
+    still = not _any(platform, _MOTION) and not _any(platform, _SENSORS)
     return still and bool(platform.mounting_std_m > 0)
+
+
+def shares_errors(platform: Any) -> bool:
+    """Whether the beacons share the errors of one platform's GPS and IMU."""
+    return platform.fmu is None and bool(platform.gps_shared) and _any(platform, _SENSORS)
+
+
+def _any(platform: Any, pattern: str) -> bool:
+    """Whether a key of this pattern is not zero."""
+    values = (value for key, value in platform if re.fullmatch(pattern, key))
+    return any(any(v) if isinstance(v, tuple) else bool(v) for v in values)

@@ -74,7 +74,7 @@ def parse(where: str, text: str) -> dict[str, Any]:
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(_problem(where, error)) from None
+        raise ConfigurationError(_problem(where, text, error)) from None
     except RecursionError:
         raise ConfigurationError(f"{where}: {_TOO_DEEP}, got far more") from None
     except ValueError:  # Python refuses integers of more than 4,300 digits
@@ -114,9 +114,16 @@ def check_values(where: str, content: Any, above: int = 0) -> None:
             waiting += (((*path, i), inner) for i, inner in enumerate(value, 1))
 
 
-def _problem(where: str, error: tomllib.TOMLDecodeError) -> str:
+def _problem(where: str, text: str, error: tomllib.TOMLDecodeError) -> str:
     message = str(error)
     at = re.search(r" \(at line (\d+), column (\d+)\)$", message)
     if at is None:
         return f"{where}: must be TOML: {shortened(message)}"
+    if message.startswith("Cannot overwrite a value"):
+        # The place is the end of the value, which may be on several lines.
+        before = text.split("\n")[: int(at[1])]
+        keys = (re.match(r"\s*([\w.\"'-]+)\s*=", line) for line in reversed(before))
+        key = next((found[1] for found in keys if found), None)
+        if key is not None:
+            return f"{where}, line {at[1]}: {shortened(key)} must be given once, got it twice"
     return f"{where}, line {at[1]}, column {at[2]}: {shortened(message[: at.start()])}"

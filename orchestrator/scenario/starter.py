@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from .arrays import most
 from .file_schema import DIRECTIVE, TITLES
 from .overrides import Changes
 from .scenario import load
-from .schema import COMMON, PATH, TRUE, default, in_file_units, rows, toml
+from .schema import COMMON, PATH, PRESETS, TRUE, Table, default, in_file_units, rows, toml
 from .tracks import TOLERANCE
 
 _IN_USE: Mapping[str, Any] = {
@@ -64,7 +64,8 @@ def starter(
     Parameters
     ----------
     name
-        Name of the new scenario.
+        Name of the new scenario: that of its file, so that the file need not say it, and a copy has
+        its own.
     source
         Scenario whose given keys are used; None: a simple one.
     changes
@@ -82,7 +83,7 @@ def starter(
         "# A scenario for sblcosim. Keys end with their unit; angles are in degrees.",
         "# What is commented out shows what holds without it, or an example.",
         "",
-        f"name = {toml(name)}",
+        f"# name = {toml(name)}  # that of the file; also of the folder of results",
         f"title = {toml(scenario.title)}",
         f"seed = {scenario.seed}  # of all random numbers",
         f"fmi = {scenario.fmi}  # version of the standard that the components follow: 2 or 3",
@@ -97,10 +98,20 @@ def starter(
             value = getattr(table, key) if in_use.get(key) is None else in_use[key]
             if value is None or value == ():
                 value = _example(key, fields[key].annotation, variable)
-            text = f"{fields[key].description}{_range(variable)}."
+            text = f"{fields[key].description}{_range(variable)}.{_governed(table, key, in_use)}"
             lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#   ")
             lines.append(f"{'' if key in in_use else '# '}{key} = {toml(rows(variable, value))}")
     return "\n".join(lines) + "\n"
+
+
+def _governed(table: Table, key: str, given: Collection[str]) -> str:
+    """The keys that a preset sets, in words; empty for any other key."""
+    keys = [name for name in table.variables if name in PRESETS.get(key, ())]
+    if not keys:
+        return ""
+    own = [name for name in keys if name in given]
+    kept = f": {', '.join(own)}" if own else ""
+    return f" It sets {', '.join(keys)}; of these, what is given wins{kept}."
 
 
 def _range(variable: Variable | None) -> str:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+from sblcosim.models import COMPONENTS
 from sblcosim.models.target.variables import TRACK_POINTS
 
 from ..errors import ConfigurationError, ConfigurationWarning, shortened
-from ..tracks.place import Origin
+from ..tracks.place import Floats, Origin
+
+if TYPE_CHECKING:
+    from ..tracks.resample import Kept
+    from ..tracks.track import Recorded
 
 FILE = "file"
 """The trajectory that is a recorded track."""
@@ -21,6 +28,8 @@ TOLERANCE = 0.1
 """Default of ``track_tolerance_m``."""
 ABOVE = 2.0
 """Above the water a diver may be, by the waves and the instruments [m]; more is told."""
+LONG = 86_400.0
+"""A track that lasts longer [s] is told: perhaps its times are not in seconds."""
 CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
@@ -94,17 +103,47 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
             stacklevel=2,
         )
     tolerance = TOLERANCE if target.track_tolerance_m is None else target.track_tolerance_m
+    for line in _doubts(recorded, points):
+        warnings.warn(line, ConfigurationWarning, stacklevel=2)
     kept = fitted(recorded.times, points, tolerance)
     own = {key: value for key, value in tables["target"].items() if key not in FILE_KEYS}
     own["track_time_s"] = kept.times.tolist()
     own["track_m"] = kept.points.tolist()
     tables["target"] = own
-    name = shortened(Path(target.track_file).name, 80)
+    return tables, _about(shortened(Path(target.track_file).name, 80), recorded, kept)
+
+
+def _about(name: str, recorded: Recorded, kept: Kept) -> str:
+    """What was left out, in a sentence."""
     added = f" and {kept.added:,} on the straight lines between them" if kept.added else ""
-    return tables, (
+    others = ""
+    if recorded.left_out:
+        which = shortened(", ".join(recorded.left_out), 240)
+        begins = "it begins" if len(recorded.left_out) == 1 else "they begin"
+        others = f"; left out: {which}, as {begins} before the track before has ended"
+    return (
         f"{name}: the diver follows {len(kept.times) - kept.added:,} of {kept.recorded:,} points"
-        f"{added}, never farther than {kept.deviation:.2g} m from the recorded track"
+        f"{added}, never farther than {kept.deviation:.2g} m from the recorded track{others}"
     )
+
+
+def _doubts(recorded: Recorded, points: Floats) -> Iterator[str]:
+    """What may be a mistake in a track with points north, east, down [m]."""
+    most = COMPONENTS["target"]["speed"].max
+    speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(recorded.times)
+    fast = np.flatnonzero(speeds > most)
+    if len(fast):
+        more = "" if len(fast) == 1 else f", up to {speeds.max():,.4g} m/s at {len(fast):,} points"
+        yield (
+            f"{recorded.where(int(fast[0]) + 1, 1)}: should be reached at {most:g} m/s at most, "
+            f"got {speeds[fast[0]]:,.4g} m/s from the point before{more}"
+        )
+    if recorded.times[-1] > LONG:
+        yield (
+            f"{recorded.where(len(recorded.times) - 1, 0)}: should be within a day of the first "
+            f"point, got a track that lasts {recorded.times[-1] / 3600:,.4g} h; times are in "
+            "seconds"
+        )
 
 
 def problem(target: Any) -> str | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, cast
 
-from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.models import RECEIVERS, declared
 from sblcosim.models.declaration import Variable
@@ -38,8 +38,8 @@ from ..simulation.execution import initial_outputs
 from ..simulation.receiver import for_beacons
 from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from . import arrangement, effects, tracks
-from .assumptions import beacons_of
+from . import effects, tracks
+from .doubts import doubts
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
 from .sources import choose, file_of, known_source, named
@@ -83,7 +83,7 @@ def connect(
     Warns
     -----
     ConfigurationWarning
-        An input of a third-party component is not connected; a given key has no effect.
+        An input of a third-party component is not connected; a given key has no effect; `doubts`.
     """
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
@@ -108,11 +108,11 @@ def connect(
     idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
     for line in no_effect(scenario, idle):
         warnings.warn(line, NoEffectWarning, stacklevel=2)
-    _warn_of_arrangement(scenario)
+    _warn_of_doubts(scenario, chosen)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
-        stop_ns=_stop_ns(scenario, parts["target"]),
+        stop_ns=_stop_ns(scenario, parts),
     )
 
 
@@ -280,15 +280,9 @@ def _check_contract(label: str, source: Source) -> None:
         )
 
 
-def _warn_of_arrangement(scenario: Scenario) -> None:
-    """Say what the beacons cannot tell."""
-    platform = scenario.platform
-    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
-    if problem is not None:
-        key = "beacon_m" if platform.beacon_m else "arm_length_m"
-        warnings.warn(
-            f"{scenario.where('platform', key)}: {problem}", ConfigurationWarning, stacklevel=3
-        )
+def _warn_of_doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
+    for line in doubts(scenario, chosen):
+        warnings.warn(line, ConfigurationWarning, stacklevel=3)
 
 
 def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:
@@ -409,13 +403,25 @@ def _fmu_at_start(
     return tuple(map(float, outputs[name].flat))
 
 
-def _stop_ns(scenario: Scenario, target: _Part) -> int:
-    duration = scenario.time.duration_s
+def _stop_ns(scenario: Scenario, parts: Mapping[str, _Part]) -> int:
+    target, duration = parts["target"], scenario.time.duration_s
+    common = math.lcm(*(part.spec.interval_ns for part in parts.values()))
+    if duration != PATH and nanoseconds(duration) < common:
+        raise ConfigurationError(
+            f"{scenario.where('time', 'duration_s')}: must be at least {common / SECOND:g} s, the "
+            f"least common multiple of all intervals, got {duration!r}"
+        )
     if duration == PATH:
         duration = 0.0
         if "path_duration" in target.names:
             (duration,) = _at_start(target.spec, "path_duration")
         if not 0.0 < duration < math.inf:
+            speed = ("target", "speed_m_s")
+            if target.spec.parameters.get("speed") == 0.0 and speed not in scenario.idle():
+                raise ConfigurationError(
+                    f"{scenario.where(*speed)}: must be more than 0 for a run until the end of the "
+                    "path ([time] duration_s is 'path'), got 0.0"
+                )
             raise ConfigurationError(
                 f"{scenario.where('time', 'duration_s')}: must be a number for a target that does "
                 f"not tell when its path ends, got 'path'"

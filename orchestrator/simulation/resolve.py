@@ -281,7 +281,7 @@ def _values(where: str, port: Port, value: Any) -> tuple[Number, ...]:
     if len(elements) != port.size or (not port.shape and isinstance(value, (list, tuple))):
         must = f"{port.size} numbers" if port.shape else "one number"
         raise ConfigurationError(f"{where}: must be {must}, got {len(elements)}")
-    return tuple(_element(where, port, i, element) for i, element in enumerate(elements))
+    return tuple(checked(where, port, i, element) for i, element in enumerate(elements))
 
 
 def _subscript(index: tuple[int, ...]) -> str:
@@ -298,7 +298,8 @@ def _flat(value: Any) -> Iterator[Any]:
         yield value
 
 
-def _element(name: str, port: Port, number: int, value: Any) -> Number:
+def checked(name: str, port: Port, number: int, value: Any) -> Number:
+    """An element of a value, checked against the variable's type and bounds."""
     problem = _problem(port, value, port.min[number], port.max[number])
     if problem is not None:
         index = tuple(int(i) for i in np.unravel_index(number, port.shape)) if port.shape else ()

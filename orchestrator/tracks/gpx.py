@@ -1,4 +1,4 @@
-"""Tracks in GPX: all points of all tracks, one after another; the elevation is minus the depth."""
+"""Tracks in GPX: those that follow each other in time are one; the elevation is minus the depth."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ConfigurationError, one_line, shortened
+from ..errors import ConfigurationError, escaped, one_line, shortened
 from .track import FARTHEST, LEAST, Recorded, Where
 
 if TYPE_CHECKING:
-    from gpxpy.gpx import GPXTrackPoint
+    from gpxpy.gpx import GPXTrack, GPXTrackPoint
 
 _TIME, _LATITUDE, _LONGITUDE, _ELEVATION = "time", "lat", "lon", "ele"
 _ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
@@ -23,19 +23,25 @@ _ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
 def read(name: str, text: str) -> Recorded:
     """Read a track from GPX.
 
+    Tracks that begin before the one before has ended are left out (`Recorded.left_out`), as the
+    estimates in the ``path.gpx`` of a run.
+
     Raises
     ------
     ConfigurationError
         It is not GPX, or a point lacks something; the message names line and column.
     """
     places = _places(name, text)
+    tracks = _tracks(name, text, places)
+    numbered, left_out = _in_turn(tracks)
+    points = [point for _, point in numbered]
 
     def where(point: int, coordinate: int) -> str:
-        line, column = places[point]
-        what = f"trkpt {point + 1}, {_ATTRIBUTES[coordinate]}"
+        number = numbered[point][0]
+        line, column = places[number]
+        what = f"trkpt {number + 1}, {_ATTRIBUTES[coordinate]}"
         return f"{name}, line {line}, column {column} ({what})"
 
-    points = _points(name, text, places)
     if len(points) < 2:
         at = where(0, 0) if points else f"{name}, line 1, column 1"
         raise ConfigurationError(
@@ -60,31 +66,46 @@ def read(name: str, text: str) -> Recorded:
                 raise ConfigurationError(
                     f"{where(i, j)}: must be a number from {-most:g} to {most:g}, got {value:g}"
                 )
-    return Recorded(name, times, rows, True, where)
+    return Recorded(name, times, rows, True, where, tuple(left_out))
 
 
-def _points(name: str, text: str, places: Sequence[tuple[int, int]]) -> list[GPXTrackPoint]:
-    """The points of all tracks."""
+def _in_turn(tracks: Sequence[GPXTrack]) -> tuple[list[tuple[int, GPXTrackPoint]], list[str]]:
+    """Points of the tracks that follow each other, with their numbers; names of the others."""
+    kept: list[tuple[int, GPXTrackPoint]] = []
+    left_out = []
+    number = 0
+    for i, track in enumerate(tracks, 1):
+        points = [point for segment in track.segments for point in segment.points]
+        numbered = [*enumerate(points, number)]
+        number += len(points)
+        begin, end = points[0].time if points else None, kept[-1][1].time if kept else None
+        if begin is not None and end is not None and begin < end:
+            left_out.append(shortened(escaped(track.name or f"trk {i}"), 80))
+        else:
+            kept += numbered
+    return kept, left_out
+
+
+def _tracks(name: str, text: str, places: Sequence[tuple[int, int]]) -> list[GPXTrack]:
+    """All tracks."""
     import gpxpy
     from gpxpy.gpx import GPXException
 
     try:
-        points = [
-            point for track in gpxpy.parse(text).tracks
-            for segment in track.segments for point in segment.points
-        ]
+        tracks = gpxpy.parse(text).tracks
     except (GPXException, ValueError, TypeError) as error:
         line, column = _mentioned(text, str(error)) or (places or [(1, 1)])[0]
         raise ConfigurationError(
             f"{name}, line {line}, column {column}: must be GPX, got {shortened(one_line(error))}"
         ) from None
-    if len(points) != len(places):
+    count = sum(len(segment.points) for track in tracks for segment in track.segments)
+    if count != len(places):
         line, column = places[0]
         raise ConfigurationError(
             f"{name}, line {line}, column {column}: must have its {len(places)} points (trkpt) in "
-            f"segments (trkseg) of tracks (trk), got {len(points)} there"
+            f"segments (trkseg) of tracks (trk), got {count} there"
         )
-    return points
+    return tracks
 
 
 def _since(points: Sequence[GPXTrackPoint], i: int, where: Where) -> float:

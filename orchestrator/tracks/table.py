@@ -8,11 +8,12 @@ import re
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from decimal import Decimal, InvalidOperation
+from difflib import get_close_matches
 from typing import NoReturn
 
 import numpy as np
 
-from ..errors import ConfigurationError, nearest, quoted, shortened
+from ..errors import ConfigurationError, quoted, shortened
 from .place import Floats
 from .track import FARTHEST, LEAST, Recorded, Where
 
@@ -27,9 +28,11 @@ _BOUNDS = {
 _BRIEF = {
     "t": SECONDS, "n": "north_m", "x": "north_m", "e": "east_m", "y": "east_m", "d": "down_m",
     "z": "down_m", "lat": "latitude_deg", "lon": "longitude_deg", "lng": "longitude_deg",
-    "long": "longitude_deg",
+    "long": "longitude_deg", "depth": "down_m",
 }
 """What people call columns, too."""
+
+_POINT = "; numbers must have a decimal point, no comma"
 
 Row = tuple[int, list[str]]
 """Number of a line, and its cells."""
@@ -122,16 +125,23 @@ def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
     if SECONDS in found and CLOCK in found:
         refuse(max(found[SECONDS], found[CLOCK]), f"either {SECONDS} or {CLOCK}", "got both")
     clock = CLOCK if CLOCK in found else SECONDS
-    wanted = (clock, *(kinds[0] if kinds else LOCAL))
-    for key in wanted:
-        if key in found:
-            continue
-        missing = [k for k in wanted if k not in found]
-        for i, cell in enumerate(cells):
-            close = _meant(cell, missing if kinds else _NAMES)
-            if cell not in found and close:
-                refuse(i, f"the name of a column of a track, as {key} is missing",
-                       f"got {quoted(cell)}{close}")
+    kind = kinds[0] if kinds else _kind(cells)
+    wanted = (clock, *kind)
+    missing = [key for key in wanted if key not in found]
+    if all(map(_is_number, cells)):
+        refuse(0, f"the names of the columns ({', '.join(wanted)})", f"got {quoted(cells[0])}")
+    others = [(i, cell) for i, cell in enumerate(cells) if cell not in found]
+    near = {key: (i, cell) for i, cell in reversed(others) if (key := _meant(cell, missing))}
+    if near:
+        names = [key for key in missing if key in near]
+        what = "the name of a column" if len(names) == 1 else "names of columns"
+        lack = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+        refuse(
+            near[names[0]][0], f"{what} of a track, as {lack}",
+            f"got {', '.join(quoted(near[key][1]) for key in names)}; did you mean "
+            f"{', '.join(map(repr, names))}?",
+        )  # fmt: skip
+    for key in missing:
         choice = f"{SECONDS} or {CLOCK}" if key == SECONDS else key
         if not kinds and key != SECONDS:
             choice = f"{', '.join(LOCAL)}, or {', '.join(GEOGRAPHIC)}"
@@ -139,14 +149,27 @@ def _columns(name: str, line: int, cells: Sequence[str]) -> dict[str, int]:
     return {key: found[key] for key in wanted}
 
 
+def _kind(cells: Sequence[str]) -> Sequence[str]:
+    """The coordinates that are perhaps meant where none has its name."""
+    return GEOGRAPHIC if any(_meant(cell, GEOGRAPHIC[:2]) for cell in cells) else LOCAL
+
+
 def _meant(cell: str, names: Sequence[str]) -> str:
-    """What was perhaps meant by a name, as an end of a message."""
+    """What was perhaps meant by a name; empty: none of these."""
     stem = re.sub(r"[\[(].*", "", cell).strip().lower()
     brief = _BRIEF.get(stem.partition("_")[0]) or _BRIEF.get(stem)
-    if brief in names:
-        return f"; did you mean {brief!r}?"
+    if brief is not None and brief in names:
+        return brief
     begins = [known for known in names if stem and known.partition("_")[0] == stem]
-    return f"; did you mean {begins[0]!r}?" if begins else nearest(stem, names)
+    return next(iter(begins or get_close_matches(stem, names, n=1)), "")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _full(name: str, lines: Iterator[Row], header: Sequence[str]) -> Iterator[Row]:
@@ -155,8 +178,19 @@ def _full(name: str, lines: Iterator[Row], header: Sequence[str]) -> Iterator[Ro
             raise ConfigurationError(
                 f"{name}, line {line}, column {min(len(cells), len(header)) + 1}: must have as "
                 f"many columns as the names, {len(header)}, got {len(cells)}"
+                f"{_commas(cells, header)}"
             )
         yield line, cells
+
+
+def _commas(cells: Sequence[str], header: Sequence[str]) -> str:
+    """Whether a line may have decimal commas, as the end of a message."""
+    numbers = all(map(_is_number, cells))
+    return _POINT if numbers and len(header) < len(cells) <= 2 * len(header) else ""
+
+
+def _hint(cell: str) -> str:
+    return _POINT if "," in cell and _is_number(cell) else ""
 
 
 def _number(cell: str, most: float, point: int, coordinate: int, where: Where) -> float:
@@ -167,7 +201,7 @@ def _number(cell: str, most: float, point: int, coordinate: int, where: Where) -
     if not -most <= value <= most:
         raise ConfigurationError(
             f"{where(point, coordinate)}: must be a number from {-most:g} to {most:g}, got "
-            f"{quoted(cell)}"
+            f"{quoted(cell)}{_hint(cell)}"
         )
     return value
 
@@ -202,7 +236,7 @@ def _seconds(cell: str, point: int, where: Where) -> Decimal:
     except InvalidOperation:
         value = Decimal("nan")
     if not value.is_finite() or abs(value) > 10**12:
-        hint = f"; times of a clock are in a column {CLOCK!r}" if _is_instant(cell) else ""
+        hint = f"; times of a clock are in a column {CLOCK!r}" if _is_instant(cell) else _hint(cell)
         raise ConfigurationError(
             f"{where(point, 0)}: must be a number of seconds, got {quoted(cell)}{hint}"
         )

@@ -34,6 +34,8 @@ class Recorded:
         Whether it is the latter.
     where
         Where in the file each number is.
+    left_out
+        Names of other tracks in the file, which are not part of this one.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Recorded:
     points: Floats
     geographic: bool
     where: Where
+    left_out: tuple[str, ...] = ()
 
     def origin(self) -> Origin | None:
         """The origin that the track brings: its first point, at the surface."""

@@ -26,10 +26,12 @@ from typing import Any
 import pytest
 import yaml
 from markdown_it import MarkdownIt
+from sblcosim.models import COMPONENTS
 from sblcosim.report.paper.numbers import facts
 from sblcosim.study.study import load
 
 ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
 RECIPES = ROOT / "CONTRIBUTING.md"
 DOCUMENTS = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md")), RECIPES,
@@ -157,6 +159,12 @@ def test_output_that_is_not_what_was_printed_is_found(
             page.take(Block("text", "output", text, 4), capsys)
 
 
+def test_the_components_that_are_built_are_those_that_are_named() -> None:
+    text = (DOCS / "howto" / "other-tools.md").read_text("utf-8")
+    listed = text[text.index("`fmus/fmi2/*.fmu`") : text.index("They need no runtime")]
+    assert {*re.findall(r"`(\w+)`", listed)} == {*COMPONENTS}
+
+
 def test_every_model_folder_has_a_readme() -> None:
     folders = [f.parent for f in sorted(ROOT.glob("models/*/variables.py"))]
     assert len(folders) == 5
@@ -172,6 +180,31 @@ def test_files_that_a_document_names_exist(path: Path) -> None:
     for name in [*(a or b for a, b in links), *named]:
         if not name.startswith(("fmus/fmi2/", "fmus/fmi3/")):  # `sblcosim build` makes these
             assert (path.parent / name).exists() or (ROOT / name).exists(), name
+
+
+WITHOUT_SITE = {
+    "scenario.md": ("scenario-keys", "sblcosim new my.toml"),
+    "commands.md": ("commands", "sblcosim --help"),
+    "json.md": ("json-documents", "sblcosim schema"),
+}
+"""Pages that the site fills, by what, and the command that says it."""
+
+
+def test_a_page_that_the_site_makes_says_where_to_read_on_without_it() -> None:
+    pages = [path for path in DOCUMENTS if DOCS in path.parents and path.name != "index.md"]
+    made = 0
+    for path in pages:
+        text = path.read_text("utf-8")
+        for included in re.findall(r"^```\{include\} (\S+)$", text, re.MULTILINE):
+            assert f"]({included})" in text or "](../project/ARCHITECTURE.md)" in text, path
+            made += 1
+        kinds = re.findall(r"^```\{(scenario-keys|commands|json-documents)\}", text, re.MULTILINE)
+        for fence in kinds[:1]:
+            kind, command = WITHOUT_SITE[path.name]
+            assert fence == kind
+            assert re.search(f"^% .*`{command}`", text[: text.index(f"```{{{kind}")], re.MULTILINE)
+            made += 1
+    assert made >= 14
 
 
 def test_what_is_cited_is_what_this_is() -> None:

@@ -202,6 +202,22 @@ def test_new_completes_the_name_and_prints_a_command_for_the_shell(
         assert not Path(name).exists()
 
 
+def test_new_writes_the_file_that_was_said_or_none(cli: Callable[..., Result]) -> None:
+    for name in ("y.txt", "y.csv", "y.TOML", "y.yaml"):
+        refused = cli("new", name, "--like", "lbl", "--yes")
+        assert refused.exit_code == 2
+        assert f"{name}: must be a TOML file, FILE.toml, got {name[1:]}" in refused.stderr
+    assert not [*Path().iterdir()]
+    assert cli("new", "dive.1").exit_code == 0
+    assert Path("dive.1.toml").is_file()
+
+
+def test_a_copy_has_results_of_its_own(cli: Callable[..., Result]) -> None:
+    assert cli("new", "mine.toml").exit_code == 0
+    Path("yours.toml").write_text(Path("mine.toml").read_text())
+    assert cli("run", "yours.toml", *SHORT).stdout.endswith("written to runs/yours\n")
+
+
 def test_new_replaces_a_file_only_by_force(cli: Callable[..., Result]) -> None:
     Path("mine.toml").write_text("precious")
     refused = cli("new", "mine.toml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from math import erfc, exp, isfinite, pi, sqrt
 from types import SimpleNamespace
@@ -10,10 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim import limits
-from sblcosim.limits import parameters, recursion, verdict
+from sblcosim.limits import parameters, recursion, unknown, verdict
+from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver import surroundings
 from sblcosim.models.receiver.surroundings import STATES
+from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.results import possible
+from sblcosim.scenario.arrangement import has_own_errors
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.schema import rows
 from sblcosim.simulation.record import Record
 
 NS = 10**9
@@ -461,6 +467,10 @@ def test_what_a_verdict_says() -> None:
     some = verdict.Possible("bound", 2.126, 1.31, 0.1, True, 0.001)
     assert str(some) == "possible: 2.13 m RMS (bound)"
     assert some.to_json()["absolute_rms_m"] == 2.126
+    assert some.to_json()["without"] == []
+    less = replace(some, without=("mounting_std_m", "imu_tilt_step_deg"))
+    assert str(less) == "possible: 2.13 m RMS (bound; without: mounting_std_m, imu_tilt_step_deg)"
+    assert less.to_json()["without"] == ["mounting_std_m", "imu_tilt_step_deg"]
     none = verdict.Possible("reference", 8.1, 8.0, 0.52, False, 0.004)
     assert "no accuracy" in str(none)
     assert "8.1" not in str(none)
@@ -483,3 +493,56 @@ def test_parameters_are_the_true_ones() -> None:
     assert p.clock_std == pytest.approx(1.35)
     assert p.imu_heading_error_std == pytest.approx(np.deg2rad(3))
     assert p.sound_speed_std == pytest.approx(30 / 1530)
+
+
+MEASURED = (
+    "frequency", "phase", "sampling_time", "correlation_time", "temperature_rate", "step_time",
+    "mean_position", "mean_heading", "heave", "roll", "pitch", "beacon", "packet_angle",
+)
+"""Parts of keys: where things are, how they move, and when, is in the record of a run."""
+
+
+@pytest.mark.parametrize("source", ["realistic-dive", "gps-buoys", "harbour-lbl"])
+def test_every_error_is_in_the_model_or_named(source: str) -> None:
+    """A key of the platform or the acoustics that is changed changes the model, or is said."""
+    warm = {"imu_temperature_offset_K": 1.0, "mean_heading_deg": 10.0}
+    base = load(source, {"platform": warm} if source == "realistic-dive" else {})
+    own = has_own_errors(base.platform)
+    receiver = LONG_BASELINE if own else COUPLED
+    known, told = vars(parameters.parameters(base, 0.01, receiver)), unknown.left_out(base)
+    assert told == ()
+    named = set()
+    for table in ("platform", "acoustics"):
+        for v in COMPONENTS[table].of("parameter"):
+            if v.type != "Float64" or any(part in v.key for part in MEASURED):
+                continue
+            value = getattr(getattr(base, table), v.key)
+            new = tuple(x + 0.011 for x in value) if v.shape else value + 0.011
+            changed = load(base, {f"{table}.{v.key}": rows(v, new)})
+            if has_own_errors(changed.platform) != own:
+                continue  # another model
+            moves = own and "_amplitude" in v.key
+            if moves or (table, v.key) in changed.idle() or v.key == "loss_probability":
+                assert unknown.left_out(changed) == ()
+                continue
+            in_model = vars(parameters.parameters(changed, 0.01, receiver)) != known
+            assert in_model == (unknown.left_out(changed) == ()), v.key
+            named |= {*unknown.left_out(changed)}
+    expected = {"realistic-dive": {*unknown.LEFT_OUT}, "harbour-lbl": {"mounting_error_m"}}
+    assert named == expected.get(source, set())
+
+
+def test_what_is_left_out_is_beside_what_is_possible() -> None:
+    drifts = load("realistic-dive", {"platform.imu_heading_drift_deg_s": 1e-3})
+    record = a_record()
+    limit = limits.reference(record, drifts)
+    assert limit.without == ("imu_heading_drift_deg_s",)
+    found = limit.verdict()
+    assert found is not None
+    (line,) = possible.lines({"ekf": found})
+    assert line.endswith("(reference; without: imu_heading_drift_deg_s)")
+    assert any(note.startswith("Without: ") for note in possible.notes({"ekf": found}))
+    exact = limits.reference(record, load("realistic-dive")).verdict()
+    assert exact is not None
+    assert replace(found, without=()) == exact
+    assert not any(note.startswith("Without: ") for note in possible.notes({"ekf": exact}))

@@ -17,6 +17,7 @@ import sblcosim
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.export.ssp import export_ssp
+from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.files import scratch
 from sblcosim.packages.read import opened
 from sblcosim.packages.structure import NAMESPACES
@@ -96,6 +97,12 @@ def test_the_command_writes_what_it_writes_of_a_scenario(tmp_path: Path) -> None
     about = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert about["scenario_name"] == "a-dive"
     assert about["seeds"]["target"] == sblcosim.load(DIVE).target.seed
+    # What a package lacks, as docs/howto/other-tools.md says.
+    assert not {"scenario.toml", "path.geojson", "path.gpx"} & names
+    assert json.loads(done.stdout)["limits"] == {}
+    smooth = CliRunner().invoke(app, ["smooth", str(tmp_path / "out")])
+    assert smooth.exit_code == 2
+    assert "out: a run of a package cannot be smoothed" in smooth.stderr
 
 
 def test_the_default_folder_has_the_name_of_the_file(
@@ -384,6 +391,27 @@ def test_bindings_have_prefixes_units_and_an_order(stranger2: Path, tmp_path: Pa
         "a.gain": (4.0,), "a.offset": (2000.0, 1.0), "a.u": (0.0, 7.0),
         "b.gain": (5.0,), "b.offset": (2000.0, 1.0), "b.fail_at": (7.0,),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("own", "where"),
+    [
+        ('<ssd:ParameterBinding source="resources/more.ssv"/>', "resources/more.ssv: "),
+        (values(("range_std", "Real", 'value="-5"')), ""),
+    ],
+)
+def test_a_value_out_of_bounds_is_named_with_its_file(
+    own: str, where: str, tmp_path: Path
+) -> None:
+    more = (
+        f'<ssv:ParameterSet {SPACES} version="1.0" name="x"><ssv:Parameters>'
+        '<ssv:Parameter name="range_std"><ssv:Real value="-5"/></ssv:Parameter>'
+        "</ssv:Parameters></ssv:ParameterSet>"
+    )
+    path = package(tmp_path, build("acoustics", 2), component("a", bound(own)), more=more)
+    with pytest.raises(ConfigurationError) as caught, opened(path):
+        pass
+    assert str(caught.value) == f"{path}: {where}a.range_std: must be at least 0 m, got -5.0 m"
 
 
 def test_a_parameter_of_nothing_is_warned_of(stranger2: Path, tmp_path: Path) -> None:

@@ -349,6 +349,34 @@ def test_the_platform_as_reported_stands_beside_the_true_one():
     assert not any("reported" in word for word in legend_of(exact))
 
 
+def test_the_legend_tells_dots_from_a_mark_in_time(run):
+    """One large dot would be a mark every so often."""
+    record = make_record(platform_error=(1.0, 2.0, 0.0))
+    raw = make_record({"raw": np.random.default_rng(1).normal(0, 0.2, (99, 3))})
+    ax = plots.plot_path(record, {"raw": metrics.track(raw, "raw")})
+    mark = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
+    (legend,) = ax.figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    shown = dict(zip(names, legend.legend_handles, strict=True))
+    for name in ("platform as reported", "raw"):
+        dots = shown[name]
+        assert len(dots.get_xdata()) == 3
+        assert dots.get_markevery() is None  # all three are drawn
+        assert dots.get_markersize() / 2 < mark.get_markersize()  # a point's radius is a quarter
+
+
+def test_beacons_in_space_stand_above_their_places_on_the_floor():
+    record = make_record()
+    ax = plots.plot_path_3d(record, {})
+    floor = ax.get_zlim()[0]
+    beacons = record.values["platform.beacon_position"][0]
+    drops = [np.array(line.get_data_3d()).T for line in ax.lines if line.get_marker() == "."]
+    assert len(drops) == len(beacons)
+    for (north, east, down), drop in zip(beacons, drops, strict=True):
+        np.testing.assert_allclose(drop, [[east, north, down], [east, north, floor]], atol=1e-9)
+        assert floor > down
+
+
 def test_arrowheads_point_where_the_diver_goes_and_marks_say_when(run):
     record, _ = run  # north at 0.5 m/s for 10 s
     ax = plots.plot_path(record, {})

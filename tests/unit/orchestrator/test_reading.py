@@ -118,6 +118,24 @@ def test_a_receiver_that_is_no_file_is_refused_in_one_short_line(receiver: str) 
     line_of(lambda: connect(load("paper-scenario-1"), receiver))
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "key"),
+    [
+        ("[platform]\nbeaufort = 2\n\n# again = 1\nbeaufort = 3\n", 5, "beaufort"),
+        ("seed = 1\nseed = 2\n", 2, "seed"),
+        ("platform.a = [\n1,\n]\nplatform.a = [\n1,\n2,\n]\n", 7, "platform.a"),
+    ],
+)
+def test_a_key_that_is_given_twice_is_named(
+    text: str, line: int, key: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError) as caught:
+        load(file)
+    assert str(caught.value) == f"{file}, line {line}: {key} must be given once, got it twice"
+
+
 def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
     (tmp_path / "deep.toml").write_text(TEXTS["deep arrays"][0])
     for arguments in (

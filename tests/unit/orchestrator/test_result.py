@@ -11,7 +11,9 @@ import pytest
 from pyarrow import parquet
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
+from sblcosim.results.catalogue import jobs
 from sblcosim.results.description import RunDescription
+from sblcosim.results.result import FIGURES as FIGURES_OF_A_RUN
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import shipped
 from sblcosim.simulation.record import Record
@@ -257,6 +259,14 @@ def test_the_first_lines_are_a_verdict_for_each_receiver(result):
     assert str(far).startswith("ekf: lost; 50 m RMS")
 
 
+def test_a_lost_receiver_is_not_said_to_look_right():
+    errors = {"ekf": np.array([[50.0, 0, 0]])}
+    wide = str(run_of(("ekf",), make_record(errors, variance=900.0))).splitlines()[0]
+    assert wide == "ekf: lost; 50 m RMS, 95 % within 50 m; claims 52 m"
+    small = str(run_of(("ekf",), make_record(errors))).splitlines()[0]
+    assert small.endswith("claims 0.87 m: do not trust its covariance")
+
+
 def test_one_run_is_said_not_to_tell_unless_it_does(result):
     telling = "Whether a covariance is right, one run cannot tell; a study can.\n"
     sure = make_record({"ekf": np.array([[3.0, 4, 0]])})
@@ -326,6 +336,19 @@ def test_json_is_plain_and_holds_errors_and_summary(result):
     assert (verdict["verdict"], verdict["runs"], verdict["low"]) == ("one run", 1, None)
     assert verdict["factor"] == pytest.approx(np.sqrt(100 / 3))
     assert verdict["words"].startswith("looks optimistic by a factor of 5.77; one run cannot tell")
+
+
+def test_a_platform_at_rest_has_no_figure_of_its_angles():
+    moving = make_record({"ekf": np.ones((1, 3))})
+    still = {"platform.attitude": np.tile([0.0, 0.0, 0.3], (101, 1))}
+    for record, drawn in (
+        (moving, True),
+        (without(moving, **still), False),
+        (without(moving, **still, **{"platform.reported_attitude": np.zeros((101, 3))}), True),
+    ):
+        names = [job.name for job in jobs(FIGURES_OF_A_RUN, run_of(("ekf",), record))]
+        assert ("inclination" in names) == drawn
+        assert len(names) == 4 + drawn
 
 
 def test_saved_folder_is_complete(result, tmp_path):

@@ -13,7 +13,7 @@ import sblcosim
 from sblcosim.cli import app
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
-from sblcosim.scenario.schema import Acoustics, Platform, Receiver, Target, Time
+from sblcosim.scenario.schema import PRESETS, Acoustics, Platform, Receiver, Target, Time
 from sblcosim.scenario.starter import starter
 from typer.testing import CliRunner
 
@@ -25,8 +25,18 @@ TABLES = {
 
 def test_a_starter_is_valid_as_it_is() -> None:
     scenario = load(tomllib.loads(starter("mine")))
-    assert scenario.name == "mine"
+    assert '# name = "mine"  # that of the file' in starter("mine")
     assert scenario.platform.beaufort == 2
+
+
+def test_a_grade_says_which_keys_it_sets_and_which_are_given() -> None:
+    lines = starter("x", {"platform": {"imu_tilt_bias_deg": 0.5}}).splitlines()
+    text = " ".join(line.lstrip("# ") for line in lines)
+    wins = "of these, what is given wins"
+    for key, governed in PRESETS.items():
+        ((keys, kept),) = re.findall(rf"It sets ([^.;]*); {wins}([^.]*)\. {key} =", text)
+        assert {*keys.split(", ")} == governed
+        assert kept == (": imu_tilt_bias_deg" if key == "imu_grade" else "")
 
 
 def test_a_starter_names_every_key_of_every_table_with_a_comment_above() -> None:
@@ -56,7 +66,6 @@ def test_a_key_that_is_commented_out_is_valid_when_it_is_put_in_use() -> None:
 def test_a_starter_from_a_scenario_is_that_scenario_under_another_name(name: str) -> None:
     made = load(tomllib.loads(starter("mine", name)))
     assert made.model_dump(exclude={"name"}) == load(name).model_dump(exclude={"name"})
-    assert made.name == "mine"
 
 
 @pytest.mark.parametrize("name", LIKES)
@@ -81,6 +90,8 @@ def test_questions_are_asked_on_a_terminal_and_asked_again(tmp_path: Path) -> No
     child.expect("beacons are.*:")
     child.sendline("[[0, 0, 9], [50, 0, 9]]")
     child.expect("must be an array of 3 to 8 rows")
+    assert "\nbeacon_m: " in child.before
+    assert "override" not in child.before
     child.sendline("[[0, 0, 9], [50, 0, 9], [0, 50, 9]]")
     child.expect("surveyed.*:")
     child.sendline("0.1")

@@ -118,8 +118,31 @@ WRONG: dict[str, tuple[str, str]] = {
              "line 1, column 2: must be the name of a column of a track, as north_m is missing, "
              "got 'nort_m'; did you mean 'north_m'?"),
     "unit": (table("time_s,lat,lon,depth_m"),
-             "line 1, column 2: must be the name of a column of a track, as latitude_deg is "
-             "missing, got 'lat'; did you mean 'latitude_deg'?"),
+             "line 1, column 2: must be names of columns of a track, as latitude_deg, "
+             "longitude_deg are missing, got 'lat', 'lon'; did you mean 'latitude_deg', "
+             "'longitude_deg'?"),
+    "all names": (table("time,north,east,depth"),
+                  "line 1, column 2: must be names of columns of a track, as north_m, east_m, "
+                  "down_m are missing, got 'north', 'east', 'depth'; did you mean 'north_m', "
+                  "'east_m', "
+                  "'down_m'?"),
+    "all on earth": (table("t;Lon [deg];Lat [deg];depth"),
+                     "line 1, column 1: must be names of columns of a track, as time_s, "
+                     "latitude_deg, longitude_deg, depth_m are missing, got 't', 'Lat [deg]', 'Lon "
+                     "[deg]', 'depth'; did you mean 'time_s', 'latitude_deg', 'longitude_deg', "
+                     "'depth_m'?"),
+    "no header": (table("0,1.5,2,3", "1,2,2,3"),
+                  "line 1, column 1: must be the names of the columns (time_s, north_m, east_m, "
+                  "down_m), got '0'"),
+    "commas": (table(NED.replace(",", ";"), "0;1;2;3", "1;1,5;2;3"),
+               "line 3, column 2 (north_m): must be a number from -100000 to 100000, got '1,5'; "
+               "numbers must have a decimal point, no comma"),
+    "commas of times": (table(NED.replace(",", ";"), "0,5;1;2;3", "1;1;2;3"),
+                        "line 2, column 1 (time_s): must be a number of seconds, got '0,5'; "
+                        "numbers must have a decimal point, no comma"),
+    "commas among commas": (table(NED, "0,1,5,2,5,3,5"),
+                            "line 2, column 5: must have as many columns as the names, 4, got 7; "
+                            "numbers must have a decimal point, no comma"),
     "no time": (table("north_m,east_m,down_m,note"),
                 "line 1, column 5: must be time_s or time, got no such column in north_m"),
     "both times": (table("time,time_s,north_m,east_m,down_m"),
@@ -362,3 +385,59 @@ def test_a_track_that_is_not_followed_is_said(tmp_path: Path) -> None:
     made = load({"target": {"trajectory": "file", "track_tolerance_m": 0.1, **points}})
     idle = effects.idle(made, effects.components_of(made), effects.given(made))
     assert idle == {("target", "track_tolerance_m"): "there is no track_file"}
+
+
+NEXT = "</trkseg></trk><trk><name>{}</name><trkseg>"
+
+
+def test_tracks_that_follow_each_other_are_one(tmp_path: Path) -> None:
+    one, two = [(42.5, -10, 0), (42.50001, -10, 10)], [(42.50002, -11, 20), (42.50001, -10, 30)]
+    file = scenario(tmp_path, gpx(*one, NEXT.format("second"), *two))
+    apart = read(tmp_path / "dive.gpx")
+    assert apart.left_out == ()
+    whole = read(written(tmp_path, gpx(*one, *two), "whole.gpx"))
+    np.testing.assert_array_equal(apart.points, whole.points)
+    np.testing.assert_array_equal(apart.times, whole.times)
+    assert "left out" not in load(file).about_track
+
+
+def test_tracks_beside_another_are_left_out(tmp_path: Path) -> None:
+    """Those of a run: the true path, then the receivers' estimates of it."""
+    truth, later = [(42.5, -10, 0), (42.50001, -10, 30)], [(42.50002, -10, 40)]
+    beside = [(42.6, 500, 29), (42.7, -10, 50)]
+    text = gpx(*truth, NEXT.format("coupled"), *beside, NEXT.format("later"), *later,
+               NEXT.format(""), *beside)  # fmt: skip
+    file = scenario(tmp_path, text)
+    track = read(tmp_path / "dive.gpx")
+    np.testing.assert_array_equal(
+        track.points, read(written(tmp_path, gpx(*truth, *later), "alone.gpx")).points
+    )
+    assert track.left_out == ("coupled", "trk 4")
+    assert track.where(2, 3).endswith("(trkpt 5, ele)")
+    line = text[: text.index("10:00:40")].count("\n") + 1
+    assert f"line {line}," in track.where(2, 3)
+    assert load(file).about_track.endswith(
+        "; left out: coupled, trk 4, as they begin before the track before has ended"
+    )
+
+
+def test_a_jump_in_a_track_is_told(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    load(scenario(tmp_path, table(NED, "0,0,0,5", "2,40,0,5", "4,40,0,5")))  # 20 m/s
+    assert not recwarn.list
+    rows = ("0,0,0,5", "2,0,0,5", "4,300,400,5", "6,300,400,5", "7,360,400,5")
+    with pytest.warns(ConfigurationWarning) as caught:
+        load(scenario(tmp_path, table(NED, *rows), "track_tolerance_m = 5.0"))
+    assert [str(w.message) for w in caught] == [
+        f"{tmp_path / 'dive.csv'}, line 4, column 2 (north_m): should be reached at 20 m/s at "
+        "most, got 250 m/s from the point before, up to 250 m/s at 2 points"
+    ]
+
+
+def test_a_track_in_milliseconds_is_told(tmp_path: Path) -> None:
+    load(scenario(tmp_path, table(NED, "0,0,0,5", "86400,4,0,5")))
+    with pytest.warns(ConfigurationWarning) as caught:
+        load(scenario(tmp_path, table(NED, "0,0,0,5", "1000000,4,0,5")))
+    assert [str(w.message) for w in caught] == [
+        f"{tmp_path / 'dive.csv'}, line 3, column 1 (time_s): should be within a day of the first "
+        "point, got a track that lasts 277.8 h; times are in seconds"
+    ]

@@ -73,7 +73,8 @@ def test_parameters_arrive_in_si_units_under_the_names_of_the_fmu() -> None:
 
 
 def test_all_receivers_of_a_run_take_the_same_options_of_noise() -> None:
-    components = connect(PAPER, list(RECEIVERS)).components
+    with pytest.warns(ConfigurationWarning, match="receiver long_baseline: is for"):
+        components = connect(PAPER, list(RECEIVERS)).components
     raw = connect(PAPER).components["raw"]
     expected = {
         "range_std": 0.1, "depth_std": 0.01, "measurement_noise": 2, "beacon_position_source": 2,
@@ -302,3 +303,29 @@ def test_a_key_that_only_a_chosen_file_has_is_accepted() -> None:
     scenario = load(PAPER, {"receiver.gate": 3.0})
     system = connect(scenario, ["ekf", build("sequential")])
     assert system.components["sequential"].parameters["gate"] == 3.0
+
+
+def test_a_path_at_rest_has_no_end() -> None:
+    def refusal(changes: dict[str, Any]) -> str:
+        with pytest.raises(ConfigurationError) as caught:
+            connect(load("harbour-square", changes))
+        return str(caught.value)
+
+    still = {"target.speed_m_s": 0.0, "target.depth_end_m": None}
+    assert refusal(still) == (
+        "override target.speed_m_s: must be more than 0 for a run until the end of the path "
+        "([time] duration_s is 'path'), got 0.0"
+    )
+    drawn = {"target.trajectory": "white_noise_acceleration"}
+    assert "[time] duration_s: must be a number" in refusal(still | drawn)
+    assert connect(load("harbour-square", still | {"time.duration_s": 5.0})).stop_ns == 5 * 10**9
+
+
+def test_a_run_shorter_than_an_interval_is_a_matter_of_the_key() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        connect(load("realistic-dive", {"time.duration_s": 0.05}))
+    assert str(caught.value) == (
+        "override time.duration_s: must be at least 1 s, the least common multiple of all "
+        "intervals, got 0.05"
+    )
+    assert connect(load("realistic-dive", {"time.duration_s": 1.0})).stop_ns == 10**9

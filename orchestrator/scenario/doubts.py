@@ -1,0 +1,88 @@
+"""What is valid in a scenario, and perhaps not what is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from . import arrangement
+from .assumptions import beacons_of
+from .scenario import Scenario, Source
+from .tracks import ABOVE
+
+PURPOSES: Mapping[str, str] = {
+    "ekf": "comparisons with the paper",
+    "sequential": "beacons anywhere whose reported positions are good: it estimates no error",
+    "coupled": "beacons on one platform, which share the errors of its GPS and IMU",
+    "fixed_lag": "beacons as for coupled, where estimates may come some time after their epochs",
+    "long_baseline": "beacons with errors of their own: below buoys, or surveyed on the bottom",
+    "multilateration": "comparisons: what the ranges say without a filter",
+}
+"""What each of our receivers is for."""
+
+
+SOUND = (1350.0, 1650.0)
+"""Speeds of sound in any water that is dived in, and some more [m/s]."""
+
+
+def doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
+    """What may be a mistake; one line each, which names the key or the receiver.
+
+    Parameters
+    ----------
+    chosen
+        The receivers of the run, by label.
+    """
+    yield from _of_receivers(scenario, chosen)
+    yield from _of_waypoints(scenario)
+    yield from _of_sound(scenario)
+    yield from _of_arrangement(scenario)
+
+
+def _of_waypoints(scenario: Scenario) -> Iterator[str]:
+    """Rows above the water."""
+    target = scenario.target
+    if target.fmu is not None or target.trajectory != "waypoints":
+        return
+    depths = target.waypoint_m[2 : 3 * target.waypoint_count : 3]
+    dry = [row for row, depth in enumerate(depths, 1) if depth < -ABOVE]
+    if dry:
+        rows = "" if len(dry) == 1 else f", as {len(dry) - 1} more of {len(depths)} rows"
+        yield (
+            f"{scenario.where('target', 'waypoint_m')}[{dry[0]},3]: should be under water (down is "
+            f"positive), got a depth of {depths[dry[0] - 1]:g} m{rows}"
+        )
+
+
+def _of_sound(scenario: Scenario) -> Iterator[str]:
+    """Speeds that sound has in no water."""
+    low, high = SOUND
+    for key in ("sound_speed_m_s", "assumed_sound_speed_m_s"):
+        speed = getattr(scenario.acoustics, key)
+        if scenario.acoustics.fmu is None and not low <= speed <= high:
+            yield (
+                f"{scenario.where('acoustics', key)}: should be from {low:g} to {high:g} m/s, as "
+                f"in water, got {speed:g} m/s"
+            )
+
+
+def _of_arrangement(scenario: Scenario) -> Iterator[str]:
+    """What the beacons cannot tell."""
+    platform = scenario.platform
+    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
+    if problem is not None:
+        key = "beacon_m" if platform.beacon_m else "arm_length_m"
+        yield f"{scenario.where('platform', key)}: {problem}"
+
+
+def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
+    """Receivers for beacons with other errors than those of the scenario."""
+    own = arrangement.has_own_errors(scenario.platform)
+    shared = arrangement.shares_errors(scenario.platform)
+    for label, source in chosen.items():
+        if own and source in ("coupled", "fixed_lag"):
+            here, instead = "each beacon has an error of its own", "long_baseline"
+        elif shared and source == "long_baseline":
+            here, instead = "all beacons share those of one platform", "coupled"
+        else:
+            continue
+        yield f"receiver {label}: is for {PURPOSES[source]}; here {here}: try {instead}"

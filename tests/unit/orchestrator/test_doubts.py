@@ -1,0 +1,105 @@
+"""What is valid in a scenario, and perhaps not what is meant."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from sblcosim.cli.base import app
+from sblcosim.errors import ConfigurationWarning
+from sblcosim.models import RECEIVERS
+from sblcosim.scenario.doubts import PURPOSES, doubts
+from sblcosim.scenario.likes import LIKES
+from sblcosim.scenario.scenario import load, shipped
+from sblcosim.scenario.sources import choose
+from sblcosim.scenario.wiring import connect
+from typer.testing import CliRunner
+
+
+def said(
+    overrides: dict[str, Any], source: Any = "realistic-dive", receivers: Any = ()
+) -> list[str]:
+    scenario = load(source, overrides)
+    return [*doubts(scenario, choose(scenario, receivers))]
+
+
+@pytest.mark.parametrize("source", [*shipped(), *(like.source for like in LIKES.values())])
+def test_of_what_comes_along_there_are_none(source: Any) -> None:
+    assert not said({}, source)
+
+
+# Above the water ---------------------------------------------------------------------------------
+
+
+def test_waypoints_above_the_water_are_told() -> None:
+    rows = [[0.0, 0.0, 5.0], [10.0, 0.0, -6.5], [10.0, 10.0, -2.5], [0.0, 10.0, -2.0]]
+    (line,) = said({"target.waypoint_m": rows})
+    assert line == (
+        "override target.waypoint_m[2,3]: should be under water (down is positive), got a depth of "
+        "-6.5 m, as 1 more of 4 rows"
+    )
+    assert not said({"target.waypoint_m": rows[:1] + rows[3:]})  # in the waves
+
+
+def test_waypoints_that_nobody_follows_are_not_told() -> None:
+    rows = [[0.0, 0.0, 5.0], [10.0, 0.0, 5.0], [10.0, 10.0, -9.0]]
+    assert said({"target.waypoint_m": rows})
+    assert not said({"target.waypoint_m": rows, "target.waypoint_count": 2})
+    assert not said({"target.waypoint_m": rows, "target.trajectory": "semicircle"})
+
+
+# Sound -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", ["sound_speed_m_s", "assumed_sound_speed_m_s"])
+def test_a_speed_that_sound_has_in_no_water_is_told(key: str) -> None:
+    for speed, told in ((1349.0, True), (1350.0, False), (1650.0, False), (1651.0, True)):
+        line = (
+            f"override acoustics.{key}: should be from 1350 to 1650 m/s, as in water, got "
+            f"{speed:g} m/s"
+        )
+        assert said({f"acoustics.{key}": speed}) == [line] * told
+
+
+# Receivers that do not suit ----------------------------------------------------------------------
+
+OWN = "each beacon has an error of its own: try long_baseline"
+SHARED = "all beacons share those of one platform: try coupled"
+
+
+@pytest.mark.parametrize(
+    ("source", "receiver", "words"),
+    [
+        ("gps-buoys", "coupled", OWN),
+        ("gps-buoys", "fixed_lag", OWN),
+        ("harbour-lbl", "coupled", OWN),
+        ("realistic-dive", "long_baseline", SHARED),
+    ],
+)
+def test_a_receiver_that_does_not_suit_is_told(source: str, receiver: str, words: str) -> None:
+    line = f"receiver {receiver}: is for {PURPOSES[receiver]}; here {words}"
+    chosen = ("sequential", receiver, "ekf")
+    assert said({}, source, chosen) == [line]
+    assert said({}, source, {"mine": receiver}) == [line.replace(receiver, "mine", 1)]
+    with pytest.warns(ConfigurationWarning) as caught:
+        connect(load(source), chosen)
+    assert [str(w.message) for w in caught] == [line]
+
+
+def test_other_receivers_suit() -> None:
+    for source in shipped():
+        assert not said({}, source, ("ekf", "sequential", "multilateration"))
+    assert not said({}, "gps-buoys", "long_baseline")
+    assert not said({"platform.gps_shared": True}, "gps-buoys", "coupled")
+    still = {"platform.mounting_std_m": 0.0}  # nobody errs
+    assert not said(still, "harbour-lbl", ("coupled", "long_baseline"))
+
+
+def test_the_list_of_receivers_says_what_each_is_for() -> None:
+    assert PURPOSES.keys() == RECEIVERS.keys()
+    shown = CliRunner().invoke(app, ["receivers"]).stdout
+    for words in PURPOSES.values():
+        assert words in shown
+    document = json.loads(CliRunner().invoke(app, ["receivers", "--json"]).stdout)
+    assert {r["name"]: r["purpose"] for r in document["receivers"]} == dict(PURPOSES)
