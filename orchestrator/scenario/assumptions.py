@@ -30,9 +30,14 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
     "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
     "gps_bias_std_m": ("platform.gps_horizontal_bias_std_m", "platform.gps_antenna_offset_m"),
-    "gps_vertical_std_m": (
-        "platform.gps_vertical_std_m", "platform.gps_vertical_markov_std_m",
-        "platform.gps_vertical_bias_std_m", "platform.gps_antenna_offset_m", *_PACKET,
+    "gps_vertical_std_m": ("platform.gps_vertical_std_m", *_PACKET),
+    "gps_vertical_error_std_m": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m",
+    ),
+    "gps_vertical_error_time_s": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m", "platform.gps_correlation_time_s",
     ),
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
@@ -116,7 +121,7 @@ def assumed(
     roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
     speed = acoustics.assumed_sound_speed_m_s
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
-    n, e, d = platform.gps_antenna_offset_m
+    n, e, _ = platform.gps_antenna_offset_m
     place, turn, tilt = _rounding(
         platform, acoustics, source or pose_source(acoustics.packet_content)
     )
@@ -127,10 +132,8 @@ def assumed(
         "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
         "gps_correlation_time_s": platform.gps_correlation_time_s,
         "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / sqrt(2), e / sqrt(2)),
-        "gps_vertical_std_m": _with(
-            place, platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
-            platform.gps_vertical_bias_std_m, d,
-        ),
+        "gps_vertical_std_m": _with(place, platform.gps_vertical_std_m),
+        **_vertical_error(platform),
         "platform_velocity_std_m_s": swing,
         "platform_velocity_time_s": swing_time,
         "heading_rate_std_deg_s": turning,
@@ -212,6 +215,15 @@ def _heading_error(platform: Any) -> dict[str, float | None]:
         # What never changes outlasts what does.
         "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
     }
+
+
+def _vertical_error(platform: Any) -> dict[str, float | None]:
+    """What the GPS's down is off by for long."""
+    markov = platform.gps_vertical_markov_std_m
+    error = hypot(markov, platform.gps_vertical_bias_std_m, platform.gps_antenna_offset_m[2])
+    # One process for a constant part and one that wanders: it wanders as fast.
+    time = platform.gps_correlation_time_s * (error / markov) ** 2 if markov > 0 else None
+    return {"gps_vertical_error_std_m": error, "gps_vertical_error_time_s": time}
 
 
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, float | None]:
