@@ -17,6 +17,9 @@ _DRIFT_MEMORY = 100.0
 """A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
 does."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
+_MOUNTING_MEMORY = 10.0
+"""An error of a beacon's place counts as the noise that, averaged over twice this time [s], leaves
+as much. Measured: see ``models/receiver/README.md``."""
 _PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
 _ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
 
@@ -215,6 +218,19 @@ def _heading_error(platform: Any) -> dict[str, float | None]:
         # What never changes outlasts what does.
         "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
     }
+
+
+def mounting_noise(platform: Any, acoustics: Any) -> float:
+    """Standard deviation of white noise of a range that is worth the errors of mounting [m].
+
+    They are the same in all ranges of a beacon; a filter that takes them for none believes in more
+    than it has, the more often the beacons ping.
+    """
+    fixed = platform.mounting_error_m or (0.0,)
+    square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+    slots = len(beacons_of(platform)) // 3 if acoustics.schedule == "round_robin" else 1
+    pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
+    return sqrt(square * max(pings, 1.0)) if platform.gps_shared else 0.0
 
 
 def _vertical_error(platform: Any) -> dict[str, float | None]:
