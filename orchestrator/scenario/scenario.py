@@ -203,7 +203,8 @@ class Scenario(Table):
 
     __str__ = __repr__
 
-    def assumptions(self, parameters: Collection[str] = ("clock_std",)) -> dict[str, Any]:
+    def assumptions(self, parameters: Collection[str] = ("clock_std", "beacon_offset")
+    ) -> dict[str, Any]:
         """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
 
         Parameters
