@@ -396,7 +396,8 @@ def test_what_it_says_of_the_system() -> None:
 def test_covariances_are_symmetric_and_positive() -> None:
     for result in (
         Raft(gps_std=3.5).dive(LINE, {**SINKING, "pose_source": 3}, acoustics=NOISY, steps=200),
-        Raft().dive(LINE, {**SINKING, "range_std": 1e-4, "depth_std": 1e-4}, acoustics=NOISY, steps=200),
+        Raft().dive(LINE, {**SINKING, "range_std": 1e-4, "depth_std": 1e-4}, acoustics=NOISY,
+                    steps=200),
         Raft().dive(LINE, {**SINKING, "imu_heading_error_time": 1e9,
                            "platform_velocity_time": 1e9}, acoustics=NOISY, steps=200),
         Raft().dive(LINE, SINKING, acoustics=NOISY, steps=200),
