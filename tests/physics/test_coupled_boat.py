@@ -39,6 +39,7 @@ DRAWN = {
     "receiver": {"type": "coupled", "initialisation": "prior", "acceleration_psd_m2_s3": 0.002,
                  **START},
 }
+HOUR = {"acoustics.clock_grade": "tcxo", "acoustics.clock_sync_age_s": 3600.0}
 
 
 def judged(source: Any, changes: Mapping[str, Any] | None = None, **varied: float) -> Any:
@@ -71,6 +72,15 @@ def test_where_motion_and_errors_are_drawn_it_is_consistent() -> None:
 def test_the_boat_of_the_starter(grade: str, sampling_time: float) -> None:
     _, nees, _ = judged(BOAT, {"platform.gps_grade": grade, "time.sampling_time_s": sampling_time})
     assert 2.5 < nees < 3.6
+
+
+def test_a_clock_that_has_drifted_for_an_hour() -> None:
+    """Its 2.7 m go into all ranges, as the error of down does."""
+    rms, nees, _ = judged(BOAT, HOUR)
+    assert 2.5 < nees < 3.6
+    untold, _, _ = judged(BOAT, HOUR, gps_vertical_error_std=0.0, gps_vertical_std=2.04,
+                          range_std=0.1)
+    assert rms < 0.5 * untold
 
 
 def test_its_accuracy_does_not_suffer() -> None:
