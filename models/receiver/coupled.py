@@ -28,6 +28,7 @@ from .surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    VERTICAL_ERROR,
     Measurement,
 )
 from .variables import INITIALISATION
@@ -305,7 +306,7 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     x
         Has what `estimate.outputs` needs, ``mean`` for clock and speed of sound, and ``restarts``.
     state, P, down
-        State and covariance of the estimate, and how deep the platform was [m].
+        State and covariance of the estimate, and how deep the platform was said to be [m].
     """
     seen = arc.about(state, P)
     shift, more = arc.moments(seen, P)
@@ -314,13 +315,14 @@ def outputs(p: Symbols, x: Symbols, state: Any, P: Any, down: Any) -> Values:
     covariance = P[order, order]
     relative = ca.SX.zeros(3, 3)
     relative[:2, :2] = arc.relative(P) + more
-    crossing = P[list(POSITION[:2]), 2] - P[list(PLATFORM), 2]
+    deeper = P[:, 2] + P[:, VERTICAL_ERROR]
+    crossing = deeper[list(POSITION[:2])] - deeper[list(PLATFORM)]
     relative[:2, 2], relative[2, :2] = crossing, crossing.T
-    relative[2, 2] = P[2, 2] + p.gps_vertical_std**2
+    relative[2, 2] = deeper[2] + deeper[VERTICAL_ERROR] + p.gps_vertical_std**2
     horizontal = [0, 2]
     mean[horizontal] += shift
     covariance[horizontal, horizontal] += more + p.gps_bias_std**2 * ca.SX.eye(2)
-    platform = ca.vertcat(state[list(PLATFORM)], down)
+    platform = ca.vertcat(state[list(PLATFORM)], down - state[VERTICAL_ERROR])
     there = x.update_count > 0
     return {
         **estimate.outputs(x, mean, covariance),

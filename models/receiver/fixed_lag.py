@@ -19,9 +19,9 @@ from ..ports import DEPTH, PING_POSE, RECEPTION
 from . import coupled, start
 from .estimate import pack, unpack
 from .steps import Delayed, packed, unpacked
-from .surroundings import PLATFORM, POSITION, STATES, VELOCITY
+from .surroundings import PLATFORM, POSITION, STATES, VELOCITY, VERTICAL_ERROR
 
-_KEPT = [*POSITION, *VELOCITY, *PLATFORM]
+_KEPT = [*POSITION, *VELOCITY, *PLATFORM, VERTICAL_ERROR]
 _SPACING = 4
 """Copies in a lag."""
 _COPIES = _SPACING + 1
@@ -45,7 +45,7 @@ class _Copy:
     epoch
         The time [s].
     down
-        How deep the platform was [m].
+        How deep the platform was said to be [m].
     past
         Of the states `_KEPT`.
     """

@@ -28,6 +28,7 @@ from .surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    VERTICAL_ERROR,
     sounding_variance,
 )
 
@@ -198,7 +199,8 @@ def _joined(
     own = cofactors / determinant
     parts = {CLOCK: offset.clock, SPEED: offset.speed}
     fresh = {**dict.fromkeys(VELOCITY, p.prior_velocity_std**2), DEPTH_BIAS: p.depth_bias_std**2,
-             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2}
+             CLOCK: p.clock_std**2, SPEED: p.sound_speed_std**2,
+             VERTICAL_ERROR: p.gps_vertical_error_std**2}
     mean = ca.SX(x.mean)
     mean[list(POSITION)] = fix.position
     for i in fresh:
@@ -219,15 +221,25 @@ def _joined(
     P[list(POSITION[:2]), kept] = crossing
     P[kept, list(POSITION[:2])] = crossing.T
     # Errors: of the offset -lean' of the position's and what its own residuals leave; of the
-    # position by the sensor's bias, which is in the depth reading; of clock and speed by their
+    # position by the sensor's bias, which is in the depth reading, and by the platform's depth:
+    # if that and the reading had one error, it would be the diver's; of clock and speed by their
     # parts of the offset.
-    by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
+    by_depth = own[:, 2] * (doubt * depth_weight)
+    by_bias = -by_depth * p.depth_bias_std**2
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T
+    by_sink = by_depth - ca.SX([0, 0, 1])
+    sunk = p.gps_vertical_error_std**2
+    P[list(POSITION), list(POSITION)] += sunk * (by_sink @ by_sink.T)
+    P[list(POSITION), VERTICAL_ERROR] = sunk * by_sink
+    P[VERTICAL_ERROR, list(POSITION)] = sunk * by_sink.T
     column = -own @ fix.lean
+    tilted = -ca.dot(fix.lean, by_depth)
     learnt = fix.alone + ca.dot(fix.lean, own @ fix.lean) - offset.variance
     for i, part in parts.items():
-        P[list(POSITION), i], P[i, list(POSITION)] = part * column, part * column.T
+        with_position = part * (column + sunk * tilted * by_sink)
+        P[list(POSITION), i], P[i, list(POSITION)] = with_position, with_position.T
+        P[i, VERTICAL_ERROR] = P[VERTICAL_ERROR, i] = part * sunk * tilted
         P[i, DEPTH_BIAS] = P[DEPTH_BIAS, i] = -part * ca.dot(fix.lean, by_bias)
         for j, other in parts.items():
-            P[i, j] += part * other * learnt
+            P[i, j] += part * other * (learnt + sunk * tilted**2)
     return mean, pack(symmetric(P))

@@ -20,7 +20,9 @@ HEADING, HEADING_RATE, HEADING_ERROR = 12, 13, 14
 """ψ [rad], its rate [rad/s], and e_ψ [rad]: the coloured error of the IMU's heading."""
 CLOCK, SPEED, DEPTH_BIAS = 15, 16, 17
 """β [m]: the clock's offset times c₀; κ = c₀/c − 1; d [m]: error of the depth sensor."""
-STATES = 18
+VERTICAL_ERROR = 18
+"""g_z [m]: the slow error of the GPS, down."""
+STATES = 19
 LEAST_GPS_STD = 0.01
 """What a GPS is never better than [m]: packets are rounded."""
 LEAST_HEADING_STD = 1e-3
@@ -57,7 +59,7 @@ class Pose:
     Attributes
     ----------
     down
-        Reported position of the reference point, down [m].
+        Reported position of the reference point, down [m]; what is true is that less g_z.
     roll, pitch
         Best estimates from the reported ones [rad]; see `tilt`.
     tilt_variance
@@ -96,6 +98,7 @@ def prior_stds(p: Any) -> dict[int, Any]:
         **dict.fromkeys(GPS_ERROR, p.gps_markov_std),
         HEADING_RATE: p.heading_rate_std,
         HEADING_ERROR: p.imu_heading_error_std,
+        VERTICAL_ERROR: p.gps_vertical_error_std,
         CLOCK: p.clock_std,
         SPEED: p.sound_speed_std,
         DEPTH_BIAS: p.depth_bias_std,
@@ -147,6 +150,7 @@ def transition(m: Any, p: Any, dt: Any) -> tuple[dict[tuple[int, int], Any], ...
     for states, std, tau in (
         (GPS_ERROR, p.gps_markov_std, p.gps_correlation_time),
         ((HEADING_ERROR,), p.imu_heading_error_std, p.imu_heading_error_time),
+        ((VERTICAL_ERROR,), p.gps_vertical_error_std, p.gps_vertical_error_time),
     ):
         decay = m.exp(-dt / tau)
         for i in states:
@@ -287,7 +291,7 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
     """
     arm, by_roll, by_pitch = _arms(m, x, pose, body)
     o = (x[0] - x[PLATFORM[0]] - arm[0], x[1] - x[PLATFORM[1]] - arm[1],
-         x[2] - pose.down - arm[2])
+         x[2] - pose.down + x[VERTICAL_ERROR] - arm[2])
     distance = m.sqrt(m.fmax(o[0] * o[0] + o[1] * o[1] + o[2] * o[2], 1e-12))
     stretch = 1 + x[SPEED]
     per_metre = stretch / distance
@@ -302,6 +306,7 @@ def range_(m: Any, p: Any, x: Sequence[Any], pose: Pose, body: Sequence[Any]) ->
             HEADING: u[0] * arm[1] - u[1] * arm[0],
             CLOCK: 1,
             SPEED: distance,
+            VERTICAL_ERROR: u[2],
         },
         variance=sounding_variance(p.range_std) + pose.tilt_variance * slope
         + u[2] ** 2 * p.gps_vertical_std**2,

@@ -139,8 +139,12 @@ _PLATFORM = (
               start=120.0, min=0.01, needs=(not_zero("gps_markov_std"),)),
     parameter("gps_bias_std", "GPS: standard deviation of the constant error; not estimated, added "
               "to the covariance", "m", start=0.0, min=0.0),
-    parameter("gps_vertical_std", "GPS: standard deviation of the error of down", "m", start=0.0,
-              min=0.0),
+    parameter("gps_vertical_std", "GPS: standard deviation of the white error of down", "m",
+              start=0.0, min=0.0),
+    parameter("gps_vertical_error_std", "GPS: standard deviation of the slow error of down", "m",
+              start=0.0, min=0.0),
+    parameter("gps_vertical_error_time", "GPS: correlation time of that error", "s", start=1e6,
+              min=0.01, needs=(not_zero("gps_vertical_error_std"),)),
     parameter("platform_velocity_std", "Standard deviation of the platform's velocity, north and "
               "east", "m/s", start=0.05, min=0.0),
     parameter("platform_velocity_time", "Correlation time of that velocity", "s", start=40.0,

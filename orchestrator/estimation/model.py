@@ -65,7 +65,7 @@ class Rows:
     node
         Index of the epoch; shape (m,).
     H, residual, variance
-        Row, measured minus predicted, and variance of the white noise; shape (m, 18), (m,), (m,).
+        Row, measured minus predicted, and variance of the white noise; shape (m, 19), (m,), (m,).
     is_range
         Whether it may be late; shape (m,).
     """
@@ -96,7 +96,7 @@ def rows(p: Any, samples: Samples, trajectory: Floats) -> Rows:
     Parameters
     ----------
     trajectory
-        States at the epochs of the samples; shape (n, 18).
+        States at the epochs of the samples; shape (n, 19).
     """
     parts = [*_parts(p, samples, trajectory)]
     node, kind = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
@@ -142,7 +142,7 @@ def _parts(p: Any, samples: Samples, trajectory: Floats) -> Iterator[_Part]:
 
 
 def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviations at the start, shape (18,).
+    """Mean and standard deviations at the start, shape (19,).
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from sblcosim.models.receiver.surroundings import (
     POSITION,
     SPEED,
     VELOCITY,
+    VERTICAL_ERROR,
     WIDEST,
     crescent,
 )
@@ -72,15 +73,16 @@ def of_states(
     Parameters
     ----------
     mean, covariance
-        Shape (n, 18), (n, 18, 18).
+        Shape (n, 19), (n, 19, 19).
     """
     epochs = samples.epochs_ns
     heard = np.searchsorted(samples.range_ns, epochs, side="right") - 1
     down = np.asarray(model.pose_of(p, samples).down)[np.maximum(heard, 0)]
-    # x − p, with the platform's down as reported
+    # x − p, with the platform's down as reported less its slow error
     D = np.zeros((3, mean.shape[1]))
     D[range(3), POSITION] = 1
     D[range(2), PLATFORM] = -1
+    D[2, VERTICAL_ERROR] = 1
     relative = mean @ D.T
     relative[:, 2] -= down
     relative_covariance = D @ covariance @ D.T
@@ -95,7 +97,7 @@ def of_states(
     return Estimates(
         epochs[there], mean[there][:, list(POSITION)], mean[there][:, list(VELOCITY)], own[there],
         relative[there], relative_covariance[there],
-        np.column_stack([mean[:, list(PLATFORM)], down])[there],
+        np.column_stack([mean[:, list(PLATFORM)], down - mean[:, VERTICAL_ERROR]])[there],
         mean[there, CLOCK] / c, c / (1 + mean[there, SPEED]),
     )
 

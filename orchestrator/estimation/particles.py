@@ -5,12 +5,12 @@ are to blame. Particles are what ranges are not linear in: the diver as seen fro
 y = x − p, and the depth. All the rest is linear given the path of these, and is carried along by a
 Kalman filter of each particle (A. Doucet, N. de Freitas, K. Murphy, S. Russell, Rao-Blackwellised
 particle filtering for dynamic Bayesian networks, UAI 2000). So what hardly changes does not die
-out. Those filters have one covariance for all, but for that of clock and sound speed:
+out. Those filters have one covariance for all, but for that of (β, κ, g_z):
 
 - (y, v, w, p, g) of an axis, north or east: velocities of diver and platform, the platform's
   position and the error of its GPS. y is drawn when a range comes, and known from then on;
 - (z, v, d): depth, its rate and the error of the sensor; z is drawn with y;
-- (β, κ): clock and sound speed;
+- (β, κ, g_z): clock, sound speed, and the slow error of the GPS, down;
 - the heading as reported, and its rate. Its white error counts as noise of the ranges; where a
   packet has only its own beacon's position, the heading is drawn before that is used. Its slow
   error turns the whole track about the platform, which nothing observes: it is only in the
@@ -41,6 +41,7 @@ from sblcosim.models.receiver.surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    VERTICAL_ERROR,
     Pose,
 )
 
@@ -61,6 +62,7 @@ _NORTH = [POSITION[0], VELOCITY[0], PLATFORM_VELOCITY[0], PLATFORM[0], GPS_ERROR
 """x, v, w, p, g of the axis north, among the states; east has the same covariance."""
 _DOWN = [POSITION[2], VELOCITY[2], DEPTH_BIAS]
 _TURN = [HEADING, HEADING_RATE]
+_SLOW = [CLOCK, SPEED, VERTICAL_ERROR]
 _SEEN = np.eye(5)
 _SEEN[0, 3] = -1.0
 """From (x, v, w, p, g) to (y, v, w, p, g)."""
@@ -70,7 +72,7 @@ _READING = np.array([1.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Particles: a Gaussian each. Covariances but `P_clock` are the same for all.
+    """Particles: a Gaussian each. Covariances but `P_slow` are the same for all.
 
     Attributes
     ----------
@@ -80,8 +82,8 @@ class Cloud:
         Means of (y, v, w, p, g), north and east, (n, 2, 5), and the covariance, (5, 5).
     down, P_down
         Means of (z, v, d), (n, 3), and the covariance, (3, 3).
-    clock, P_clock
-        Means of β [m] and κ, (n, 2), and their covariances, (n, 2, 2).
+    slow, P_slow
+        Means of β [m], κ and g_z [m], (n, 3), and their covariances, (n, 3, 3).
     turn, P_turn
         Heading as reported and its rate, (n, 2), and the covariance, (2, 2).
     """
@@ -91,8 +93,8 @@ class Cloud:
     P_flat: Floats
     down: Floats
     P_down: Floats
-    clock: Floats
-    P_clock: Floats
+    slow: Floats
+    P_slow: Floats
     turn: Floats
     P_turn: Floats
 
@@ -208,7 +210,7 @@ def begun(p: Any, n: int) -> Cloud:
         np.zeros(n),
         np.tile(flat, (n, 1, 1)), _SEEN @ np.diag(std[_NORTH] ** 2) @ _SEEN.T,
         np.tile(mean[_DOWN], (n, 1)), np.diag(std[_DOWN] ** 2),
-        np.zeros((n, 2)), np.tile(np.diag(std[[CLOCK, SPEED]] ** 2), (n, 1, 1)),
+        np.zeros((n, 3)), np.tile(np.diag(std[_SLOW] ** 2), (n, 1, 1)),
         np.zeros((n, 2)), np.diag(std[_TURN] ** 2),
     )
 
@@ -226,11 +228,11 @@ def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     F, N = _SEEN @ F @ np.linalg.inv(_SEEN), _SEEN @ N @ _SEEN.T
     D, M = block(_DOWN)
     T, V = block(_TURN)
-    P_clock = cloud.P_clock.copy()
-    P_clock[:, 0, 0] += Q[CLOCK, CLOCK]
+    S, U = block(_SLOW)
     return replace(
         cloud, flat=cloud.flat @ F.T, P_flat=F @ cloud.P_flat @ F.T + N,
-        down=cloud.down @ D.T, P_down=D @ cloud.P_down @ D.T + M, P_clock=P_clock,
+        down=cloud.down @ D.T, P_down=D @ cloud.P_down @ D.T + M,
+        slow=cloud.slow @ S.T, P_slow=S @ cloud.P_slow @ S.T + U,
         turn=cloud.turn @ T.T, P_turn=T @ cloud.P_turn @ T.T + V,
     )
 
@@ -320,7 +322,8 @@ def anywhere(
     """Particles about a beacon, at any bearing and at the distances that may give its range."""
     n = len(cloud.down)
     depth = cloud.down[:, 0] + np.sqrt(cloud.P_down[0, 0]) * rng.standard_normal(n)
-    std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2)
+    std = np.sqrt(p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2
+                  + p.gps_vertical_error_std**2)
     slant = z + _REACH * std * rng.uniform(-1, 1, n)
     at: list[Any] = [0.0] * STATES
     at[HEADING] = cloud.turn[:, 0]
@@ -340,12 +343,13 @@ def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Clo
     x: list[Any] = [0.0] * STATES
     x[HEADING] = cloud.turn[:, 0]
     x[0], x[1], x[2] = cloud.flat[:, 0, 0], cloud.flat[:, 1, 0], cloud.down[:, 0]
-    x[CLOCK], x[SPEED] = cloud.clock.T
+    x[CLOCK], x[SPEED], x[VERTICAL_ERROR] = cloud.slow.T
     row = surroundings.range_(np, p, x, pose, body)
     R = row.variance + row.row[HEADING] ** 2 * cloud.P_turn[0, 0]
     off = z - row.value
-    c = cloud.P_clock[:, :, 0] + cloud.P_clock[:, :, 1] * row.distance[:, None]
-    S = c[:, 0] + c[:, 1] * row.distance + R
+    h = np.column_stack([np.ones(len(R)), row.distance, row.u[2]])
+    c = (cloud.P_slow @ h[:, :, None])[:, :, 0]
+    S = (h * c).sum(axis=1) + R
     punctual, other = late.log_densities(p, off, S)
     total = np.logaddexp(punctual, other)
     share = np.exp(punctual - total)
@@ -353,8 +357,8 @@ def ranged(p: Any, cloud: Cloud, pose: Pose, body: list[float], z: float) -> Clo
     spread = share * (1 - share) * off**2 - share * S
     return replace(
         cloud, log_weight=cloud.log_weight + total,
-        clock=cloud.clock + (share * off)[:, None] * K,
-        P_clock=cloud.P_clock + spread[:, None, None] * K[:, :, None] * K[:, None, :],
+        slow=cloud.slow + (share * off)[:, None] * K,
+        P_slow=cloud.P_slow + spread[:, None, None] * K[:, :, None] * K[:, None, :],
     )
 
 
@@ -367,7 +371,7 @@ def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
     edges = np.cumsum(weight)
     picks = (np.arange(n) + rng.uniform()) / n * edges[-1]
     kept = np.minimum(np.searchsorted(edges, picks, side="right"), n - 1)
-    each = ("flat", "down", "clock", "P_clock", "turn")
+    each = ("flat", "down", "slow", "P_slow", "turn")
     taken = {name: getattr(cloud, name)[kept] for name in each}
     return replace(cloud, log_weight=np.zeros(n), **taken)
 
@@ -378,7 +382,7 @@ def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
     y, v, place = cloud.flat[:, :, 0], cloud.flat[:, :, 1], cloud.flat[:, :, 3]
     z, rate = cloud.down[:, :1], cloud.down[:, 1:2]
     x, speed = np.hstack([y + place, z]), np.hstack([v, rate])
-    seen = np.hstack([y, z - down])
+    seen = np.hstack([y, z - down + cloud.slow[:, 2:]])
     covariance = _covariance(weight, np.stack([x, speed], axis=2).reshape(n, 6))
     relative = _covariance(weight, seen)
     # Within each particle
@@ -387,16 +391,17 @@ def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
         covariance[i : i + 2, i : i + 2] += T @ cloud.P_flat @ T.T
         covariance[i, i] += p.gps_bias_std**2
     covariance[4:, 4:] += cloud.P_down[:2, :2]
-    relative += np.diag([cloud.P_flat[0, 0]] * 2 + [cloud.P_down[0, 0] + p.gps_vertical_std**2])
+    deep = cloud.P_down[0, 0] + weight @ cloud.P_slow[:, 2, 2] + p.gps_vertical_std**2
+    relative += np.diag([cloud.P_flat[0, 0]] * 2 + [deep])
     # The slow error of the heading turns y; nothing tells it from a turn of the diver.
     turned = p.imu_heading_error_std * (weight @ y)[::-1] * [-1, 1]
     covariance[np.ix_([0, 2], [0, 2])] += np.outer(turned, turned)
     relative[:2, :2] += np.outer(turned, turned)
-    beta, kappa = weight @ cloud.clock
+    beta, kappa, sunk = weight @ cloud.slow
     c = p.assumed_sound_speed
     return (
         weight @ x, weight @ speed, covariance, weight @ seen, relative,
-        np.append(weight @ place, down), beta / c, c / (1 + kappa),
+        np.append(weight @ place, down - sunk), beta / c, c / (1 + kappa),
     )
 
 

@@ -36,7 +36,7 @@ class Track(Shown):
     epochs_ns
         Epochs [ns]; shape (n,).
     mean, covariance
-        Of the states of `sblcosim.models.receiver.surroundings` at these; (n, 18), (n, 18, 18).
+        Of the states of `sblcosim.models.receiver.surroundings` at these; (n, 19), (n, 19, 19).
     punctual
         Probability of each range that it is not late, in the order of the samples; shape (m,).
     steps_m
@@ -63,7 +63,7 @@ def smooth(p: Any, samples: Samples, trajectory: Floats, passes: int = PASSES) -
     p
         Parameters of `coupled`; see `sblcosim.estimation.model.parameters`.
     trajectory
-        Where to begin: states at the epochs of the samples; shape (n, 18). Not their motion
+        Where to begin: states at the epochs of the samples; shape (n, 19). Not their motion
         matters, but that positions are not far off.
     passes
         At most this many.

@@ -17,6 +17,7 @@ from sblcosim.models.receiver.surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    VERTICAL_ERROR,
 )
 from sblcosim.models.receiver.variables import COUPLED
 
@@ -26,6 +27,7 @@ from ..simulation.execution import execute
 from ..simulation.record import Record
 from ..simulation.resolve import resolve
 from ..simulation.system import ComponentSpec, Connection, System
+from . import model
 from .linear import Floats
 from .samples import Samples
 
@@ -100,7 +102,7 @@ def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
 
 
 def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
-    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 18).
+    """States at the epochs of the samples, from the estimates of `coupled`; shape (n, 19).
 
     Raises
     ------
@@ -123,7 +125,11 @@ def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
     at = np.zeros((len(epochs), STATES))
     at[:, list(POSITION)] = at_epochs(estimates.position)
     at[:, list(VELOCITY)] = at_epochs(estimates.velocity)
-    at[:, list(PLATFORM)] = at_epochs(record.values[f"{label}.platform_position"][row, :2])
+    heard = np.searchsorted(samples.range_ns, estimates.epoch_ns, side="right") - 1
+    said = np.asarray(model.pose_of(p, samples).down)[np.maximum(heard, 0)]
+    platform = record.values[f"{label}.platform_position"][row]
+    at[:, list(PLATFORM)] = at_epochs(platform[:, :2])
+    at[:, [VERTICAL_ERROR]] = at_epochs(said - platform[:, 2])
     c = p.assumed_sound_speed
     at[:, [CLOCK]] = at_epochs(record.values[f"{label}.clock_offset"][row] * c)
     at[:, [SPEED]] = at_epochs(c / record.values[f"{label}.sound_speed"][row] - 1)

@@ -22,6 +22,7 @@ from sblcosim.models.receiver.surroundings import (
     SPEED,
     STATES,
     VELOCITY,
+    VERTICAL_ERROR,
     Pose,
 )
 
@@ -65,7 +66,7 @@ class Rows:
     Attributes
     ----------
     H
-        Derivatives; (n, m, 18).
+        Derivatives; (n, m, 19).
     R
         Variances; (n, m).
     there
@@ -142,7 +143,7 @@ def stacked(measured: Sequence[tuple[Any, Floats]], states: int) -> Rows:
 
 
 def prior(p: Any, known_start: bool) -> Floats:
-    """Covariance at the start of a run; (18, 18)."""
+    """Covariance at the start of a run; (19, 19)."""
     stds = np.zeros(STATES)
     for i, std in surroundings.prior_stds(p).items():
         stds[i] = std
@@ -153,7 +154,7 @@ def prior(p: Any, known_start: bool) -> Floats:
 
 
 def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
-    """Φ and Q over dt [s]; (18, 18) each."""
+    """Φ and Q over dt [s]; (19, 19) each."""
     phi, noise = surroundings.transition(np, p, dt)
     return arrays_of(phi, noise, STATES)
 
@@ -215,8 +216,8 @@ def _updated(P: Floats, H: Floats, R: Floats) -> Floats:
 def marginals(P: Floats, p: Any) -> tuple[Floats, Floats]:
     """Covariance of the diver's position, absolute and relative to the platform; (n, 3, 3) [m²].
 
-    A constant GPS error is in the absolute one, a vertical one in the relative one: neither is a
-    state.
+    A constant GPS error is in the absolute one, a white vertical one in the relative one: neither
+    is a state.
     """
     absolute = P[:, :3, :3].copy()
     D = _difference()
@@ -228,9 +229,10 @@ def marginals(P: Floats, p: Any) -> tuple[Floats, Floats]:
 
 
 def _difference() -> Floats:
-    """The matrix that makes x − p of the state; (3, 18)."""
+    """The matrix that makes x − p of the state; (3, 19)."""
     D = np.zeros((3, STATES))
     D[POSITION, POSITION] = 1
     for i, j in enumerate(PLATFORM):
         D[i, j] = -1
+    D[2, VERTICAL_ERROR] = 1
     return D

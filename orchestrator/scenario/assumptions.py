@@ -17,6 +17,9 @@ _DRIFT_MEMORY = 100.0
 """A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
 does."""
 _LEAST_OUTLIER_PROBABILITY = 0.01
+_MOUNTING_MEMORY = 10.0
+"""An error of a beacon's place counts as the noise that, averaged over twice this time [s], leaves
+as much. Measured: see ``models/receiver/README.md``."""
 _PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
 _ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
 
@@ -30,9 +33,14 @@ SOURCES: Mapping[str, Sequence[str]] = {
     "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
     "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
     "gps_bias_std_m": ("platform.gps_horizontal_bias_std_m", "platform.gps_antenna_offset_m"),
-    "gps_vertical_std_m": (
-        "platform.gps_vertical_std_m", "platform.gps_vertical_markov_std_m",
-        "platform.gps_vertical_bias_std_m", "platform.gps_antenna_offset_m", *_PACKET,
+    "gps_vertical_std_m": ("platform.gps_vertical_std_m", *_PACKET),
+    "gps_vertical_error_std_m": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m",
+    ),
+    "gps_vertical_error_time_s": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m", "platform.gps_correlation_time_s",
     ),
     "platform_velocity_std_m_s": (
         "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
@@ -116,7 +124,7 @@ def assumed(
     roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
     speed = acoustics.assumed_sound_speed_m_s
     outliers = acoustics.outlier_probability > 0 and acoustics.outlier_mean_m > 0
-    n, e, d = platform.gps_antenna_offset_m
+    n, e, _ = platform.gps_antenna_offset_m
     place, turn, tilt = _rounding(
         platform, acoustics, source or pose_source(acoustics.packet_content)
     )
@@ -127,10 +135,8 @@ def assumed(
         "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
         "gps_correlation_time_s": platform.gps_correlation_time_s,
         "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / sqrt(2), e / sqrt(2)),
-        "gps_vertical_std_m": _with(
-            place, platform.gps_vertical_std_m, platform.gps_vertical_markov_std_m,
-            platform.gps_vertical_bias_std_m, d,
-        ),
+        "gps_vertical_std_m": _with(place, platform.gps_vertical_std_m),
+        **_vertical_error(platform),
         "platform_velocity_std_m_s": swing,
         "platform_velocity_time_s": swing_time,
         "heading_rate_std_deg_s": turning,
@@ -212,6 +218,28 @@ def _heading_error(platform: Any) -> dict[str, float | None]:
         # What never changes outlasts what does.
         "imu_heading_error_time_s": platform.imu_correlation_time_s if markov > slow else None,
     }
+
+
+def mounting_noise(platform: Any, acoustics: Any) -> float:
+    """Standard deviation of white noise of a range that is worth the errors of mounting [m].
+
+    They are the same in all ranges of a beacon; a filter that takes them for none believes in more
+    than it has, the more often the beacons ping.
+    """
+    fixed = platform.mounting_error_m or (0.0,)
+    square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+    slots = len(beacons_of(platform)) // 3 if acoustics.schedule == "round_robin" else 1
+    pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
+    return sqrt(square * max(pings, 1.0)) if platform.gps_shared else 0.0
+
+
+def _vertical_error(platform: Any) -> dict[str, float | None]:
+    """What the GPS's down is off by for long."""
+    markov = platform.gps_vertical_markov_std_m
+    error = hypot(markov, platform.gps_vertical_bias_std_m, platform.gps_antenna_offset_m[2])
+    # One process for a constant part and one that wanders: it wanders as fast.
+    time = platform.gps_correlation_time_s * (error / markov) ** 2 if markov > 0 else None
+    return {"gps_vertical_error_std_m": error, "gps_vertical_error_time_s": time}
 
 
 def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, float | None]:

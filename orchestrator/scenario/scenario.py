@@ -23,7 +23,7 @@ from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
 from . import arrangement, effects, library, packets, tracks
-from .assumptions import assumed
+from .assumptions import assumed, mounting_noise
 from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, shown
@@ -203,14 +203,16 @@ class Scenario(Table):
 
     __str__ = __repr__
 
-    def assumptions(self, parameters: Collection[str] = ("clock_std",)) -> dict[str, Any]:
+    def assumptions(self, parameters: Collection[str] = ("clock_std", "beacon_offset")
+    ) -> dict[str, Any]:
         """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
 
         Parameters
         ----------
         parameters
             Those of the receiver. One that does not estimate its clock takes the clock's error for
-            one of the ranges.
+            one of the ranges; one that is told the arrangement takes it for noisier if beacons
+            are not where they should be.
         """
         variables = self.receiver.variables
         source = self.receiver.pose_source
@@ -220,6 +222,8 @@ class Scenario(Table):
         noise = self.acoustics.range_std_m
         if "clock_std" not in parameters:
             noise = hypot(noise, system["clock_std_m"])
+        if "beacon_offset" in parameters:
+            noise = hypot(noise, mounting_noise(self.platform, self.acoustics))
         levels = {"range_std_m": noise, "depth_std_m": self.target.depth_std_m, **system}
         return {key: within(variables[key], level) for key, level in levels.items()}
 

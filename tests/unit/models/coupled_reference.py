@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 from scipy.special import erfc, erfcx
 
 Array = NDArray[np.float64]
-N = 18
+N = 19
 X, V, P_, W, G = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10), slice(10, 12)
-PSI, RATE, E_PSI, BETA, KAPPA, BIAS = range(12, 18)
+PSI, RATE, E_PSI, BETA, KAPPA, BIAS, SINK = range(12, 19)
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 _GRID = np.linspace(-10, 10, 801)
 _DENSITY = np.exp(-(_GRID**2) / 2) / np.exp(-(_GRID**2) / 2).sum()
@@ -123,9 +123,10 @@ class Reference:
         std = np.zeros(N)
         std[X], std[V] = p["prior_position_std"], p["prior_velocity_std"]
         std[W], std[G] = p["platform_velocity_std"], p["gps_markov_std"]
-        std[[RATE, E_PSI, BETA, KAPPA, BIAS]] = [
+        std[[RATE, E_PSI, BETA, KAPPA, BIAS, SINK]] = [
             p[f"{name}_std"] for name in
-            ("heading_rate", "imu_heading_error", "clock", "sound_speed", "depth_bias")
+            ("heading_rate", "imu_heading_error", "clock", "sound_speed", "depth_bias",
+             "gps_vertical_error")
         ]
         self.P = np.diag(std**2)
 
@@ -229,6 +230,7 @@ class Reference:
         for states, std, tau in (
             ((10, 11), p["gps_markov_std"], p["gps_correlation_time"]),
             ((E_PSI,), p["imu_heading_error_std"], p["imu_heading_error_time"]),
+            ((SINK,), p["gps_vertical_error_std"], p["gps_vertical_error_time"]),
         ):
             for i in states:
                 F[i, i] = np.exp(-dt / tau)
@@ -344,7 +346,7 @@ class Reference:
         def h(x: Any, roll: Any = roll, pitch: Any = pitch) -> Any:
             s = rotation(roll, pitch, x[PSI]) @ body
             s[:2] += x[P_]
-            s[2] += self.down
+            s[2] += self.down - x[SINK]
             return (1 + x[KAPPA]) * length(x[X] - s) + x[BETA]
 
         H = gradient(h, mean)
@@ -417,14 +419,18 @@ class Reference:
         own = np.linalg.inv(alone / doubt + near)
         gain = np.array([p["clock_std"] ** 2, p["sound_speed_std"] ** 2 * ahead]) / offset
         common = (with_clock, 1 / information[3, 3], offset, gain)
-        self.join(x, own, common, 1 / variances[-1] / doubt)
+        # By an error of 1 m of the platform's depth: the ranges alone see it.
+        ranges = rows[: len(heard)]
+        seen = ranges[:, :3].T @ ranges[:, 2] - with_clock * (ranges[:, 3] @ ranges[:, 2])
+        self.join(x, own, common, 1 / variances[-1] / doubt, -own @ seen / doubt)
 
     def join(
-        self, x: Array, own: Array, common: tuple[Array, float, float, Array], depth_weight: float
+        self, x: Array, own: Array, common: tuple[Array, float, float, Array],
+        depth_weight: float, sunk: Array,
     ) -> None:
         """Mean and covariance: errors of the diver are those of the fix and of the platform."""
         lean, alone, offset, gain = common
-        p, fresh = self.p, [0, 1, 2, 3, 4, 5, BETA, KAPPA, BIAS]
+        p, fresh = self.p, [0, 1, 2, 3, 4, 5, BETA, KAPPA, BIAS, SINK]
         y = x[:2] - self.mean[P_]
         bias = p["depth_bias_std"] ** 2
         # Independent parts: fix without the bias, bias, what the offset has alone, v, platform.
@@ -443,6 +449,10 @@ class Reference:
         fixed[[BETA, KAPPA]] = -np.outer(gain, lean)
         rest = own - bias * np.outer(through[X], through[X])
         self.P += fixed @ rest @ fixed.T + bias * np.outer(through, through)
+        sinking = np.zeros(N)
+        sinking[X], sinking[SINK] = sunk, 1
+        sinking[[BETA, KAPPA]] = -gain * (lean @ sunk + lean[2])
+        self.P += p["gps_vertical_error_std"] ** 2 * np.outer(sinking, sinking)
         # Clock and speed: what the offset tells of them, and what it does not.
         both = np.ix_([BETA, KAPPA], [BETA, KAPPA])
         prior = np.diag([p["clock_std"] ** 2, p["sound_speed_std"] ** 2])
@@ -468,12 +478,12 @@ class Reference:
             mean[:2] = mean[P_] + y * (_DENSITY @ c)
             P[:2, :2] += radius**2 * (along * np.outer(e_r, e_r) + across * np.outer(e_t, e_t))
         D = np.zeros((3, N))
-        D[:, X], D[:2, P_] = np.eye(3), -np.eye(2)
+        D[:, X], D[:2, P_], D[2, SINK] = np.eye(3), -np.eye(2), 1
         relative = D @ P @ D.T
         relative[2, 2] += p["gps_vertical_std"] ** 2
         P[:2, :2] += p["gps_bias_std"] ** 2 * np.eye(2)
         order = [0, 3, 1, 4, 2, 5]
-        platform = np.array([*mean[P_], self.down])
+        platform = np.array([*mean[P_], self.down - mean[SINK]])
         return {
             "epoch": self.epoch, "update_count": self.updates,
             "position": mean[X], "velocity": mean[V], "covariance": P[np.ix_(order, order)],

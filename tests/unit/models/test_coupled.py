@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled_reference import PSI, Reference
+from coupled_reference import PSI, SINK, Reference
 from harness import CROSS, NS, Array, at_rest, hear, model, straight
 from raft import LINE, Raft
 from sblcosim.models import RECEIVERS
@@ -18,6 +18,7 @@ HERE = np.array([12.0, -7.0, 5.0])
 PRIOR = {"initialisation": 2, "prior_position": (16.5, 3.5, 5.2), "prior_velocity": (0.1, 0.0, 0.0),
          "prior_position_std": 0.8, "prior_velocity_std": 0.5}
 NOISY = {"range_std": 0.1, "loss_probability": 0.25}
+SINKING = {"gps_vertical_std": 0.2, "gps_vertical_error_std": 1.5, "gps_vertical_error_time": 60.0}
 OUTLIERS = {"outlier_probability": 0.1, "outlier_mean": 3.0}
 
 
@@ -79,6 +80,16 @@ def test_it_equals_full_matrices(
            steps=40 * (2 + ratio))
 
 
+@pytest.mark.parametrize("pose_source", [1, 2, 3])
+@pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
+def test_it_equals_them_with_a_slow_error_of_down(
+    pose_source: int, start: Mapping[str, Any]
+) -> None:
+    reference = follow(Raft(), {**start, **SINKING, "pose_source": pose_source}, acoustics=NOISY,
+                       steps=120)
+    assert reference.mean[SINK] != 0
+
+
 def test_late_arrivals_are_weighed_as_with_the_exact_densities() -> None:
     follow(Raft(), OUTLIERS, acoustics=NOISY | OUTLIERS, steps=200)
 
@@ -101,7 +112,8 @@ def test_other_platforms(name: str) -> None:
 @pytest.mark.parametrize("pose_source", [1, 3])
 def test_restarts_are_the_same(pose_source: int) -> None:
     wrong = {**PRIOR, "prior_position": (34.0, -2.0, 5.0)}
-    reference = follow(Raft(), {**wrong, "pose_source": pose_source}, acoustics=NOISY, steps=150)
+    reference = follow(Raft(), {**wrong, **SINKING, "pose_source": pose_source}, acoustics=NOISY,
+                       steps=150)
     assert reference.restarts >= 1
 
 
@@ -150,6 +162,7 @@ def test_the_defaults() -> None:
         "assumed_sound_speed": 1500.0, "clock_std": 1.35, "clock_walk_psd": 5.6e-5,
         "sound_speed_std": 0.02, "depth_bias_std": 0.05, "gps_std": 0.1, "gps_markov_std": 1.2,
         "gps_correlation_time": 120.0, "gps_bias_std": 0.0, "gps_vertical_std": 0.0,
+        "gps_vertical_error_std": 0.0, "gps_vertical_error_time": 1e6,
         "platform_velocity_std": 0.05, "platform_velocity_time": 40.0, "heading_rate_std": 0.02,
         "heading_rate_time": 3.0, "tilt_std": 0.07, "imu_heading_std": 0.0,
         "imu_heading_error_std": np.radians(3.0), "imu_heading_error_time": 1e6,
@@ -234,6 +247,7 @@ def test_a_clock_alone_is_no_packet() -> None:
     ({"clock_std": 0.0, "clock_walk_psd": 0.0}, [surroundings.CLOCK]),
     ({"sound_speed_std": 0.0}, [surroundings.SPEED]),
     ({"depth_bias_std": 0.0}, [surroundings.DEPTH_BIAS]),
+    ({"gps_vertical_error_std": 0.0}, [surroundings.VERTICAL_ERROR]),
     ({"gps_markov_std": 0.0}, surroundings.GPS_ERROR),
     ({"platform_velocity_std": 0.0}, surroundings.PLATFORM_VELOCITY),
     ({"heading_rate_std": 0.0}, [surroundings.HEADING_RATE]),
@@ -242,7 +256,7 @@ def test_a_clock_alone_is_no_packet() -> None:
 def test_a_std_of_zero_switches_a_state_off(
     parameters: Mapping[str, Any], states: Any, pose_source: int, start: Mapping[str, Any]
 ) -> None:
-    result = Raft().dive(LINE, {**start, **parameters, "pose_source": pose_source},
+    result = Raft().dive(LINE, {**start, **SINKING, **parameters, "pose_source": pose_source},
                          acoustics=NOISY, steps=60)
     box = result.receiver
     assert box.y["update_count"] > 20
@@ -302,7 +316,7 @@ def test_the_first_fix_waits_for_the_platform() -> None:
 
 def test_a_doubted_fix_has_a_covariance() -> None:
     """Late by up to 10 m: the fix is bad, and so is its depth, of which a part is the bias."""
-    box = receiver(depth_bias_std=0.2, depth_std=0.02)
+    box = receiver(depth_bias_std=0.2, depth_std=0.02, **SINKING)
     tell(box, HERE, 0.1, Raft())
     box.set(range=box.u["range"] + [10.0, 0.0, 3.0, 0.0])
     box.step(box.t_ns, NS // 10)
@@ -381,11 +395,12 @@ def test_what_it_says_of_the_system() -> None:
 
 def test_covariances_are_symmetric_and_positive() -> None:
     for result in (
-        Raft().dive(LINE, acoustics=NOISY, steps=200),
-        Raft(gps_std=3.5).dive(LINE, {"pose_source": 3}, acoustics=NOISY, steps=200),
-        Raft().dive(LINE, {"range_std": 1e-4, "depth_std": 1e-4}, acoustics=NOISY, steps=200),
-        Raft().dive(LINE, {"imu_heading_error_time": 1e9, "platform_velocity_time": 1e9},
-                    acoustics=NOISY, steps=200),
+        Raft(gps_std=3.5).dive(LINE, {**SINKING, "pose_source": 3}, acoustics=NOISY, steps=200),
+        Raft().dive(LINE, {**SINKING, "range_std": 1e-4, "depth_std": 1e-4}, acoustics=NOISY,
+                    steps=200),
+        Raft().dive(LINE, {**SINKING, "imu_heading_error_time": 1e9,
+                           "platform_velocity_time": 1e9}, acoustics=NOISY, steps=200),
+        Raft().dive(LINE, SINKING, acoustics=NOISY, steps=200),
     ):
         P = covariance(result.receiver)
         scale = np.sqrt(np.diag(P))

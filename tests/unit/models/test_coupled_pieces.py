@@ -214,7 +214,8 @@ def test_the_probability_of_a_punctual_range(chance: float, mean: float, S: floa
 @pytest.mark.parametrize("dt", [0.0, 0.1, 1.0, 7.0])
 def test_the_motion_solves_its_differential_equation(dt: float) -> None:
     p = parameters(acceleration_psd=0.3, heading_rate_time=2.0, platform_velocity_time=11.0,
-                   gps_correlation_time=5.0, imu_heading_error_time=20.0)
+                   gps_correlation_time=5.0, imu_heading_error_time=20.0,
+                   gps_vertical_error_std=0.7, gps_vertical_error_time=9.0)
     F, L = np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
     for i in range(3):
         F[i, i + 3], L[i + 3, i + 3] = 1, p.acceleration_psd
@@ -222,6 +223,7 @@ def test_the_motion_solves_its_differential_equation(dt: float) -> None:
         (6, 8, p.platform_velocity_std, 11), (7, 9, p.platform_velocity_std, 11),
         (12, 13, p.heading_rate_std, 2), (None, 10, p.gps_markov_std, 5),
         (None, 11, p.gps_markov_std, 5), (None, 14, p.imu_heading_error_std, 20),
+        (None, 18, p.gps_vertical_error_std, 9),
     ):
         if i is not None:
             F[i, j] = 1

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coupled_reference import P_, PSI, J, N, Reference, gradient, retracted
+from coupled_reference import P_, PSI, SINK, J, N, Reference, gradient, retracted
 from harness import NS, Array
 from raft import LINE, Raft
 from stepper import Stepper
@@ -15,7 +15,9 @@ from stepper import Stepper
 PRIOR = {"initialisation": 2, "prior_position": (16.5, 3.5, 5.2), "prior_velocity": (0.1, 0.0, 0.0),
          "prior_position_std": 0.8, "prior_velocity_std": 0.5}
 NOISY = {"range_std": 0.1, "loss_probability": 0.25}
-DIVER_AND_PLATFORM = [*range(6), *range(N)[P_]]
+SINKING = {"gps_vertical_error_std": 0.5, "gps_vertical_error_time": 60.0}
+"""Off by default, and the way back needs a variance of every state."""
+DIVER_AND_PLATFORM = [*range(6), *range(N)[P_], SINK]
 
 
 class Backwards(Reference):
@@ -100,7 +102,7 @@ def outputs_of(reference: Backwards, estimate: tuple[float, Array, Array, float]
 
 def follow(raft: Raft, parameters: Mapping[str, Any], **settings: Any) -> tuple[int, Backwards]:
     """A dive by both; every estimate is compared, and how many there were is returned."""
-    result = raft.dive(LINE, parameters, receiver="fixed_lag", **settings)
+    result = raft.dive(LINE, {**SINKING, **parameters}, receiver="fixed_lag", **settings)
     reference = Backwards(result.receiver.p)
     interval = result.receiver.interval_ns
     assert interval is not None

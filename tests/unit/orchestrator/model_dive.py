@@ -37,7 +37,7 @@ def drawn(rng: np.random.Generator, covariance: np.ndarray) -> np.ndarray:
 def dive(
     p: Any, seed: int, epochs: int = 60, *, loss: float = 0.25, late: float = 0.05
 ) -> tuple[Samples, np.ndarray]:
-    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 18)."""
+    """Samples at 1, 2, … s, the beacons in turn, and the states there, (epochs, 19)."""
     rng = np.random.default_rng(seed)
     ns = 1_000_000_000 * np.arange(1, epochs + 1)
     mean, std = model.prior(p, np.zeros(STATES))
@@ -61,6 +61,7 @@ def dive(
     attitude[:, :2] += p.imu_tilt_std * rng.standard_normal((epochs, 2))
     attitude[:, 2] += truth[:, 14] + max(p.imu_heading_std, 1e-3) * rng.standard_normal(epochs)
     place[:, :2] += truth[:, 10:12] + max(p.gps_std, 0.01) * rng.standard_normal((epochs, 2))
+    place[:, 2] += truth[:, 18] + p.gps_vertical_std * rng.standard_normal(epochs)
     depth = truth[:, 2] + truth[:, 17] + p.depth_std * rng.standard_normal(epochs)
     samples = Samples(
         0, ns, depth, ns, beacon, measured, np.ones(epochs, bool), place, attitude
