@@ -228,6 +228,8 @@ Overrides = TypedDict(
         "receiver.gps_correlation_time_s": float | None,
         "receiver.gps_bias_std_m": float | None,
         "receiver.gps_vertical_std_m": float | None,
+        "receiver.gps_vertical_error_std_m": float | None,
+        "receiver.gps_vertical_error_time_s": float | None,
         "receiver.platform_velocity_std_m_s": float | None,
         "receiver.platform_velocity_time_s": float | None,
         "receiver.heading_rate_std_deg_s": float | None,
