@@ -21,7 +21,8 @@ from sblcosim.cli import app
 from sblcosim.cli.documents import DOCUMENTS, schema
 from sblcosim.results.responses import RESPONSES
 from sblcosim.scenario.scenario import Scenario, load
-from sblcosim.study.definition import Definition, DesignTable, FactorTable
+from sblcosim.study.definition import Definition
+from sblcosim.study.tables import ConditionTable, DesignTable, FactorTable
 from typer.main import get_command
 
 pytest.importorskip("sphinx_gallery", reason="needs the extra docs")
@@ -242,7 +243,7 @@ def links_within_the_site_lead_somewhere(site: Site) -> None:
 
 def test_every_key_of_a_study_is_in_the_reference() -> None:
     text = (DOCS / "reference" / "study.md").read_text("utf-8")
-    for table in (Definition, FactorTable, DesignTable):
+    for table in (Definition, FactorTable, ConditionTable, DesignTable):
         for key in table.model_fields:
             assert f"\n| `{key}` |" in text, key
 
