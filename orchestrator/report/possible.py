@@ -68,6 +68,7 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     column = next((c for c in columns if c.partition(".")[0] not in looking_back), None)
     means = None if column is None else runs.groupby("point")[column].mean()
     rows: list[Sequence[str]] = []
+    without: dict[str, None] = {}
     for point in _chosen(len(study.points.values), means):
         scenario = study.base.override(study.overrides(point).items())
         scenario = scenario.override({"seed": study.run_seed(point, 1)})
@@ -80,11 +81,13 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
         )
         mean = np.nan if means is None else means.get(point, np.nan)
         rows.append((where or "all runs", number(mean), *cells(verdict)))
+        without |= dict.fromkeys(verdict.without)
     if not rows:
         return []
     receiver = "" if column is None else f", {column.partition('.')[0]}"
     head = ("Point", f"Mean RMS{receiver}", "Reference", "Reference, relative to the platform")
-    return [Table("What is possible", head, rows, (), _NOTE)]
+    left = f" Errors that it leaves out: {', '.join(without)}." if without else ""
+    return [Table("What is possible", head, rows, (), _NOTE + left)]
 
 
 def _looking_back(study: Study) -> set[str]:

@@ -16,8 +16,10 @@ from sblcosim.analysis.general import GeneralFactorial
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
+from sblcosim.report import possible
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
+from sblcosim.report.page import Table
 from sblcosim.results.responses import RESPONSES
 from sblcosim.study import again, runner, study
 from sblcosim.study.design import Factor
@@ -276,3 +278,12 @@ def test_receivers_of_others_are_levels_like_any(tmp_path: Path) -> None:
     )
     found = workflow.of_grid(study.study_of(tmp_path / "out"), table)
     assert [*found.means["level"]] == ["sequential", "Still", "theirs"]
+
+
+def test_a_report_names_the_errors_that_what_is_possible_leaves_out(tmp_path: Path) -> None:
+    arms = {"arm": {"keys": ["platform.arm_length_m"], "levels": [1.0, 3.0]}}
+    fixed = {"time": {"duration_s": 15.0}, "platform": {"mounting_std_m": 0.2}}
+    made = small(factors=arms, fixed=fixed)
+    (table,) = possible.tables(made, made.run(tmp_path))
+    assert isinstance(table, Table)
+    assert table.note.endswith("Errors that it leaves out: mounting_std_m.")
