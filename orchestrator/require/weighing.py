@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.models import RECEIVERS
 
-from ..scenario.scenario import Scenario, Source
+from ..scenario.scenario import Scenario, Source, load
 from ..scenario.sources import choose
 from .answer import Answer
 from .limiting import Limiting, limiting
@@ -117,9 +116,18 @@ def _scenario(question: Question, named: int, condition: int) -> tuple[Scenario,
     point = row * question.groups + design.group + 1
     scenario = study.base.override(study.overrides(point).items())
     receiver = choose(study.base, list(study.receivers))[design.receiver]
-    changes: dict[str, Any] = {
+    if study.receiver_factor is not None and isinstance(receiver, str) and receiver in RECEIVERS:
+        scenario = _with_receiver(scenario, receiver)
+    names = {
         "name": f"{study.name}-answer", "title": f"The answer to {study.title or study.name}",
-    }  # fmt: skip
-    if study.receiver_factor is not None and receiver in RECEIVERS:
-        changes["receiver.type"] = receiver
-    return scenario.override(changes.items()), receiver
+    }
+    return scenario.override(names.items()), receiver
+
+
+def _with_receiver(scenario: Scenario, receiver: str) -> Scenario:
+    """The scenario with one of our receivers, without the keys that only others have."""
+    tables = scenario.given()
+    known = {variable.key for variable in RECEIVERS[receiver].of("parameter")}
+    of_others = scenario.receiver.variables.keys() - known
+    own = {k: v for k, v in tables.get("receiver", {}).items() if k not in of_others}
+    return load({**tables, "receiver": {**own, "type": receiver}})

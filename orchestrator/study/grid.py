@@ -11,6 +11,9 @@ import numpy as np
 from ..errors import ConfigurationError
 from .design import MOST_POINTS, Design, Factor, Level, check_factors, shown
 
+_DRAWS = 1000
+"""After so many draws that miss a level, there are too few points."""
+
 
 def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) -> Design:
     """All combinations of all levels, or some of them at random, each once.
@@ -25,7 +28,7 @@ def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) ->
     Raises
     ------
     ConfigurationError
-        There are too many points, or a level is at none of them.
+        There are too many points, or too few for every level to be at one of them.
     """
     check_factors(factors)
     total = math.prod(len(f.levels) for f in factors)
@@ -36,27 +39,41 @@ def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) ->
                 f"[design] points: must be at most {min(total, MOST_POINTS)}, got {points} of "
                 f"{total} combinations"
             )
-        chosen = _drawn(total, points, seed)
-    elif total > MOST_POINTS:
+        return _shown(Design(tuple(factors), (), ()), total, points, seed)
+    if total > MOST_POINTS:
         raise ConfigurationError(
             f"design: must have at most {MOST_POINTS} points, got {total}; say how many of them "
             "are drawn ([design] points)"
         )
     values = tuple(_combination(factors, index) for index in chosen)
-    for i, factor in enumerate(factors):
-        seen = {row[i] for row in values}
-        for level in factor.levels:
-            if level not in seen:
-                raise ConfigurationError(
-                    f"[design] points: must be enough for every level, got {factor.name} = "
-                    f"{shown(level)} at none of {points}; draw more, or with another seed"
-                )
     return Design(tuple(factors), values, (False,) * len(values))
 
 
-def _drawn(total: int, points: int, seed: int) -> list[int]:
+def _shown(design: Design, total: int, points: int, seed: int) -> Design:
+    """The first of some draws in which every level is."""
+    missing = ""
+    for attempt in range(_DRAWS):
+        values = tuple(
+            _combination(design.factors, index) for index in _drawn(total, points, seed, attempt)
+        )
+        absent = [
+            f"{factor.name} = {shown(level)}"
+            for factor, column in zip(design.factors, zip(*values, strict=True), strict=True)
+            for level in factor.levels if level not in set(column)
+        ]
+        if not absent:
+            return replace(design, values=values, centre=(False,) * points)
+        missing = missing or absent[0]
+    raise ConfigurationError(
+        f"[design] points: must be enough for every level, got {missing} at none of {points}; "
+        "draw more"
+    )
+
+
+def _drawn(total: int, points: int, seed: int, attempt: int) -> list[int]:
     """Different numbers from 0 below a total, ascending."""
-    stream = np.random.Philox(key=seed)  # its raw bits are the same in every version of NumPy
+    # Its raw bits are the same in every version of NumPy.
+    stream = np.random.Philox(key=seed, counter=[0, 0, 0, attempt])
     if total <= MOST_POINTS:
         order = np.argsort(stream.random_raw(total), kind="stable")
         return sorted(order[:points].tolist())

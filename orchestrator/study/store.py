@@ -50,7 +50,8 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
                 f"{before['definition']['study']['name']!r} with other "
-                f"{_difference(before['definition'], definition)}"
+                f"{_difference(before['definition'], definition)}; take another folder (--out), or "
+                "delete this one"
             )
         return int(before["replicates"])
     if folder.is_dir():

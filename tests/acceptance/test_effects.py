@@ -21,7 +21,7 @@ from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.plan import TICK_PARAMETERS, Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
-from sblcosim.study.campaign import _ALIKE
+from sblcosim.study.groups import _ALIKE
 
 pytestmark = pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 Record = Mapping[str, np.ndarray]

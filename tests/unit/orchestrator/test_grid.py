@@ -64,6 +64,15 @@ def test_some_of_a_grid_are_drawn_from_the_seed_and_each_once(levels: int) -> No
     assert np.all(np.abs(means - (levels - 1) / 2) < 4 * levels / np.sqrt(12 * len(drawn[1])))
 
 
+def test_every_level_is_drawn_where_there_is_room() -> None:
+    factors = [Factor("a", (1, 2, 3)), Factor("b", ("x", "y")), Factor("c", (1, 2, 3, 4))]
+    for seed in range(30):
+        drawn = grid(factors, 5, seed)
+        assert len(set(drawn.values)) == 5
+        for i, factor in enumerate(factors):
+            assert {row[i] for row in drawn.values} == set(factor.levels)
+
+
 def test_levels_may_be_grades_truth_values_tables_and_files(tmp_path: Path) -> None:
     (tmp_path / "ship.toml").write_text("name = 'ship'\n[platform]\narm_length_m = 5.0\n")
     file = tmp_path / "boats.toml"

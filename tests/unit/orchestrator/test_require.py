@@ -17,7 +17,7 @@ import sblcosim
 from sblcosim import require
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
-from sblcosim.require import limiting
+from sblcosim.require import limiting, weighing
 from sblcosim.require.answer import Answer
 from sblcosim.require.figures import plot_front
 from sblcosim.require.file_schema import question_schema
@@ -243,7 +243,7 @@ def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
     text = answer.answer()
     assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
     assert "The next cheaper one worth its cost fails by" in text
-    assert "What limits it is " in text
+    assert "What limits it most is " in text
     assert "With a confidence of 95 % no claim about any of the 6 designs is wrong" in text
     assert answer.spent < 3000
     # The same from the table of runs.
@@ -450,3 +450,14 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "No design surely suffices: all 6 stay open." in again.stdout
     wrong = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "0"])
     assert wrong.exit_code == 2
+
+
+@pytest.mark.parametrize("receiver", ["coupled", "sequential", "multilateration"])
+def test_a_named_receiver_leaves_the_keys_of_others_behind(receiver: str) -> None:
+    """The paper's scenario has keys that only its own receiver takes."""
+    base = sblcosim.load("paper-scenario-1", {"time.duration_s": 5.0})
+    named = weighing._with_receiver(base, receiver)
+    assert named.receiver.type == receiver
+    alone = sblcosim.run(named, receiver)
+    beside = sblcosim.run(base, ["ekf", receiver])
+    pd.testing.assert_frame_equal(alone.errors.loc[[receiver]], beside.errors.loc[[receiver]])
