@@ -89,7 +89,12 @@ def decided(
     """Run until all is decided; return what is, and the responses by design and condition."""
     folder = folder.resolve()
     campaign = prepare(question.study)
-    store.check_folder(folder, campaign)
+    try:
+        store.check_folder(folder, campaign)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{error}; answer into another folder (--out), or delete {folder.parent}"
+        ) from None
     with (
         executors.ready(
             campaign, executor=executor, scheduler=scheduler, workers=workers

@@ -50,8 +50,7 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
                 f"{before['definition']['study']['name']!r} with other "
-                f"{_difference(before['definition'], definition)}; take another folder (--out), or "
-                "delete this one"
+                f"{_difference(before['definition'], definition)}"
             )
         return int(before["replicates"])
     if folder.is_dir():

@@ -461,3 +461,15 @@ def test_a_named_receiver_leaves_the_keys_of_others_behind(receiver: str) -> Non
     alone = sblcosim.run(named, receiver)
     beside = sblcosim.run(base, ["ekf", receiver])
     pd.testing.assert_frame_equal(alone.errors.loc[[receiver]], beside.errors.loc[[receiver]])
+
+
+def test_a_folder_of_another_question_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    choices = {"gps": {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 1.0]}}
+    tables: dict[str, Any] = {
+        "name": "x", "scenario": "paper-scenario-1", "response": "total_rms_m", "limit": 50.0,
+        "settling_time_s": 0.0, "fixed": {"time.duration_s": 3.0}, "choices": choices,
+    }  # fmt: skip
+    require.decide(tables, tmp_path / "x")
+    choices["gps"]["levels"] = [0.1, 2.0]
+    with pytest.raises(ConfigurationError, match=r"with other factors; answer into another folder"):
+        require.decide(tables, tmp_path / "x")
