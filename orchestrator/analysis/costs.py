@@ -58,6 +58,7 @@ def of_levels(at: str, given: Any, levels: Sequence[Level]) -> dict[Level, float
 
 def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict[Level, Any]:
     names = {shown(level): level for level in levels}
+    given = {_as_shown(str(name), names): cost for name, cost in given.items()}
     for name in given:
         if name not in names:
             raise ConfigurationError(
@@ -68,6 +69,15 @@ def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict
         if name not in given:
             raise ConfigurationError(f"{at}: must have one for each level, got none for {name}")
     return {names[name]: cost for name, cost in given.items()}
+
+
+def _as_shown(name: str, names: Mapping[str, Level]) -> str:
+    """The name of a level, if it is another way to write that number: 1.0 is 1."""
+    try:
+        number = shown(float(name))
+    except ValueError:
+        return name
+    return number if name not in names and number in names else name
 
 
 def of_column(levels: pd.Series[Any], costs: Mapping[Level, float]) -> NDArray[np.float64]:

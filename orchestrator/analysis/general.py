@@ -185,6 +185,7 @@ def _assembled(
     return GeneralFactorial(
         response=response,
         unit="" if options.is_ratio else options.unit,
+        measured_in=options.unit,
         transform=options.transform,
         levels=cells.levels,
         terms=model.terms,

@@ -45,14 +45,15 @@ def plot_means(
                 for factor, levels in analysis.levels.items()]
         panels = _stacked(rows, ax)
         for panel, factor, names in zip(panels, analysis.levels, rows, strict=True):
-            own = analysis.means[analysis.means["factor"] == factor]
+            own = analysis.own_means[analysis.own_means["factor"] == factor]
             mean = own["mean"].to_numpy(np.float64)
-            panel.axvline(mean.mean(), color=look.ink, ls=LINES[2], lw=1.0)
+            middle = np.exp(np.log(mean).mean()) if analysis.transform == "log" else mean.mean()
+            panel.axvline(middle, color=look.ink, ls=LINES[2], lw=1.0)
             at = _rows(panel, names)
             panel.errorbar(mean, at, xerr=[mean - own["low"], own["high"] - mean], fmt="o", ms=5,
                            capsize=3, lw=1.3, color=look.receivers[0])
             _title(panel, with_unit(factor, analysis.units))
-        _shared(panels, f"Mean {quantity_of(analysis)}")
+        _shared(panels, analysis.mean_of)
         line = Line2D([], [], color=look.ink, ls=LINES[2], lw=1.0, label="mean of the levels")
         dot = Line2D([], [], color=look.receivers[0], marker="o", ms=5, lw=1.3,
                      label=f"mean, {100 * analysis.confidence:.4g} % interval")

@@ -38,7 +38,7 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
         f"Analysis of variance of {a.quantity}, type {'I' * a.typ}:",
         *table(_anova_rows(a), width, ("source", "df", "sum_sq", "mean_sq", "F", "p"), range(1, 6)),
         "",
-        f"Means of {a.quantity}{_in_unit(a)}, {level} intervals, and the share of lost runs:",
+        f"{a.mean_of}, {level} intervals, and the share of lost runs:",
         *table(_mean_rows(a), width, ("factor", "level", "mean", "low", "high", "runs", "lost"),
                range(2, 7)),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
@@ -210,7 +210,7 @@ def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     rows = []
     before = ""
     row: Any
-    for row in analysis.means.itertuples():
+    for row in analysis.own_means.itertuples():
         name = str(row.factor)
         unit = analysis.units.get(name, "")
         rows.append((name if name != before else "", level_text(row.level, unit),

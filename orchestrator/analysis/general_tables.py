@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+import numpy as np
 import pandas as pd
 
 from .cells import Level
@@ -70,6 +71,8 @@ class GeneralAnalysis:
         Of the factors, for texts.
     labels, label
         Names for people to read, of the factors and of the response, if they have any.
+    measured_in
+        Unit of the response itself, whatever is analysed.
     """
 
     response: str
@@ -102,6 +105,22 @@ class GeneralAnalysis:
     units: Mapping[str, str] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
     label: str = ""
+    measured_in: str = ""
+
+    @property
+    def own_means(self) -> pd.DataFrame:
+        """`means` on the scale of the response: of logarithms, geometric means."""
+        if self.transform != "log":
+            return self.means
+        return self.means.assign(
+            **{name: np.exp(self.means[name]) for name in ("mean", "low", "high")}
+        )
+
+    @property
+    def mean_of(self) -> str:
+        """What `own_means` are, with their unit."""
+        unit = f" [{self.measured_in}]" if self.measured_in else ""
+        return f"{'Geometric mean' if self.transform == 'log' else 'Mean'} {self.response}{unit}"
 
     @property
     def factors(self) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Ring = Floats
 """North and east of points [m]; (n, 2)."""
 _MANTISSAS = (1.0, 2.0, 5.0)
+_LEAST_LEVELS = 3
 
 
 def lines(grid: Grid, values: Floats, level: float) -> list[Floats]:
@@ -37,14 +38,22 @@ def within(grid: Grid, values: Floats, limit: float) -> list[list[Ring]]:
 
 
 def levels(values: Floats, most: int = 8) -> list[float]:
-    """Round levels between the least and the largest of some values, 1, 2, 5, 10, …"""
+    """Round levels between the least and the largest of some values.
+
+    They are 1, 2, 5, 10, …, or, where less than three of these are between, in equal steps.
+    """
     known = values[np.isfinite(values) & (values > 0)]
     if not len(known):
         return []
     low, high = known.min(), known.max()
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     every = [m * 10.0**d for d in decades for m in _MANTISSAS if low < m * 10.0**d < high]
-    return every[:: -(-len(every) // most)] if every else []
+    if len(every) >= _LEAST_LEVELS:
+        return every[:: -(-len(every) // most)]
+    from matplotlib.ticker import MaxNLocator  # only where contours are drawn
+
+    steps = np.asarray(MaxNLocator(most).tick_values(low, high)).tolist()
+    return [round(level, 12) for level in steps if low < level < high]
 
 
 def geojson(

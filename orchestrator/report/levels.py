@@ -29,7 +29,7 @@ def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
     Figure(
         "main_effects", plots.plot_means, _of,
-        lambda a: f"Mean {a.quantity} at each level, every combination of the others counted "
+        lambda a: f"{a.mean_of} at each level, every combination of the others counted "
         "once; bars are the intervals of these means alone.",
         lambda a: f"Means of {a.quantity} by level of {', '.join(a.factors)}",
     ),
@@ -72,14 +72,13 @@ def _level(a: GeneralFactorial, row: pd.Series, column: str) -> str:
 
 
 def _means(a: GeneralFactorial) -> Table:
-    own = f" [{a.unit}]" if a.unit else ""
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["mean"], 4),
          span(row["low"], row["high"], number), number(row["runs"], 6),
          "–" if pd.isna(row["lost"]) else f"{100 * row['lost']:.3g} %")
-        for _, row in a.means.iterrows()
+        for _, row in a.own_means.iterrows()
     ]  # fmt: skip
-    head = ("Factor", "Level", f"Mean {a.quantity}{own}", f"Interval{own}", "Runs", "Lost")
+    head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
     return Table("Means of the levels", head, rows, (1,))
 
 

@@ -17,6 +17,7 @@ from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
 from .limiting import Limiting
 from .question import Question
+from .sequential import FIRST
 
 Floats = NDArray[np.float64]
 VERDICTS = {"good": "suffices", "not": "fails", "open": "open"}
@@ -118,10 +119,12 @@ class Answer(Shown):
         least, most = self.question.rule.least, int(self.designs["runs"].max())
         if most >= least:
             return ""
-        arms = len(self.designs) * len(self.question.conditions)
+        met = len(self.question.conditions)
+        where = f" in each of {met} conditions" if met > 1 else ""
         return (
-            f" To say that one suffices takes at least {least} runs of it, all of them good ones; "
-            f"there are {most}, {least - most} more are needed at each of the {arms}."
+            f" To say that one suffices takes at least {least} runs of it{where}, all of them good "
+            f"ones; there are {most}, {least - most} more are needed at each of the "
+            f"{self.counts['open']} that are open."
         )
 
     def _numbers(self, row: int) -> str:
@@ -226,6 +229,18 @@ class Answer(Shown):
             f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
             f"is wrong: {_counted(counts['good'], 'suffice')}, {_counted(counts['not'], 'fail')}"
             f"{open_}. That took {self.spent:,} of at most {q.terms.most_runs:,} runs."
+            f"{self._untried()}"
+        )
+
+    def _untried(self) -> str:
+        """How many designs the budget did not reach."""
+        untried = int((self.designs["runs"] == 0).sum())
+        if not untried:
+            return ""
+        looks = FIRST * self.question.groups * len(self.question.conditions)
+        return (
+            f" {untried} {'has' if untried == 1 else 'have'} no runs: a first look at all of them "
+            f"takes a budget of {looks:,} (most_runs)."
         )
 
     def _size(self, value: float) -> str:

@@ -239,6 +239,11 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
         The question does not exist or is invalid.
     """
     where, raw, folder = read(source, "question", PACKAGE)
+    if "factors" in raw:
+        raise ConfigurationError(
+            f"{where}: factors: must be choices in a question ([choices.NAME]), got factors; a "
+            "study of them is run by 'sblcosim study'"
+        )
     given = dict(raw)
     choices = _choices(where, raw.pop("choices", None))
     tables = {key: raw.pop(key) for key in OF_STUDY if key in raw}

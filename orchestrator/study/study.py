@@ -143,6 +143,11 @@ def of_tables(
     receivers: Sequence[Source] = (),
 ) -> Study:
     """As `load`, of tables whose source is called ``where`` and whose files are in a folder."""
+    if "choices" in raw:
+        raise ConfigurationError(
+            f"{where}: choices: must be factors in a study ([factors.NAME]), got choices; a "
+            "question is answered by 'sblcosim require'"
+        )
     scenario = raw.get("scenario")
     if isinstance(scenario, str) and os.path.isfile(folder / scenario):
         raw["scenario"] = str(folder / scenario)

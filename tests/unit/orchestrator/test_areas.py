@@ -613,3 +613,16 @@ def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:
 def test_errors_are_named_as_the_lanes_name_them() -> None:
     assert sorted(command._ERRORS) == sorted(LENGTHS)
     assert sorted(get_args(MapSettings.model_fields["error"].annotation)) == sorted(LENGTHS)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "least"), [(2.04, 2.56, 4), (3.0, 5.7, 4), (0.3, 30.0, 4), (0.99, 1.01, 3)]
+)
+def test_levels_of_contours_are_few_round_and_always_there(
+    low: float, high: float, least: int
+) -> None:
+    found = contours.levels(np.linspace(low, high, 50))
+    assert least <= len(found) <= 10
+    assert all(low < level < high for level in found)
+    assert all(len(f"{level:g}") <= 6 for level in found)
+    assert contours.levels(np.full(3, 2.5)) == []

@@ -244,6 +244,9 @@ def test_a_grid_is_analysed_by_its_levels(tmp_path: Path) -> None:
     mean = found.means.set_index(["factor", "level"]).loc[("estimator", "ekf")]
     runs = table.groupby(["replicate", "gps", "boat"])[f"ekf.{TOTAL}"].mean()
     assert mean["mean"] == pytest.approx(np.log(runs).mean(), rel=1e-12)
+    shown = found.own_means.set_index(["factor", "level"]).loc[("estimator", "ekf"), "mean"]
+    assert shown == pytest.approx(np.exp(np.log(runs).mean()), rel=1e-12)
+    assert "Geometric mean RMS total error [m], 95 % intervals" in found.text()
     page = (tmp_path / "page" / "report.html").read_text()
     assert "boat type" in page
     assert "sea (condition, average)" in page

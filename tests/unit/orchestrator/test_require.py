@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import require
+from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
 from sblcosim.require import limiting, weighing
@@ -309,6 +310,10 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     if least > 96:
         assert f"takes at least {least} runs" in answer.answer()
         assert f"{least - 96} more are needed at each of the 6" in answer.answer()
+    half = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 1.0))
+    assert half.answer().endswith("3 have no runs: a first look at all of them takes a budget of "
+                                  "576 (most_runs).")
+    assert "no runs:" not in answer.answer()
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
     assert "The nearest is open: GPS 1 m, baseline 0.4 m" in exact.answer()
     assert "no number of runs is likely" in exact.answer() or "would decide it." in exact.answer()
@@ -473,3 +478,17 @@ def test_a_folder_of_another_question_is_refused_with_what_to_do(tmp_path: Path)
     choices["gps"]["levels"] = [0.1, 2.0]
     with pytest.raises(ConfigurationError, match=r"with other factors; answer into another folder"):
         require.decide(tables, tmp_path / "x")
+
+
+def test_a_question_and_a_study_are_told_apart() -> None:
+    with pytest.raises(ConfigurationError, match=r"choices in a question .*'sblcosim study'"):
+        require.load({"factors": {}, "scenario": "paper-scenario-1"})
+    with pytest.raises(ConfigurationError, match=r"factors in a study .*'sblcosim require'"):
+        sblcosim.study.load({**QUESTION})
+
+
+def test_costs_may_be_written_as_the_levels_are() -> None:
+    costs = of_levels("x", {"0.1": 1, "1.0": 2, "3.50": 3}, (0.1, 1.0, 3.5))
+    assert costs == {0.1: 1.0, 1.0: 2.0, 3.5: 3.0}
+    with pytest.raises(ConfigurationError, match=r"got none for 3\.5"):
+        of_levels("x", {"0.1": 1, "1.0": 2}, (0.1, 1.0, 3.5))
