@@ -9,7 +9,7 @@ are defined is said in `sblcosim.analysis.linear`, where errors come from in
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -165,7 +165,10 @@ def analyse(
                 raise ConfigurationError(
                     f"{where}: must be of the factors, got {name!r}" + nearest(name, factors)
                 )
-    return _assembled(response, options, typ, model, label, names)
+    y = table[response].to_numpy(np.float64, na_value=np.nan)
+    y = y[np.isfinite(y)]
+    found = _assembled(response, options, typ, model, label, names)
+    return replace(found, largest=float(y.max()), median=float(np.median(y)))
 
 
 def _assembled(
@@ -212,7 +215,8 @@ def _assembled(
         runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
         empty=cells.empty,
         label=label,
-        **names,
+        labels=names["labels"],
+        units=names["units"],
     )
 
 

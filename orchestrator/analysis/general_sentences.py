@@ -16,6 +16,8 @@ from .sentences import left_out, minus, p_value, percent, quantity, rounded
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
+RUNAWAY = 50.0
+"""Of the median: a run beyond is told, however few there are."""
 UNEQUAL = 2.0
 """Ratio of standard deviations from which on it is said that they are not equal."""
 
@@ -94,6 +96,11 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
     """What stands against the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
+    if a.transform == "none" and 0 < RUNAWAY * a.median < a.largest:
+        unit = f" {a.measured_in}" if a.measured_in else ""
+        times = rounded(a.largest / a.median)
+        lines.append(f"One run has {rounded(a.largest)}{unit}, {times} times the median: means "
+                     "and their intervals rest on such runs. Transform log compares typical ones.")
     if a.heavy:
         text = (f"Heavy tails: {percent(a.far)} of the runs lie more than 5 robust standard "
                 "deviations from the median of their combination of levels, so that means rest on "

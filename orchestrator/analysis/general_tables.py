@@ -73,6 +73,8 @@ class GeneralAnalysis:
         Names for people to read, of the factors and of the response, if they have any.
     measured_in
         Unit of the response itself, whatever is analysed.
+    largest, median
+        Of the response itself.
     """
 
     response: str
@@ -106,6 +108,8 @@ class GeneralAnalysis:
     labels: Mapping[str, str] = field(default_factory=dict)
     label: str = ""
     measured_in: str = ""
+    largest: float = np.nan
+    median: float = np.nan
 
     @property
     def own_means(self) -> pd.DataFrame:

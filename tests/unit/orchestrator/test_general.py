@@ -424,3 +424,15 @@ def test_coverage(
     share = coverage(draw, sizes, scale, 2000, common)
     print(f"{draw.__name__}, {sizes}, {scale}, common {common}: {share:.1%}")
     assert least <= share <= most
+
+
+def test_a_single_run_that_has_run_away_is_told() -> None:
+    """Too few runs at a level to speak of tails, and one of them is a thousand times too large."""
+    rng = np.random.default_rng(3)
+    table = pd.DataFrame({"a": np.repeat(["x", "y"], 8), "y": rng.uniform(1.0, 3.0, 16)})
+    assert "times the median" not in analyse(table, ["a"], "y").text()
+    table.loc[3, "y"] = 2436.0
+    found = analyse(table, ["a"], "y", unit="m")
+    assert "One run has 2,436 m, " in found.text()
+    assert "Transform log" in found.text()
+    assert "times the median" not in analyse(table, ["a"], "y", transform="log").text()
