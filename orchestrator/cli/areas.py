@@ -14,6 +14,7 @@ from .base import (
     ForceOption,
     JsonOption,
     NoFiguresOption,
+    OneReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
@@ -43,15 +44,7 @@ def map_(
         ),
     ],
     depth: Annotated[float, numeric("--depth", float, "M", "Depth of the diver in m.")],
-    receiver: Annotated[
-        str | None,
-        typer.Option(
-            "--receiver",
-            metavar="NAME|FILE.fmu|FILE.py:CLASS",
-            help="Receiver in place of the scenario's; one of yours is slow: fewer cells.",
-            autocompletion=completion.receivers,
-        ),
-    ] = None,
+    receiver: OneReceiverOption = None,
     set_: SetOption = None,
     limit: Annotated[
         float | None,

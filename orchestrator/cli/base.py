@@ -86,6 +86,15 @@ ReceiverOption = Annotated[
         autocompletion=completion.receivers,
     ),
 ]
+OneReceiverOption = Annotated[
+    str | None,
+    typer.Option(
+        "--receiver",
+        metavar="NAME|FILE.fmu|FILE.py:CLASS",
+        help="Receiver in place of the scenario's.",
+        autocompletion=completion.receivers,
+    ),
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(

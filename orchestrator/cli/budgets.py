@@ -13,6 +13,7 @@ from .base import (
     ForceOption,
     JsonOption,
     NoFiguresOption,
+    OneReceiverOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
@@ -42,15 +43,7 @@ def _sources(incomplete: str) -> completion.Offers:
 @app.command()
 def budget(
     scenario: ScenarioArgument,
-    receiver: Annotated[
-        str | None,
-        typer.Option(
-            "--receiver",
-            metavar="NAME|FILE.fmu|FILE.py:CLASS",
-            help="Receiver in place of the scenario's.",
-            autocompletion=completion.receivers,
-        ),
-    ] = None,
+    receiver: OneReceiverOption = None,
     set_: SetOption = None,
     better: Annotated[
         bool,
