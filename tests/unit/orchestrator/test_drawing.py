@@ -106,14 +106,16 @@ def helper(children: list[int]) -> Iterator[Artist]:
 
 
 def ended(children: list[int]) -> bool:
-    """Whether a process was begun, and nothing is left of it and of its own fork."""
-    states = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
+    """Whether a process was begun, and it and its own fork are gone or can do nothing any more."""
+    if len(children) != 1 or Path(f"/proc/{children[0]}").exists():
+        return False
+    for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            state, _, group = stat.read_text().rpartition(")")[2].split()[:3]
-            states += [state] if int(group) == children[0] else []
-    # The fork is an orphan, and init may take its time.
-    return len(children) == 1 and {*states} <= {"Z"} and not Path(f"/proc/{children[0]}").exists()
+            group = (process / "stat").read_text().rpartition(")")[2].split()[2]
+            # The fork is an orphan, and init may take its time; its files are closed before that.
+            if int(group) == children[0] and [*(process / "fd").iterdir()]:
+                return False
+    return True
 
 
 @pytest.mark.parametrize("theme", style.THEMES)
