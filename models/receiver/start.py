@@ -225,7 +225,7 @@ def _joined(
     # if that and the reading had one error, it would be the diver's; of clock and speed by their
     # parts of the offset.
     by_depth = own[:, 2] * (doubt * depth_weight)
-    by_bias = -by_depth * p.depth_bias_std**2
+    by_bias = -own[:, 2] * (doubt * depth_weight * p.depth_bias_std**2)
     P[list(POSITION), DEPTH_BIAS], P[DEPTH_BIAS, list(POSITION)] = by_bias, by_bias.T
     by_sink = by_depth - ca.SX([0, 0, 1])
     sunk = p.gps_vertical_error_std**2
