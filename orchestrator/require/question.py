@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -160,8 +161,10 @@ class Question(Shown):
         for group, label in product(range(groups), labels):
             point = dict(zip(study.varied_factors, study.points.values[group], strict=False))
             levels = {n: label if n == own else point[n] for n in study.factors}
-            cost = sum(self.costs[n][v] for n, v in levels.items() if n in self.costs)
-            made.append(Design(levels, float(cost), group, label))
+            costs = [self.costs[n][v] for n, v in levels.items() if n in self.costs]
+            # As on paper: in binary, 0.1 + 0.2 is dearer than 0.3.
+            cost = float(sum(Decimal(str(c)) for c in costs))
+            made.append(Design(levels, cost, group, label))
         return tuple(sorted(made, key=lambda design: design.cost))
 
     @property
