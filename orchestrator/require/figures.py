@@ -189,7 +189,7 @@ def _write(ax: Axes, key: list[str]) -> None:
             break
         legend.remove()
     above = extent.height / inch + 0.2
-    labels = ax.get_tightbbox(renderer)
+    labels: Any = ax.get_tightbbox(renderer)
     left, under = ((ax.bbox.p0 - labels.p0) / inch + 0.08).tolist()
     below = (len(key) + 0.6) * _LINE
     width, axes = figure.get_size_inches()

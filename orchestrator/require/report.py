@@ -79,8 +79,9 @@ def _page(answer: Answer, wide: str, narrow: str) -> Page:
 def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
     head, rows = answer.table(designs)
     note = (
-        "Surely: bounds of the value before, which hold together for all designs. Runs and shares "
-        "are those of the condition that is worst for a design."
+        f"Surely: bounds of the value that {100 * answer.question.terms.share:g} % are within, "
+        "which hold together for all designs. Runs and shares are those of the condition that is "
+        "worst for a design."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
     return Table(f"{caption}, the cheapest first", titles, rows, note=note)
