@@ -272,7 +272,7 @@ def widened(low: float, high: float, least: float) -> tuple[float, float]:
 
 
 def _span(bounds: tuple[float, float]) -> str:
-    return " to ".join(map(meters, bounds))
+    return " to ".join(meters(bound) if bound else "0 m" for bound in bounds)
 
 
 def _cells(count: int) -> str:

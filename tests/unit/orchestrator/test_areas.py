@@ -83,6 +83,8 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
         ({"depth": -1.0}, "map depth: must be a depth below the surface from 0 to 11000 m, got -1"),
         ({"depth": 12e3}, "map depth: must be a depth below the surface"),
         ({"cells": 1.5}, "map cells: must be a whole number along the longer side"),
+        ({"cells": 0}, "map cells: must be at least 2 along the longer side, got 0"),
+        ({"cells": "-3"}, "map cells: must be at least 2 along the longer side, got -3"),
         ({"cells": "1x9"}, "map cells: must be at least 2 each way and 40,000 in all, got 1 north"),
         ({"cells": 300}, "map cells: must be at least 2 each way and 40,000 in all"),
         ({"limit_m": 0.0}, "map limit: must be more than 0 m, got 0.0"),
@@ -617,6 +619,9 @@ def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
     low, high = nothing.colours
     assert 0 <= low < high < np.inf
     nothing.plot()
+    unsure = of_values(found, noise, 3.0, 0.5)
+    assert unsure.colours == (0.0, 10.0)
+    assert "the colours span 0 m to 10 m, further" in str(unsure)
 
 
 @pytest.mark.parametrize(("limit", "words"), [(1.0, "no part"), (9.0, "all")])

@@ -148,6 +148,16 @@ def test_the_shipped_question_is_what_it_says() -> None:
         (changed(choices=choices("gps", costs=5)), "must be an array of costs, or a table by"),
         (changed(choices=choices("gps", keys=["platform.gps_horizontal_std"])),
          "[choices.gps] keys: there is no key 'platform.gps_horizontal_std'; did you mean"),
+        (changed(choices=choices("gps", cost=[1, 2, 3], costs=None)),
+         "small: [choices.gps] there is no key 'cost'; did you mean 'costs'?"),
+        (changed(choices=choices("gps", distribution="normal")),
+         "small: [choices.gps] there is no key 'distribution'"),
+        (changed(choices=choices("gps", costs={"0.1": 1, "1": 2, "1.0": 5, "3.5": 3})),
+         "small: [choices.gps] costs: must have one for each level, got 2 for 1"),
+        (changed(limit=-1.0),
+         "small: limit: must be at least 0, as the RMS total error always is, got -1"),
+        (changed(limit=None, limt=1.0), "small: there is no key 'limt'; did you mean 'limit'?"),
+        (changed(scenario="paper-scenario1"), "small: scenario: must be a TOML file or one of"),
         (changed(choices=choices("gps", price=[1])), "[choices.gps] there is no key 'price'"),
         (changed(choices=None), "small: choices: must have at least one, got nothing"),
         (changed(choices={}), "small: choices: must have at least one, got"),
@@ -178,6 +188,11 @@ def test_what_is_wrong_is_said_in_one_line(tables: dict[str, Any], message: str)
 def test_an_unknown_question_suggests_the_nearest() -> None:
     with pytest.raises(ConfigurationError, match="must be a TOML file or one of one-metre"):
         require.load("one-meter")
+
+
+def test_a_mean_of_one_coordinate_may_be_negative() -> None:
+    question = require.load(changed(response="x_mean_m", limit=-1.0))
+    assert question.terms.limit == -1.0
 
 
 def test_costs_by_name_and_by_order_are_the_same() -> None:
