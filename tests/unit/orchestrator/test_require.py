@@ -297,6 +297,10 @@ def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
     assert scenario.target.trajectory == "semicircle"
     result = sblcosim.run(scenario)
     assert result.record.time_ns[-1] == 12_000_000_000
+    # With other seeds, too: so one can see for oneself that it suffices.
+    other = sblcosim.run(scenario.override({"seed": 77}))
+    assert {*other.seeds.values()} == {77}
+    assert not other.errors.equals(result.errors)
 
 
 def test_any_run_can_be_done_again(found: tuple[Answer, Path]) -> None:
