@@ -45,7 +45,7 @@ def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light"
     with use(theme) as look:
         receiver, possible, hdop = (found.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
         norm = _norm(receiver, possible, bounds=found.colours)
-        figure, axes = _panels(found, 3, narrow)
+        figure, axes = _panels(found, 3, narrow, 0.0 if found.limit_m is None else 2 * LINE)
         first, second, third = axes
         shown = _cells(first, found, receiver, norm)
         _cells(second, found, possible, norm)
@@ -93,13 +93,20 @@ def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
     return axes
 
 
-def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes]]:
-    """Maps of equal size and scale, side by side or one above the other."""
+def _panels(
+    found: AreaMap, count: int, narrow: bool, titles: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """Maps of equal size and scale, side by side or one above the other.
+
+    Parameters
+    ----------
+    titles
+        Height of what their titles have beside a line [inch].
+    """
     grid = found.grid
     height, width = (high - low for low, high in (grid.north, grid.east))
     side = _NARROW if narrow else _WIDE
     high = min(max(side * height / width, 1.2 if narrow else 0.8), 1.8 * side)
-    titles = 0.0 if found.limit_m is None else 2 * LINE
     size = (side + 1.5, count * (high + 0.45 + titles) + 0.5) if narrow else (
         count * side + 0.9, high + titles + 1.8
     )

@@ -286,7 +286,8 @@ class Answer(Shown):
         """
         shown = self.designs if verbose else self.worth
         head, rows = self.table(shown)
-        which = "All designs" if verbose else "Designs that no other one beats in cost and accuracy"
+        what = "cost and accuracy" if self.question.costs else "accuracy"
+        which = "All designs" if verbose else f"Designs that no other one beats in {what}"
         right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
         if verbose:

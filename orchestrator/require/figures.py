@@ -191,6 +191,7 @@ def _write(ax: Axes, key: list[str]) -> None:
     above = extent.height / inch + 0.2
     labels: Any = ax.get_tightbbox(renderer)
     left, under = ((ax.bbox.p0 - labels.p0) / inch + 0.08).tolist()
+    right = max((labels.x1 - ax.bbox.x1) / inch + 0.04, 0.12)
     below = (len(key) + 0.6) * _LINE
     width, axes = figure.get_size_inches()
     height = axes + above + below
@@ -199,7 +200,7 @@ def _write(ax: Axes, key: list[str]) -> None:
         up = below - (number + 0.3) * _LINE
         figure.text(0.08 / width, up / height, line, va="top", fontsize=SMALL)
     figure.subplots_adjust(
-        left / width, (below + under) / height, 1 - 0.12 / width, 1 - above / height
+        left / width, (below + under) / height, 1 - right / width, 1 - above / height
     )
 
 

@@ -66,7 +66,8 @@ def _page(answer: Answer, wide: str, narrow: str) -> Page:
             Section("Cost and accuracy" if q.costs else "Accuracy", "front",
                     [Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))]),
             Section("Designs", "designs",
-                    [_table(answer, answer.worth, "Designs worth their cost")],
+                    [_table(answer, answer.worth, "Designs worth their cost" if q.costs
+                            else "The most accurate designs")],
                     [Section("All designs", "all", [_table(answer, answer.designs, "All designs")],
                              folded=True)]),
             Section("Method", "method", [*map(Text, answer.notes()), Text(_METHOD)], folded=True),
@@ -84,7 +85,8 @@ def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
         "worst for a design."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
-    return Table(f"{caption}, the cheapest first", titles, rows, note=note)
+    order = ", the cheapest first" if answer.question.costs else ""
+    return Table(f"{caption}{order}", titles, rows, note=note)
 
 
 _METHOD = (

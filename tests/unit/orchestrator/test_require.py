@@ -19,7 +19,7 @@ from sblcosim import require
 from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
-from sblcosim.require import limiting, weighing
+from sblcosim.require import limiting, report, weighing
 from sblcosim.require.answer import Answer
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
@@ -422,7 +422,7 @@ def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() ->
     assert "Nothing is cheaper." in cheap.answer()
 
 
-def test_without_costs_the_most_accurate_is_named() -> None:
+def test_without_costs_the_most_accurate_is_named(tmp_path: Path) -> None:
     tables = {n: {k: v for k, v in t.items() if k != "costs"}
               for n, t in QUESTION["choices"].items()}  # fmt: skip
     question = require.load(changed(choices=tables))
@@ -430,6 +430,11 @@ def test_without_costs_the_most_accurate_is_named() -> None:
     assert answer.chosen == answer.designs["estimate"].idxmin()
     assert answer.answer().startswith("The most accurate design that suffices: ")
     assert "cheap" not in answer.answer()
+    assert "cost" not in answer.text()
+    report.save(answer, tmp_path / "answer")
+    page = (tmp_path / "answer" / "report.html").read_text("utf-8")
+    assert "The most accurate designs" in page
+    assert "cheap" not in page.partition("The most accurate designs")[2].partition("Method")[0]
     assert plot_front(answer).get_xlabel() == "Designs by accuracy"
 
 
@@ -525,6 +530,15 @@ def at(answer: Answer, **columns: list[Any]) -> Answer:
     known = designs["estimate"].fillna(np.inf)
     designs["front"] = known < known.cummin().shift(fill_value=np.inf)
     return replace(answer, designs=designs)
+
+
+@pytest.mark.parametrize("plot", [plot_front, plot_narrow])
+def test_large_costs_are_not_cut_off(plot: Any) -> None:
+    gps = {**QUESTION["choices"]["gps"], "costs": [1_000_000, 500, 0]}
+    question = require.load(changed(choices={**QUESTION["choices"], "gps": gps}))
+    ax = plot(pretended(question, dict.fromkeys(range(6), 0.5)))
+    ax.figure.draw_without_rendering()
+    assert 0 <= ax.get_tightbbox().x0 < ax.get_tightbbox().x1 <= ax.figure.bbox.x1
 
 
 @pytest.mark.parametrize("plot", [plot_front, plot_narrow])
