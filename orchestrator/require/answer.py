@@ -129,16 +129,24 @@ class Answer(Shown):
 
     def _too_few(self) -> str:
         """What a claim takes, where the budget is too small for any."""
-        least, most = self.question.rule.least, int(self.designs["runs"].max())
+        runs = self.designs["runs"][self.designs["verdict"] == "open"]
+        least, few, most = self.question.rule.least, int(runs.min()), int(runs.max())
         if most >= least:
             return ""
         met = len(self.question.conditions)
         where = f" in each of {met} conditions" if met > 1 else ""
         return (
             f" To say that one suffices takes at least {least} runs of it{where}, all of them good "
-            f"ones; there are {most}, {least - most} more are needed at each of the "
-            f"{self.counts['open']} that are open."
+            f"ones; {self._are(few, most, least)}."
         )
+
+    def _are(self, few: int, most: int, least: int) -> str:
+        """How many runs the open designs have, and how many are missing."""
+        if few < most:
+            return f"those that are open have {few} to {most}"
+        open_ = self.counts["open"]
+        which = "the one that is" if open_ == 1 else f"each of the {open_} that are"
+        return f"there are {most}, {least - most} more are needed at {which} open"
 
     def _numbers(self, row: int) -> str:
         """How many runs of a design are within the limit, and its percentile."""

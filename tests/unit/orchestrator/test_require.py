@@ -335,6 +335,7 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     assert half.answer().endswith("3 were not tried: a first look at all designs takes a budget of "
                                   "576 (most_runs).")
     assert "all 6 stay open, 3 of them not tried." in half.answer()
+    assert "all of them good ones; those that are open have 0 to 96." in half.answer()
     assert "tried" not in answer.answer()
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
     assert "The nearest is open: GPS 1 m, baseline 0.4 m" in exact.answer()
@@ -362,6 +363,8 @@ def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
     assert "of 6, 3 fail for sure, 3 stay open, none of them tried." in text
     assert f"The nearest of those that were tried, {tried.priced(tried.nearest)}, fails by" in text
     assert "3 were not tried: a first look at all designs takes a budget of 576" in text
+    least = tried.question.rule.least
+    assert f"there are 0, {least} more are needed at each of the 3 that are open." in text
 
 
 def test_prices_are_added_as_on_paper() -> None:
