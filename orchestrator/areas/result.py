@@ -223,7 +223,7 @@ class AreaMap(Shown):
         north, east = self.grid.size
         extra = f", and {found['extra_runs']:,} more near the limit" if found["extra_runs"] else ""
         yield (
-            f"{rows} × {columns} cells of {north:g} m × {east:g} m at a depth of "
+            f"{rows} × {columns} cells of {north:.4g} m × {east:.4g} m at a depth of "
             f"{self.grid.depth:g} m, {s['runs']} runs in each{extra}; neighbours are pooled"
         )
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\

@@ -178,7 +178,7 @@ fixed = { "time.duration_s" = 8.0 }
 label = "GPS error"
 keys = ["platform.gps_horizontal_std_m"]
 levels = [0.1, 1.0, 3.5]
-costs = [5000, 1000, 200]
+costs = [500000, 1000, 200]
 [choices.baseline]
 keys = ["platform.arm_length_m"]
 levels = [0.4, 3.0]
