@@ -58,8 +58,13 @@ def of_levels(at: str, given: Any, levels: Sequence[Level]) -> dict[Level, float
 
 def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict[Level, Any]:
     names = {shown(level): level for level in levels}
-    given = {_as_shown(str(name), names): cost for name, cost in given.items()}
+    written = [_as_shown(str(name), names) for name in given]
+    given = dict(zip(written, given.values(), strict=True))
     for name in given:
+        if written.count(name) > 1:
+            raise ConfigurationError(
+                f"{at}: must have one for each level, got {written.count(name)} for {name}"
+            )
         if name not in names:
             raise ConfigurationError(
                 f"{at}: must be of the levels {', '.join(names)}, got {quoted(str(name))}"

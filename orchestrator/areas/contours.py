@@ -66,7 +66,8 @@ def geojson(
     maps
         95 % errors by name [m]; each (cells,). What is not finite is left out.
     limit
-        The requirement [m]; with one, there is also the water where each map keeps it.
+        The requirement [m]; with one, there is also the water where each map keeps it, if any:
+        many readers fail on a feature without a geometry.
     """
     features = []
     for name, values in maps.items():
@@ -77,11 +78,11 @@ def geojson(
                     {"name": name, "kind": "contour", "p95_m": level}, "MultiLineString",
                     coordinates,
                 ))
-        if limit is not None:
-            parts = [
-                [_earth(grid, origin, ring) for ring in polygon]
-                for polygon in within(grid, values, limit)
-            ]
+        parts = [] if limit is None else [
+            [_earth(grid, origin, ring) for ring in polygon]
+            for polygon in within(grid, values, limit)
+        ]  # fmt: skip
+        if parts:
             features.append(_feature(
                 {"name": name, "kind": "within", "limit_m": limit}, "MultiPolygon", parts
             ))
@@ -89,7 +90,7 @@ def geojson(
 
 
 def _feature(properties: dict[str, Any], kind: str, coordinates: list[Any]) -> dict[str, Any]:
-    geometry = {"type": kind, "coordinates": coordinates} if coordinates else None
+    geometry = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 

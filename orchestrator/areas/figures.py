@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from ..layout import meters
 from ..results.definitions import Floats
 from ..results.drawing import LINE, short
-from ..style import SMALL, Theme, ThemeName, new_figure, use
-from .result import MANY_LOST, AreaMap
+from ..style import SIZE, Theme, ThemeName, new_figure, use
+from .result import MANY_LOST, AreaMap, part, widened
 from .survey import NEAR
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ _RATIO = 6.0
 """Beyond this ratio of largest to least, colours follow the logarithm."""
 _WIDE, _NARROW = 3.2, 3.6
 """Width of a panel [inch]."""
+_SHORTEST = 13
+"""Characters of a line of a title, however narrow its map is."""
 
 
 def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
@@ -41,25 +44,27 @@ def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light"
     """
     with use(theme) as look:
         receiver, possible, hdop = (found.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
-        norm = _norm(receiver, possible)
-        figure, axes = _panels(found, 3, narrow)
+        norm = _norm(receiver, possible, bounds=found.colours)
+        figure, axes = _panels(found, 3, narrow, 0.0 if found.limit_m is None else 2 * LINE)
         first, second, third = axes
         shown = _cells(first, found, receiver, norm)
         _cells(second, found, possible, norm)
         dilution = _cells(third, found, hdop, _norm(hdop))
         handles = [_beacons(ax, found) for ax in axes][:1]
-        handles += _requirement(first, found, receiver)
-        _requirement(second, found, possible, band=False)
+        lines = _requirement(first, found, receiver)
+        lines |= _requirement(second, found, possible, band=False)
+        handles += lines.values()
         lost = f"more than {MANY_LOST:.0%} of the runs lost"
         handles += _hatched(first, found, found.of("lost_share") > MANY_LOST, lost)
         handles += _hatched(second, found, found.of("accuracy") == 0, "no accuracy is possible",
                             look)
-        first.set_title(short(found.receiver), loc="left")
-        second.set_title("possible", loc="left")
+        first.set_title(_titled(found, short(found.receiver), "within_share"), loc="left")
+        second.set_title(_titled(found, "possible", "possible_within_share"), loc="left")
         third.set_title("HDOP", loc="left")
         what = found.settings["error"].replace("_", " ")
-        _bar(figure, shown, [first, second], f"95 % of the {what} errors within [m]", narrow)
-        _bar(figure, dilution, [third], "HDOP: error per m of a range's", narrow)
+        new = "\n" if narrow else " "  # along a bar that is perhaps short
+        _bar(figure, shown, [first, second], f"95 % of the {what}{new}errors within [m]", narrow)
+        _bar(figure, dilution, [third], f"HDOP [m per m{new}of range error]", narrow)
         _legend(figure, handles, 1 if narrow else 3)
     return axes
 
@@ -82,20 +87,28 @@ def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
             top = max(float(known.max(initial=0.0)), 1.0)
             _bar(figure, _cells(ax, found, values, Normalize(0.0, top)), [ax], label, False)
         handles = [_beacons(ax, found) for ax in axes][:1]
-        handles += _requirement(axes[0], found, found.of("p95_m"))
+        handles += _requirement(axes[0], found, found.of("p95_m")).values()
         axes[0].set_title(short(found.receiver), loc="left")
         _legend(figure, handles, 2)
     return axes
 
 
-def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes]]:
-    """Maps of equal size and scale, side by side or one above the other."""
+def _panels(
+    found: AreaMap, count: int, narrow: bool, titles: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """Maps of equal size and scale, side by side or one above the other.
+
+    Parameters
+    ----------
+    titles
+        Height of what their titles have beside a line [inch].
+    """
     grid = found.grid
     height, width = (high - low for low, high in (grid.north, grid.east))
     side = _NARROW if narrow else _WIDE
-    high = min(max(side * height / width, 0.8), 1.8 * side)
-    size = (side + 1.5, count * (high + 0.45) + 0.5) if narrow else (
-        count * side + 0.9, high + 1.5
+    high = min(max(side * height / width, 1.2 if narrow else 0.8), 1.8 * side)
+    size = (side + 1.5, count * (high + 0.45 + titles) + 0.5) if narrow else (
+        count * side + 0.9, high + titles + 1.8
     )
     figure = new_figure(*size)
     rows, columns = (count, 1) if narrow else (1, count)
@@ -103,8 +116,8 @@ def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes
     for ax in axes:
         ax.set(xlim=grid.east, ylim=grid.north, aspect="equal")
         ax.grid(visible=False)
-        ax.xaxis.set_major_locator(MaxNLocator(5))
-        ax.yaxis.set_major_locator(MaxNLocator(5))
+        ax.xaxis.set_major_locator(MaxNLocator(_ticks(min(side, high * width / height) / 0.6)))
+        ax.yaxis.set_major_locator(MaxNLocator(_ticks(min(high, side * height / width) / 0.3)))
     for ax in axes[-1:] if narrow else axes:
         ax.set_xlabel("East y [m]")
     for ax in axes if narrow else axes[:1]:
@@ -112,13 +125,28 @@ def _panels(found: AreaMap, count: int, narrow: bool) -> tuple[Figure, list[Axes
     return figure, axes
 
 
-def _norm(*maps: Floats) -> Normalize:
-    """Colours for some maps alike."""
+def _ticks(room: float) -> int:
+    """Most intervals between ticks where there is room for so many labels."""
+    return int(min(max(room, 1.0), 5.0))
+
+
+def _titled(found: AreaMap, name: str, share: str) -> str:
+    """The name of a map, and how much of it is within the requirement."""
+    if found.limit_m is None:
+        return name
+    (height, width) = (high - low for low, high in (found.grid.north, found.grid.east))
+    room = _WIDE * min(1.8 * width / height, 1.0)
+    words = f"{part(found.summary()[share])} within {meters(found.limit_m)}"
+    return "\n".join([name, *wrap(words, max(int(room / (0.6 * SIZE / 72)), _SHORTEST))])
+
+
+def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize:
+    """Colours for some maps alike, which are from their least to their largest value at least."""
     values = np.concatenate([m[np.isfinite(m)] for m in maps])
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     if low > 0 and high > _RATIO * low:
         return LogNorm(low, high)
-    return Normalize(low, high if high > low else low + 1.0)
+    return Normalize(*(bounds or widened(low, high, 0.0)))
 
 
 def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
@@ -134,17 +162,26 @@ def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
 
 def _requirement(
     ax: Axes, found: AreaMap, values: Floats, *, band: bool = True
-) -> list[Any]:
-    """The contour of the requirement, and those of two standard errors about it."""
+) -> dict[str, Any]:
+    """The contour of the requirement and those of two standard errors about it, where they are.
+
+    By label: what stands for them in a legend.
+    """
     limit, (north, east) = found.limit_m, found.grid.axes
     if limit is None:
-        return []
+        return {}
     outline: list[patheffects.AbstractPathEffect] = [
         patheffects.withStroke(linewidth=2.6, foreground="#ffffff")
     ]
     how: dict[str, Any] = {"colors": "#000000", "levels": [limit]}
-    name = f"95 % within {meters(limit)}"
-    handles = [Line2D([], [], color="#000000", lw=1.4, path_effects=outline, label=name)]
+    lines: dict[str, Any] = {}
+
+    def noted(label: str, **look: Any) -> None:
+        lines[label] = Line2D([], [], color="#000000", path_effects=outline, label=label, **look)
+
+    crosses = _crosses(values, limit)
+    if crosses:
+        noted(f"95 % within {meters(limit)}", lw=1.4)
     around = NEAR * found.of("std_error_m")
     with np.errstate(invalid="ignore"):
         sides: Sequence[Floats] = (values - around, values + around) if band else ()
@@ -154,15 +191,11 @@ def _requirement(
                        linestyles="dashed", **how).set(
                 path_effects=[patheffects.withStroke(linewidth=1.8, foreground="#ffffff")]
             )
-    if band:
-        handles.append(Line2D([], [], color="#000000", lw=0.8, ls="dashed", path_effects=outline,
-                              label=f"the same ± {NEAR:g} standard errors"))
-    if _crosses(values, limit):
+            noted(f"the same ± {NEAR:g} standard errors", lw=0.8, ls="dashed")
+    if crosses:
         line = ax.contour(east, north, np.ma.masked_invalid(values), linewidths=1.4, **how)
         line.set(path_effects=outline)
-        for text in ax.clabel(line, fmt=meters(limit), fontsize=SMALL):
-            text.set_path_effects(outline)
-    return handles
+    return lines
 
 
 def _crosses(values: Floats, limit: float) -> bool:

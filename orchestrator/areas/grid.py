@@ -147,7 +147,11 @@ def _counts(cells: Cells, height: float, width: float) -> tuple[int, int]:
         )
     if len(counts) == 2:
         return int(counts[0]), int(counts[1])
-    side = max(height, width) / max(int(counts[0]), 1)
+    if counts[0] < 2:
+        raise ConfigurationError(
+            f"map cells: must be at least 2 along the longer side, got {int(counts[0])}"
+        )
+    side = max(height, width) / int(counts[0])
     return max(round(height / side), 2), max(round(width / side), 2)
 
 

@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 TABLE, GEOJSON = "cells", "contours.geojson"
 MANY_LOST = 0.05
 """Share of lost runs that the 95 % of a cell does not show."""
+NOISE, FLAT = 20.0, 0.2
+"""What the colours span at least: standard errors, and share of their middle."""
 _figures = Module("sblcosim.areas.figures")
 
 
@@ -84,6 +86,30 @@ class AreaMap(Shown):
         """A column of the cells as a map; (rows, columns), the first row in the south."""
         return self.cells[column].to_numpy(np.float64).reshape(self.grid.shape)
 
+    @property
+    def colours(self) -> tuple[float, float]:
+        """Least and largest 95 % error that the figure's colours are for, for both maps [m].
+
+        They span `NOISE` standard errors and `FLAT` of the middle at least, so that noise does not
+        look like a structure.
+        """
+        low, high = self._extremes
+        noise = self.of("std_error_m")[np.isfinite(self.of("p95_m"))]
+        noise = noise[np.isfinite(noise)]
+        return widened(low, high, NOISE * float(np.median(noise)) if len(noise) else 0.0)
+
+    @property
+    def widened(self) -> bool:
+        """Whether the colours span more than the errors do."""
+        return self.colours != self._extremes
+
+    @property
+    def _extremes(self) -> tuple[float, float]:
+        """Least and largest 95 % error of both maps [m]."""
+        values = np.concatenate([self.of("p95_m"), self.of("possible_p95_m")])
+        known = values[np.isfinite(values)]
+        return (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+
     def plot(
         self, theme: style.ThemeName = "light", *, narrow: bool = False
     ) -> Picture:
@@ -94,7 +120,7 @@ class AreaMap(Shown):
     def geojson(self) -> dict[str, Any] | None:
         """The contours on Earth (RFC 7946), if the scenario says where it is.
 
-        Lines of equal error, and with a limit the polygons in which it is kept.
+        Lines of equal error, and with a limit the polygons in which it is kept, if there are any.
         """
         if self.origin is None:
             return None
@@ -172,8 +198,8 @@ class AreaMap(Shown):
         yield f"possible: within {_range(found['possible_p95_m'])}"
         if self.limit_m is not None:
             yield (
-                f"within {meters(self.limit_m)}: {found['within_share']:.0%} of the area, possible "
-                f"in {found['possible_within_share']:.0%}"
+                f"within {meters(self.limit_m)}: {part(found['within_share'])} of the area, "
+                f"possible in {part(found['possible_within_share'])}"
             )
         yield (
             f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
@@ -186,13 +212,18 @@ class AreaMap(Shown):
             )
         if found["cells_without_estimate"]:
             yield f"more than 5 % without an estimate in {_cells(found['cells_without_estimate'])}"
+        if self.widened:
+            yield (
+                f"the colours span {_span(self.colours)}, further than the errors do, so that "
+                "noise does not look like a structure"
+            )
         for message, count in self.failures.items():
             yield f"{count:,} runs have failed: {message}"
         rows, columns = self.grid.shape
         north, east = self.grid.size
         extra = f", and {found['extra_runs']:,} more near the limit" if found["extra_runs"] else ""
         yield (
-            f"{rows} × {columns} cells of {north:g} m × {east:g} m at a depth of "
+            f"{rows} × {columns} cells of {north:.4g} m × {east:.4g} m at a depth of "
             f"{self.grid.depth:g} m, {s['runs']} runs in each{extra}; neighbours are pooled"
         )
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
@@ -221,6 +252,27 @@ def _errors(three: list[float]) -> str:
     if not np.isfinite(three[1]):
         return "standard errors unknown"
     return f"standard error {three[1]:.1%} (median), {three[2]:.1%} at most"
+
+
+def part(share: float) -> str:
+    """A share of an area for people, who must see whether there is any, and whether it is all."""
+    if share in (0.0, 1.0):
+        return "all" if share else "no part"
+    return "less than 1%" if share < 0.01 else "more than 99%" if share > 0.99 else f"{share:.0%}"
+
+
+def widened(low: float, high: float, least: float) -> tuple[float, float]:
+    """Bounds of colours about some values, so far apart at least; not below 0."""
+    middle = (low + high) / 2
+    least = max(least, FLAT * abs(middle))
+    if high - low >= least > 0:
+        return low, high
+    start = max(middle - (least or 1.0) / 2, 0.0)
+    return start, start + (least or 1.0)
+
+
+def _span(bounds: tuple[float, float]) -> str:
+    return " to ".join(meters(bound) if bound else "0 m" for bound in bounds)
 
 
 def _cells(count: int) -> str:

@@ -75,13 +75,14 @@ class Table:
 class Picture:
     """A figure: the text of an SVG file, its caption, and a text for readers who do not see it.
 
-    `name` is unique in the page.
+    `name` is unique in the page. On a narrow one, the picture `narrow` is in its place.
     """
 
     name: str
     svg: str
     caption: str
     alt: str
+    narrow: Picture | None = None
 
 
 Block = Text | Code | Table | Picture

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from .. import layout
 from ..scenario.scenario import Scenario
@@ -19,7 +18,6 @@ from .limiting import Limiting
 from .question import Question
 from .sequential import FIRST
 
-Floats = NDArray[np.float64]
 VERDICTS = {"good": "suffices", "not": "fails", "open": "open"}
 """Words for verdicts."""
 
@@ -42,7 +40,8 @@ class Answer(Shown):
     cheaper
         Row of the next cheaper one that is on the front; None if nothing is cheaper.
     nearest
-        Row of the design with the smallest percentile, by its estimate.
+        Row of the tried design with the smallest percentile, by its estimate; a design that surely
+        fails only where all do that were tried.
     limits
         What limits the design that is named: the chosen one, or the nearest.
     scenario
@@ -62,6 +61,11 @@ class Answer(Shown):
     def named(self) -> int:
         """Row of the design that the answer is about."""
         return self.nearest if self.chosen is None else self.chosen
+
+    @property
+    def untried(self) -> int:
+        """Number of designs without runs: the budget did not reach them."""
+        return int((self.designs["runs"] == 0).sum())
 
     @property
     def counts(self) -> dict[str, int]:
@@ -108,24 +112,41 @@ class Answer(Shown):
         if not counts["open"]:
             return f"No design suffices: all {total} surely fail."
         if not counts["not"]:
-            return f"No design surely suffices: all {total} stay open.{self._too_few()}"
-        return (
-            f"No design surely suffices: of {total}, {_counted(counts['not'], 'fail')} for sure, "
-            f"{_counted(counts['open'], 'stay')} open.{self._too_few()}"
-        )
+            which = f"all {total} stay open{self._of_them_untried()}"
+        else:
+            which = (
+                f"of {total}, {_counted(counts['not'], 'fail')} for sure, "
+                f"{_counted(counts['open'], 'stay')} open{self._of_them_untried()}"
+            )
+        return f"No design surely suffices: {which}.{self._too_few()}"
+
+    def _of_them_untried(self) -> str:
+        """How many of the open designs have no runs."""
+        if not self.untried:
+            return ""
+        every = self.untried == self.counts["open"]
+        return f", {'none' if every else self.untried} of them {'' if every else 'not '}tried"
 
     def _too_few(self) -> str:
         """What a claim takes, where the budget is too small for any."""
-        least, most = self.question.rule.least, int(self.designs["runs"].max())
+        runs = self.designs["runs"][self.designs["verdict"] == "open"]
+        least, few, most = self.question.rule.least, int(runs.min()), int(runs.max())
         if most >= least:
             return ""
         met = len(self.question.conditions)
         where = f" in each of {met} conditions" if met > 1 else ""
         return (
             f" To say that one suffices takes at least {least} runs of it{where}, all of them good "
-            f"ones; there are {most}, {least - most} more are needed at each of the "
-            f"{self.counts['open']} that are open."
+            f"ones; {self._are(few, most, least)}."
         )
+
+    def _are(self, few: int, most: int, least: int) -> str:
+        """How many runs the open designs have, and how many are missing."""
+        if few < most:
+            return f"those that are open have {few} to {most}"
+        open_ = self.counts["open"]
+        which = "the one that is" if open_ == 1 else f"each of the {open_} that are"
+        return f"there are {most}, {least - most} more are needed at {which} open"
 
     def _numbers(self, row: int) -> str:
         """How many runs of a design are within the limit, and its percentile."""
@@ -165,10 +186,20 @@ class Answer(Shown):
             "not": f"fails{self._by(self.cheaper)}", "open": "is open",
             "good": "suffices, too",
         }[of["verdict"]]  # fmt: skip
+        prices = [self.question.price(self.of(row)["cost"]) for row in (self.cheaper, self.named)]
+        same = prices[0] == prices[1]
+        which = "next one, at the same price," if same else "next cheaper one worth its cost"
         return (
-            f"The next cheaper one worth its cost {fails}: {self.priced(self.cheaper)}. "
-            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}"
+            f"The {which} {fails}: {self.priced(self.cheaper)}. "
+            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}{self._others_open()}"
         )
+
+    def _others_open(self) -> str:
+        """How many cheaper designs are not decided, beside the one that is named."""
+        cheaper = self.designs["cost"] < self.of(self.named)["cost"]
+        cheaper &= self.designs.index != self.cheaper
+        count = int((cheaper & (self.designs["verdict"] == "open")).sum())
+        return f" Of the cheaper ones, {_counted(count, 'stay')} open besides." if count else ""
 
     def _more(self, row: int) -> str:
         """How many runs would decide a design that is open."""
@@ -192,11 +223,14 @@ class Answer(Shown):
 
     def _nearest(self) -> str:
         of = self.of(self.nearest)
+        if not of["runs"]:
+            return ""
+        nearest = f"The nearest{' of those that were tried' if self.untried else ''}"
         if of["verdict"] == "open":
-            is_open = f"The nearest is open: {self.priced(self.nearest)}."
+            is_open = f"{nearest} is open: {self.priced(self.nearest)}."
             return f"{is_open} {self._numbers(self.nearest)}{self._more(self.nearest)}"
         return (
-            f"The nearest, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
+            f"{nearest}, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
             f"{self._numbers(self.nearest)}"
         )
 
@@ -234,13 +268,12 @@ class Answer(Shown):
 
     def _untried(self) -> str:
         """How many designs the budget did not reach."""
-        untried = int((self.designs["runs"] == 0).sum())
-        if not untried:
+        if not self.untried:
             return ""
         looks = FIRST * self.question.groups * len(self.question.conditions)
         return (
-            f" {untried} {'has' if untried == 1 else 'have'} no runs: a first look at all of them "
-            f"takes a budget of {looks:,} (most_runs)."
+            f" {self.untried} {'was' if self.untried == 1 else 'were'} not tried: a first look at "
+            f"all designs takes a budget of {looks:,} (most_runs)."
         )
 
     def _size(self, value: float) -> str:
@@ -259,9 +292,10 @@ class Answer(Shown):
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        shown = self.designs if verbose else self.designs[self._worth()]
+        shown = self.designs if verbose else self.worth
         head, rows = self.table(shown)
-        which = "All designs" if verbose else "Designs that no other one beats in cost and accuracy"
+        what = "cost and accuracy" if self.question.costs else "accuracy"
+        which = "All designs" if verbose else f"Designs that no other one beats in {what}"
         right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
         if verbose:
@@ -270,43 +304,47 @@ class Answer(Shown):
 
     @property
     def letters(self) -> dict[int, str]:
-        """Letters for the designs that are named in figure and table, by row: A, B, …, Z, AA, …"""
-        rows = self.designs.index[self._worth()].tolist()
-        return {
-            row: (ascii_uppercase[n // 26 - 1] if n >= 26 else "") + ascii_uppercase[n % 26]
-            for n, row in enumerate(rows[: 26 * 27])
-        }
+        """Letters for the designs that the answer names, by row, for figure and table."""
+        return dict(zip(self.roles, ascii_uppercase, strict=False))
+
+    @property
+    def roles(self) -> dict[int, str]:
+        """What the designs are that the answer names, by row."""
+        if self.chosen is None:
+            return {self.nearest: "the nearest"} if self.of(self.nearest)["runs"] else {}
+        found = {self.chosen: "the answer"}
+        if self.cheaper is not None and self.question.costs:
+            found[self.cheaper] = "the next cheaper"
+        return found
 
     def short(self, row: int) -> str:
         """The levels of a design without the choices' names."""
         return " · ".join(self.question.quantity(n, v) for n, v in self.row(row).items())
 
-    def _worth(self) -> NDArray[np.bool_]:
-        kept = {self.named, self.cheaper}
-        worth: NDArray[np.bool_] = (
-            self.designs["front"].to_numpy(bool) | self.designs.index.isin([*kept])
-        )
-        return worth
+    @property
+    def worth(self) -> pd.DataFrame:
+        """The designs that no other one beats in cost and accuracy, and those that are named."""
+        named = self.designs.index.isin([self.named, *self.roles])
+        return self.designs[self.designs["front"].to_numpy(bool) | named]
 
     def table(self, designs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-        """Head and rows of a table of designs, for people: letter and levels first."""
+        """Head and rows of a table of designs, for people: what decides is first."""
         q, study = self.question, self.question.study
         unit = f" [{q.unit}]" if q.unit else ""
         letters = self.letters
         head = [
             " · ".join(study.labels[name] for name in study.factors),
-            *(["cost"] if q.costs else []), "verdict", "runs", "within",
-            f"{100 * q.terms.share:g} % within{unit}", "surely",
+            "verdict", f"{100 * q.terms.share:g} % within{unit}",
+            *(["cost"] if q.costs else []), "within", "surely", "runs",
         ]  # fmt: skip
         rows = [
             [
-                f"{letters[number]}  {self.short(number)}" if number in letters
-                else self.short(number),
-                *([q.price(row["cost"])] if q.costs else []),
-                VERDICTS[row["verdict"]], f"{row['runs']:,}",
-                self._share(number) if row["runs"] else "–",
+                f"{letters.get(number, ' '):{3 if letters else 0}}{self.short(number)}",
+                VERDICTS[row["verdict"]],
                 "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
-                _span(row["verdict"], row["lower"], row["upper"]),
+                *([q.price(row["cost"])] if q.costs else []),
+                self._share(number) if row["runs"] else "–",
+                _span(row["verdict"], row["lower"], row["upper"]), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip

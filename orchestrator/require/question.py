@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -35,6 +36,9 @@ _FRAME = "absolute_"
 """Frame of a response that names none: errors in the world."""
 OF_STUDY = ("name", "title", "scenario", "fixed", "seed", "settling_time_s", "conditions")
 """Keys that mean the same in a study file."""
+_OF_CHOICE = ("label", "unit", "keys", "levels", "costs")
+_SIGNED = ("_x_mean_m", "_y_mean_m", "_z_mean_m")
+"""Ends of the names of responses that can be negative."""
 _Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
@@ -160,8 +164,10 @@ class Question(Shown):
         for group, label in product(range(groups), labels):
             point = dict(zip(study.varied_factors, study.points.values[group], strict=False))
             levels = {n: label if n == own else point[n] for n in study.factors}
-            cost = sum(self.costs[n][v] for n, v in levels.items() if n in self.costs)
-            made.append(Design(levels, float(cost), group, label))
+            costs = [self.costs[n][v] for n, v in levels.items() if n in self.costs]
+            # As on paper: in binary, 0.1 + 0.2 is dearer than 0.3.
+            cost = float(sum(Decimal(str(c)) for c in costs))
+            made.append(Design(levels, cost, group, label))
         return tuple(sorted(made, key=lambda design: design.cost))
 
     @property
@@ -250,8 +256,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
     try:
         terms = Terms.model_validate(raw)
     except ValidationError as error:
-        lines = dict.fromkeys(line(e, where, _Known) for e in error.errors())
-        raise ConfigurationError("\n".join(lines)) from None
+        raise ConfigurationError("\n".join(_lines(where, error))) from None
     if "scenario" not in tables:
         raise ConfigurationError(f"{where}: scenario: must be given, got nothing")
     if "settling_time_s" not in tables:
@@ -259,6 +264,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
             f"{where}: settling_time_s: must be given, got nothing; 0 counts errors from the start"
         )
     response, asked = _response(where, terms.response)
+    _check_limit(where, terms.limit, response)
     # Side by side, receivers are on the same noise; every bound here holds whatever runs share.
     alone = ([RECEIVERS_KEY], (RECEIVERS_KEY,))
     receivers = any(table.get("keys") in alone for table in choices.values())
@@ -286,6 +292,24 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
     return Question(terms, study, costs, response, given)
 
 
+def _lines(where: str, error: ValidationError) -> list[str]:
+    """What pydantic found, in our own wording; a key that is misspelt is not missing, too."""
+    found = dict.fromkeys(line(e, where, _Known) for e in error.errors())
+    meant = {text.rpartition("did you mean ")[2] for text in found}
+    missing = "{}: {}: must be given, got nothing"
+    misspelt = {missing.format(where, key) for key in Terms.model_fields if f"'{key}'?" in meant}
+    return [text for text in found if text not in misspelt]
+
+
+def _check_limit(where: str, limit: float, response: str) -> None:
+    """Refuse a limit that no run could be within."""
+    if limit < 0 and response in RESPONSES and not response.endswith(_SIGNED):
+        raise ConfigurationError(
+            f"{where}: limit: must be at least 0, as the {RESPONSES[response].words} always is, "
+            f"got {limit:g}"
+        )
+
+
 class _Known(Terms):
     """All keys of a question file, for messages."""
 
@@ -309,6 +333,12 @@ def _choices(where: str, given: Any) -> dict[str, dict[str, Any]]:
                 f"{where}: [choices.{shortened(str(name))}]: must be a table, got "
                 f"{shortened(instance(table))}"
             )
+        for key in table:
+            if key not in _OF_CHOICE:
+                raise ConfigurationError(
+                    f"{where}: [choices.{shortened(str(name))}] there is no key {quoted(str(key))}"
+                    f"{nearest(str(key), _OF_CHOICE)}"
+                )
     return {name: dict(table) for name, table in given.items()}
 
 

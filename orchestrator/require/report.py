@@ -11,10 +11,12 @@ from .. import artifacts, style
 from ..report.common import as_toml
 from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
 from .answer import Answer
-from .figures import plot_front
+from .figures import plot_front, plot_narrow
 from .question import shipped
 
 REPORT, SCENARIO = "report.html", "scenario.toml"
+FRONT, NARROW = "front", "front_narrow"
+"""The figure, for a wide page and for a narrow one."""
 
 
 def save(answer: Answer, directory: str | Path) -> Path:
@@ -26,12 +28,12 @@ def save(answer: Answer, directory: str | Path) -> Path:
     about = {"question": q.terms.model_dump() | {"name": q.study.name}}
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(answer.designs, folder, "designs")
-        axes = plot_front(answer)
-        style.save(axes, folder, "front")
+        style.save(plot_front(answer), folder, FRONT)
+        style.save(plot_narrow(answer), folder, NARROW)
         if answer.chosen is not None:
             (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
-        svg = (folder / "front.svg").read_text("utf-8")
-        (folder / REPORT).write_text(render(_page(answer, svg)), "utf-8")
+        drawn = [(folder / f"{name}.svg").read_text("utf-8") for name in (FRONT, NARROW)]
+        (folder / REPORT).write_text(render(_page(answer, *drawn)), "utf-8")
     return Path(directory)
 
 
@@ -45,7 +47,7 @@ def _scenario(answer: Answer, folder: Path | None) -> str:
     return "\n".join([*lines, "", answer.scenario.dump_toml(folder)])
 
 
-def _page(answer: Answer, svg: str) -> Page:
+def _page(answer: Answer, wide: str, narrow: str) -> Page:
     q, study = answer.question, answer.question.study
     first, *rest = answer.sentences()
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
@@ -53,9 +55,8 @@ def _page(answer: Answer, svg: str) -> Page:
     alt = f"{what} of {len(answer.designs)} designs. {first}"
     caption = (
         f"{what} of all designs: the value that {100 * q.terms.share:g} % of the runs are within; "
-        "bars reach to the bounds. Letters: the designs that no other one beats in both."
+        "bars reach to the bounds. Letters: the designs that the answer names."
     )
-    worth = answer.designs.loc[[*answer.letters]]
     return Page(
         study.title or f"Which design: {study.name}",
         f"Required: {q.requirement}. Path: {answer.scenario.target.trajectory}; duration: "
@@ -63,8 +64,10 @@ def _page(answer: Answer, svg: str) -> Page:
         [
             Section("Answer", "answer", summary),
             Section("Cost and accuracy" if q.costs else "Accuracy", "front",
-                    [Picture("front", svg, caption, alt)]),
-            Section("Designs", "designs", [_table(answer, worth, "Designs worth their cost")],
+                    [Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))]),
+            Section("Designs", "designs",
+                    [_table(answer, answer.worth, "Designs worth their cost" if q.costs
+                            else "The most accurate designs")],
                     [Section("All designs", "all", [_table(answer, answer.designs, "All designs")],
                              folded=True)]),
             Section("Method", "method", [*map(Text, answer.notes()), Text(_METHOD)], folded=True),
@@ -77,11 +80,13 @@ def _page(answer: Answer, svg: str) -> Page:
 def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
     head, rows = answer.table(designs)
     note = (
-        "Surely: bounds of the value before, which hold together for all designs. Runs and shares "
-        "are those of the condition that is worst for a design."
+        f"Surely: bounds of the value that {100 * answer.question.terms.share:g} % are within, "
+        "which hold together for all designs. Runs and shares are those of the condition that is "
+        "worst for a design."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
-    return Table(f"{caption}, the cheapest first", titles, rows, (head.index("verdict"),), note)
+    order = ", the cheapest first" if answer.question.costs else ""
+    return Table(f"{caption}{order}", titles, rows, note=note)
 
 
 _METHOD = (

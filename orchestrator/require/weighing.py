@@ -103,10 +103,17 @@ def _badness(
 
 
 def _nearest(designs: pd.DataFrame) -> int:
-    """Row of the design that is nearest to what is required."""
-    failing = 1 - designs["passed"] / designs["runs"].clip(lower=1)
-    ranked = designs.assign(estimate=designs["estimate"].fillna(np.inf), failing=failing)
-    return int(ranked.sort_values(["estimate", "failing", "cost"], kind="stable").index[0])
+    """Row of the design that is nearest to what is required: one that does not surely fail, if any.
+
+    Of a design without runs nothing is known, so it comes last.
+    """
+    ranked = designs.assign(
+        estimate=designs["estimate"].fillna(np.inf), untried=designs["runs"] == 0,
+        fails=designs["verdict"] == "not",
+        failing=1 - designs["passed"] / designs["runs"].clip(lower=1),
+    )  # fmt: skip
+    order = ["untried", "fails", "estimate", "failing", "cost"]
+    return int(ranked.sort_values(order, kind="stable").index[0])
 
 
 def _scenario(question: Question, named: int, condition: int) -> tuple[Scenario, Source]:

@@ -263,6 +263,8 @@ class Scenario(Table):
                     continue
                 variable = table.variables.get(key)
                 filled = variable is not None and key not in table.model_fields_set
+                if filled and key == "seed":
+                    continue  # one that is written would not follow that of the scenario
                 if filled and table.fmu is not None and variable.name not in SHARED_PARAMETERS:
                     continue  # a key in the file would have to be a parameter of that FMU
                 if filled and ((name, key) in idle or effects.is_choice((name, key))):

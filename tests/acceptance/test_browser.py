@@ -161,3 +161,76 @@ def test_all_of_a_report_is_printed(folder: Path) -> None:
         assert content.startswith(b"%PDF")
         pages.append(len(re.findall(rb"/Type /Page\b", content)))
     assert 3 <= pages[0] == pages[1] <= 20
+
+
+QUESTION = """
+name = "small"
+title = "Which GPS, and how long a baseline, for a telephone?"
+scenario = "paper-scenario-1"
+response = "total_rms_m"
+limit = 1.0
+share = 0.9
+most_runs = 1000
+settling_time_s = 4.0
+currency = "€"
+fixed = { "time.duration_s" = 8.0 }
+[choices.gps]
+label = "GPS error"
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 1.0, 3.5]
+costs = [500000, 1000, 200]
+[choices.baseline]
+keys = ["platform.arm_length_m"]
+levels = [0.4, 3.0]
+costs = [100, 600]
+"""
+WINDOWS = """<!DOCTYPE html><title>probe</title><pre id="found"></pre>
+<iframe id="a" width="390" height="800" src="report.html"></iframe>
+<iframe id="b" width="1400" height="800" src="report.html"></iframe>
+<script>
+addEventListener("load", () => setTimeout(() => {
+  const found = {};
+  for (const name of ["a", "b"]) {
+    const w = document.getElementById(name).contentWindow, d = w.document;
+    const drawings = [...d.querySelectorAll("figure svg")].map(s => s.getBoundingClientRect().width
+      / s.viewBox.baseVal.width * 72 / 96);
+    const frame = d.querySelector("table").parentElement;
+    const edge = frame.getBoundingClientRect().right;
+    found[name] = {
+      drawings,
+      seen: [...d.querySelector("table thead").querySelectorAll("th")]
+        .filter(e => e.getBoundingClientRect().right <= edge + 1).map(e => e.textContent),
+      hint: w.getComputedStyle(frame.previousElementSibling).display,
+      width: d.documentElement.clientWidth, needed: d.documentElement.scrollWidth,
+    };
+  }
+  document.getElementById("found").textContent = JSON.stringify(found);
+}, 500));
+</script>
+"""
+
+
+def test_an_answer_can_be_read_on_a_telephone(tmp_path: Path) -> None:
+    """Its figure has text of a legible size, and its table shows first what decides."""
+    (tmp_path / "small.toml").write_text(QUESTION, "utf-8")
+    out = tmp_path / "small"
+    done = CliRunner().invoke(app, ["require", str(tmp_path / "small.toml"), "--out", str(out)])
+    assert done.exit_code in (0, 1), done.output
+    (out / "answer" / "probe.html").write_text(WINDOWS)
+    dom, complaints = browse(
+        out / "answer", "--virtual-time-budget=20000", "--dump-dom",
+        (out / "answer" / "probe.html").as_uri(),
+    )
+    assert complaints == ""
+    tree = html5lib.parse(dom, namespaceHTMLElements=False)
+    found = json.loads(tree.find(".//pre").text)
+    wide, narrow = "b", "a"
+    for window, drawn in ((wide, 0), (narrow, 1)):
+        scales = found[window]["drawings"]
+        assert scales[1 - drawn] == 0  # the other one is not shown
+        assert scales[drawn] * style.SMALL >= 8  # points
+        assert found[window]["needed"] <= found[window]["width"]
+    head = ["GPS error · baseline", "Verdict", "90 % within [m]", "Cost"]
+    assert found[narrow]["seen"][:4] == head
+    assert found[narrow]["hint"] == "block"
+    assert len(found[wide]["seen"]) == 7

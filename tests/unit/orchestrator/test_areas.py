@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -82,6 +83,8 @@ def test_cells_of_an_area(area: Any, cells: Any) -> None:
         ({"depth": -1.0}, "map depth: must be a depth below the surface from 0 to 11000 m, got -1"),
         ({"depth": 12e3}, "map depth: must be a depth below the surface"),
         ({"cells": 1.5}, "map cells: must be a whole number along the longer side"),
+        ({"cells": 0}, "map cells: must be at least 2 along the longer side, got 0"),
+        ({"cells": "-3"}, "map cells: must be at least 2 along the longer side, got -3"),
         ({"cells": "1x9"}, "map cells: must be at least 2 each way and 40,000 in all, got 1 north"),
         ({"cells": 300}, "map cells: must be at least 2 each way and 40,000 in all"),
         ({"limit_m": 0.0}, "map limit: must be more than 0 m, got 0.0"),
@@ -561,7 +564,16 @@ def test_the_figure_has_three_maps_of_one_scale(
     picture = found.plot(theme, narrow=narrow)
     picture.figure.canvas.draw()
     receiver, best, hdop = picture.axes
-    assert [ax.get_title("left") for ax in picture.axes] == ["coupled", "possible", "HDOP"]
+    assert [ax.get_title("left").splitlines()[0] for ax in picture.axes] == [
+        "coupled", "possible", "HDOP",
+    ]  # fmt: skip
+    told = found.summary()
+    shares = [f"{told[name]:.0%}" for name in ("within_share", "possible_within_share")]
+    assert [ax.get_title("left").splitlines()[1:] for ax in picture.axes] == [
+        *([f"{share} within 4.0 m"] for share in shares), [],
+    ]  # fmt: skip
+    legend = picture.figure.legends[0].get_window_extent()
+    assert all(not legend.overlaps(ax.get_tightbbox()) for ax in picture.axes)
     meshes = [ax.collections[0] for ax in (receiver, best, hdop)]
     assert meshes[0].norm is meshes[1].norm is not meshes[2].norm
     np.testing.assert_array_equal(np.asarray(meshes[0].get_array()), found.of("p95_m"))
@@ -576,6 +588,92 @@ def test_the_figure_has_three_maps_of_one_scale(
     words = [t for t in picture.figure.findobj(Text) if t.get_text() and t.get_visible()]
     assert min(t.get_fontsize() for t in words) >= 8
     assert any("[m]" in t.get_text() for t in words)
+
+
+def of_values(
+    found: result.AreaMap, p95: Any, possible: Any, std_error: float, limit: float | None = 4.0
+) -> result.AreaMap:
+    """A map with other numbers in its cells."""
+    cells = found.cells.assign(
+        p95_m=p95, possible_p95_m=possible, std_error_m=std_error, lost_share=0.0
+    )
+    return replace(found, cells=cells, settings={**found.settings, "limit_m": limit})
+
+
+def test_noise_does_not_look_like_a_structure(found: result.AreaMap) -> None:
+    """A field that is flat but for its noise has a small part of the colours; others have all."""
+    noise = np.random.default_rng(3).normal(3.0, 0.06, found.grid.count)
+    flat = of_values(found, noise, 3.0, 0.06)
+    low, high = flat.plot().axes[0].collections[0].get_clim()
+    assert (low, high) == flat.colours
+    assert low < noise.min() < noise.max() < high
+    assert high - low == pytest.approx(20 * 0.06)
+    assert noise.std() < 0.06 * (high - low)
+    assert "the colours span 2.4 m to 3.6 m, further than the errors do, so that noise" in str(flat)
+    sure = of_values(found, noise, 3.0, 0.001)  # the same differences, if they are no noise
+    assert sure.colours[1] - sure.colours[0] == pytest.approx(0.2 * np.mean(sure.colours), rel=1e-9)
+    steep = of_values(found, np.linspace(2.0, 6.0, found.grid.count), 3.0, 0.06)
+    assert steep.colours == (2.0, 6.0)
+    assert "colours" not in str(steep)
+    nothing = of_values(found, np.inf, np.nan, np.inf)
+    low, high = nothing.colours
+    assert 0 <= low < high < np.inf
+    nothing.plot()
+    unsure = of_values(found, noise, 3.0, 0.5)
+    assert unsure.colours == (0.0, 10.0)
+    assert "the colours span 0 m to 10 m, further" in str(unsure)
+
+
+@pytest.mark.parametrize(("limit", "words"), [(1.0, "no part"), (9.0, "all")])
+def test_only_contours_that_are_there_are_in_legend_and_on_earth(
+    found: result.AreaMap, limit: float, words: str
+) -> None:
+    flat = of_values(found, np.linspace(2.0, 6.0, found.grid.count), 3.0, 0.06, limit)
+    picture = flat.plot()
+    assert [text.get_text() for text in picture.figure.legends[0].get_texts()] == ["beacons"]
+    assert picture.axes[0].get_title("left") == f"coupled\n{words} within {limit:.1f} m"
+    assert f"within {limit:.1f} m: {words} of the area, possible in {words}" in str(flat)
+    features = (flat.geojson() or {})["features"]
+    assert all(feature["geometry"] is not None for feature in features)
+    kinds = [feature["properties"]["kind"] for feature in features]
+    assert kinds.count("within") == (2 if words == "all" else 0)
+    half = of_values(found, np.linspace(2.0, 6.0, found.grid.count), 9.0, 0.0, 3.5)
+    names = {f["properties"]["name"] for f in (half.geojson() or {})["features"]
+             if f["properties"]["kind"] == "within"}  # fmt: skip
+    assert names == {"coupled"}
+
+
+def test_shares_of_an_area_say_whether_there_is_any_and_whether_it_is_all() -> None:
+    assert [result.part(share) for share in (0.0, 0.0003, 0.01, 0.5, 0.99, 0.9997, 1.0)] == [
+        "no part", "less than 1%", "1%", "50%", "99%", "more than 99%", "all",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", [(30.0, 300.0), (300.0, 30.0), (60.0, 60.0)])
+@pytest.mark.parametrize("narrow", [False, True])
+def test_no_text_of_the_figure_is_cut_off_or_hidden(
+    found: result.AreaMap, shape: tuple[float, float], narrow: bool
+) -> None:
+    north, east = shape
+    grid = Grid((0.0, north), (0.0, east), 4, 6, 5.0)
+    changed = replace(found, grid=grid, settings={**found.settings, "limit_m": 4.0,
+                                                  "error": "absolute_horizontal"})  # fmt: skip
+    figure: Any = changed.plot(narrow=narrow).figure
+    figure.canvas.draw()
+    page = figure.bbox.padded(1.0)
+    titles = [ax.title if ax.get_title() else ax._left_title for ax in figure.axes[:3]]
+    bars = [ax for ax in figure.axes if ax.get_label() == "<colorbar>"]
+    labels = [bar.yaxis.label if narrow else bar.xaxis.label for bar in bars]
+    assert [label.get_text().replace("\n", " ") for label in labels] == [
+        "95 % of the absolute horizontal errors within [m]", "HDOP [m per m of range error]",
+    ]  # fmt: skip
+    for text in (*titles, *labels):
+        box = text.get_window_extent()
+        assert page.x0 <= box.x0 < box.x1 <= page.x1, text
+        assert page.y0 <= box.y0 < box.y1 <= page.y1, text
+    others = [*(bar.get_window_extent() for bar in bars), figure.legends[0].get_window_extent()]
+    for title in titles:
+        assert not any(title.get_window_extent().overlaps(other) for other in others), title
 
 
 def test_the_folder_has_figures_and_cells_and_says_what_was_done(

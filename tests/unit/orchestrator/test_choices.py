@@ -153,6 +153,7 @@ CALLS: dict[str, Any] = {
     "analysis.factorial.analyse transform": partial(factorial.analyse, RUNS, "ab", "y"),
     "analysis.figures.plot_front theme": partial(effect_figures.plot_front, ADVICE),
     "require.figures.plot_front theme": partial(require_figures.plot_front, None),
+    "require.figures.plot_narrow theme": partial(require_figures.plot_narrow, None),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.factorial.find transform": partial(of_runs, report.find),
     "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),

@@ -17,7 +17,7 @@ from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
 from sblcosim.scenario.assumptions import SOURCES
 from sblcosim.scenario.scenario import load, shipped, shipped_text
-from sblcosim.scenario.schema import PRESETS, in_si
+from sblcosim.scenario.schema import CORE_COMPONENTS, PRESETS, in_si
 from sblcosim.scenario.starter import starter
 from sblcosim.scenario.wiring import connect
 
@@ -780,3 +780,13 @@ def test_a_file_gives_its_name_and_finds_fmus_beside_it(tmp_path: Path) -> None:
     assert scenario.name == "dive"
     assert scenario.receiver.fmu == str(tmp_path / "mine.fmu")
     assert scenario.receiver.type is None
+
+
+def test_a_written_scenario_follows_another_seed() -> None:
+    """As the one that it was written from; a seed that was given to a component stays."""
+    scenario = load("harbour-square", {"seed": 4, "acoustics.seed": 9})
+    again = load(tomllib.loads(scenario.dump_toml()))
+    for made in (scenario, again):
+        other = made.override({"seed": 5})
+        assert [getattr(other, name).seed for name in CORE_COMPONENTS] == [5, 5, 9]
+    assert again.dump_toml() == scenario.dump_toml()
