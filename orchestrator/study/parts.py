@@ -9,13 +9,14 @@ Rows stay in columns; no row becomes a Python object.
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -29,12 +30,13 @@ from .campaign import Campaign, Run
 
 RUNS = "runs.parquet"
 PARTS = "parts"
-GROUP = 2**17
+GROUP = 2**16
 """Rows of the whole table that are in memory at a time when it is written."""
-AT_ONCE = 64
+AT_ONCE = 16
 """Parts that are in memory at a time then."""
 SAMPLE = 2048
 """Rows that tell whether the values of a column repeat themselves."""
+_Item = TypeVar("_Item")
 _KEYS = ("run_id", "replicate", "point")
 _CAMPAIGN = b"sblcosim.campaign"
 """Entry of a file's metadata: the `Campaign.digest` of its runs."""
@@ -311,8 +313,10 @@ def save(parts: Parts) -> dict[str, Any]:
     try:
         with files.unfinished(parts.folder) as hidden:
             _write_table(parts, hidden)
-            digest = _sha256(hidden)
-            files.sync_file(hidden)
+            with ThreadPoolExecutor() as pool:
+                synced = pool.submit(files.sync_file, hidden)
+                digest = _sha256(hidden)
+                synced.result()
             hidden.replace(path)
     except OSError as error:
         raise refusal(path, error) from None
@@ -321,47 +325,76 @@ def save(parts: Parts) -> dict[str, Any]:
 
 def _write_table(parts: Parts, path: Path) -> None:
     """Write all rows in order, the same bytes from whatever parts."""
-    opened = list(map(_opened, parts.sources))
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(_schema, parts.sources))
     schema = pa.unify_schemas(
-        [file.schema_arrow.remove_metadata() for file in opened], promote_options="permissive"
+        [one.remove_metadata() for one in found], promote_options="permissive"
     )
-    origins = {(file.schema_arrow.metadata or {}).get(_CAMPAIGN, b"") for file in opened}
+    origins = {(one.metadata or {}).get(_CAMPAIGN, b"") for one in found}
     if len(origins) == 1 and origins != {b""}:
         schema = schema.with_metadata({_CAMPAIGN: origins.pop()})
-    groups = _groups(_pieces(parts), schema)
-    first = next(groups)
-    with parquet.ParquetWriter(path, schema, use_dictionary=_repeating(first)) as writer:
-        writer.write_table(first, GROUP)
-        for group in groups:
+    if not _are_written(_pieces(parts), schema, path):
+        _are_written([_ordered(_joined(_read(parts, _all)))], schema, path)
+
+
+def _schema(path: Path) -> pa.Schema:
+    return _opened(path).schema_arrow
+
+
+def _are_written(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> bool:
+    """Write rows; False, and half a file, if they are not in order, each run once."""
+    groups = _groups(pieces, schema)
+    group = next(groups)
+    last = group.slice(0, 0).select(_KEYS)
+    with parquet.ParquetWriter(path, schema, use_dictionary=_repeating(group)) as writer:
+        while group:
+            keys = pa.concat_tables([last, group.select(_KEYS)])
+            if _order(keys) is not None:
+                return False
             writer.write_table(group, GROUP)
+            last, group = keys.slice(len(keys) - 1), None  # the next one needs its memory
+            group = next(groups, None)
+    return True
 
 
 def _pieces(parts: Parts) -> Iterator[pa.Table]:
-    """All rows in order, a few of them at a time if they are stored in order."""
-    if _order(_joined(_read(parts, _keys))) is not None:
-        yield _ordered(_joined(_read(parts, _all)))
-        return
-    sources = iter(parts.sources)
+    """All rows as they are stored, a few of them at a time."""
+    sources = parts.sources
     if parts.in_table:
-        file = _opened(next(sources))
-        for number in range(file.num_row_groups):
-            yield file.read_row_group(number)
+        numbers = range(_opened(sources[0]).num_row_groups)
+        yield from _ahead(partial(_row_group, sources.pop(0)), numbers, 1)
+    yield from _ahead(partial(_columns, wanted=_all), sources, AT_ONCE)
+
+
+def _row_group(path: Path, number: int) -> pa.Table:
+    return _opened(path).read_row_group(number)
+
+
+def _ahead(
+    read: Callable[[_Item], pa.Table], items: Iterable[_Item], count: int
+) -> Iterator[pa.Table]:
+    """What is read of some items, of which the next ones are read meanwhile."""
+    rest = iter(items)
     with ThreadPoolExecutor() as pool:
-        while some := list(islice(sources, AT_ONCE)):
-            yield from pool.map(partial(_columns, wanted=_all), some)
+        under_way = deque(pool.submit(read, item) for item in islice(rest, count))
+        while under_way:
+            made = under_way.popleft().result()
+            under_way.extend(pool.submit(read, item) for item in islice(rest, 1))
+            yield made
 
 
 def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:
     """The same rows, `GROUP` at a time, so that their bytes do not tell of the pieces."""
-    rest = schema.empty_table()
+    some = [schema.empty_table()]
     for piece in pieces:
-        rest = pa.concat_tables(
-            [rest, piece.replace_schema_metadata(schema.metadata)], promote_options="permissive"
-        )
-        while len(rest) >= GROUP:
-            yield rest.slice(0, GROUP).combine_chunks()
-            rest = rest.slice(GROUP)
-    if len(rest):
+        some.append(piece.replace_schema_metadata(schema.metadata))
+        if sum(map(len, some)) >= GROUP:
+            rest = _joined(some)
+            while len(rest) >= GROUP:
+                yield rest.slice(0, GROUP).combine_chunks()
+                rest = rest.slice(GROUP)
+            some = [rest]
+    if rest := _joined(some):
         yield rest.combine_chunks()
 
 
