@@ -164,7 +164,7 @@ class Finished:
 
 def finished(parts: Parts) -> Finished:
     """Which runs are there."""
-    tables = _read(parts, _keys)
+    tables = [_columns(path, _keys) for path in parts.sources]  # too little for threads
     origins = [(table.schema.metadata or {}).get(_CAMPAIGN, b"").decode() for table in tables]
     campaigns = tuple(dict.fromkeys(origins))
     numbers = np.array([campaigns.index(origin) for origin in origins], np.intp)
@@ -325,36 +325,53 @@ def save(parts: Parts) -> dict[str, Any]:
 
 def _write_table(parts: Parts, path: Path) -> None:
     """Write all rows in order, the same bytes from whatever parts."""
-    with ThreadPoolExecutor() as pool:
-        found = list(pool.map(_schema, parts.sources))
+    try:
+        _write_pieces(_pieces(parts), _opened(parts.sources[0]).schema_arrow, path)
+    except _Unlike:
+        schema = _common(_opened(source).schema_arrow for source in parts.sources)
+        ordered = _order(_joined(_read(parts, _keys))) is None
+        pieces = _pieces(parts) if ordered else [_ordered(_joined(_read(parts, _all)))]
+        _write_pieces((_fitted(piece, schema) for piece in pieces), schema, path)
+
+
+class _Unlike(Exception):
+    """Pieces of several versions, or not in order, each run once."""
+
+
+def _common(schemas: Iterable[pa.Schema]) -> pa.Schema:
+    """What fits the rows of all files."""
+    found = list(schemas)
     schema = pa.unify_schemas(
         [one.remove_metadata() for one in found], promote_options="permissive"
     )
     origins = {(one.metadata or {}).get(_CAMPAIGN, b"") for one in found}
     if len(origins) == 1 and origins != {b""}:
         schema = schema.with_metadata({_CAMPAIGN: origins.pop()})
-    if not _are_written(_pieces(parts), schema, path):
-        _are_written([_ordered(_joined(_read(parts, _all)))], schema, path)
+    return schema
 
 
-def _schema(path: Path) -> pa.Schema:
-    return _opened(path).schema_arrow
+def _fitted(piece: pa.Table, schema: pa.Schema) -> pa.Table:
+    return _joined([schema.empty_table(), piece.replace_schema_metadata(schema.metadata)])
 
 
-def _are_written(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> bool:
-    """Write rows; False, and half a file, if they are not in order, each run once."""
+def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> None:
+    """Write the rows of some pieces, or half of them and `_Unlike`."""
     groups = _groups(pieces, schema)
     group = next(groups)
+    repeating = _repeating(group)
     last = group.slice(0, 0).select(_KEYS)
-    with parquet.ParquetWriter(path, schema, use_dictionary=_repeating(group)) as writer:
+    # Values that do not repeat themselves are noise, which cannot be made smaller.
+    packing = {name: "snappy" if name in repeating else "none" for name in schema.names}
+    with parquet.ParquetWriter(
+        path, schema, use_dictionary=repeating, compression=packing
+    ) as writer:
         while group:
             keys = pa.concat_tables([last, group.select(_KEYS)])
             if _order(keys) is not None:
-                return False
+                raise _Unlike
             writer.write_table(group, GROUP)
             last, group = keys.slice(len(keys) - 1), None  # the next one needs its memory
             group = next(groups, None)
-    return True
 
 
 def _pieces(parts: Parts) -> Iterator[pa.Table]:
@@ -375,7 +392,7 @@ def _ahead(
 ) -> Iterator[pa.Table]:
     """What is read of some items, of which the next ones are read meanwhile."""
     rest = iter(items)
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(1) as pool:  # more would wait for each other, and for the writing
         under_way = deque(pool.submit(read, item) for item in islice(rest, count))
         while under_way:
             made = under_way.popleft().result()
@@ -385,16 +402,18 @@ def _ahead(
 
 def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:
     """The same rows, `GROUP` at a time, so that their bytes do not tell of the pieces."""
-    some = [schema.empty_table()]
+    some: list[pa.Table] = []
     for piece in pieces:
-        some.append(piece.replace_schema_metadata(schema.metadata))
+        if not piece.schema.equals(schema, check_metadata=True):
+            raise _Unlike
+        some.append(piece)
         if sum(map(len, some)) >= GROUP:
-            rest = _joined(some)
+            rest = pa.concat_tables(some)
             while len(rest) >= GROUP:
                 yield rest.slice(0, GROUP).combine_chunks()
                 rest = rest.slice(GROUP)
             some = [rest]
-    if rest := _joined(some):
+    if rest := pa.concat_tables(some):
         yield rest.combine_chunks()
 
 
