@@ -67,6 +67,11 @@ class Parts:
         rest = [path for path in self.paths if path.name not in self.in_table]
         return [self.folder / RUNS, *rest] if self.in_table else rest
 
+    @property
+    def is_table(self) -> bool:
+        """Whether all rows are in `RUNS`, which has them in order, each run once."""
+        return self.sources == [self.folder / RUNS]
+
     def added(self, paths: Iterable[Path]) -> Parts:
         """The same with further parts."""
         return replace(self, paths=tuple(sorted({*self.paths, *paths})))
@@ -186,8 +191,9 @@ def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
     wanted
         Chooses the columns to read.
     """
-    if wanted is None:
-        arrow = _ordered(_joined(_read(parts, _all)))
+    if wanted is None or parts.is_table:
+        arrow = _joined(_read(parts, wanted))
+        arrow = arrow if parts.is_table else _ordered(arrow)
     else:
         chosen = wanted(_opened(parts.sources[0]).schema_arrow.names)
         arrow = _ordered(_joined(_read(parts, lambda names: {*_KEYS, *chosen})))
@@ -203,19 +209,17 @@ def _keys(names: Sequence[str]) -> Collection[str]:
     return _KEYS
 
 
-def _all(names: Sequence[str]) -> Collection[str]:
-    return names
-
-
-def _read(parts: Parts, wanted: Wanted) -> list[pa.Table]:
+def _read(parts: Parts, wanted: Wanted | None = None) -> list[pa.Table]:
     with ThreadPoolExecutor() as pool:
         return list(pool.map(partial(_columns, wanted=wanted), parts.sources))
 
 
-def _columns(path: Path, wanted: Wanted) -> pa.Table:
+def _columns(path: Path, wanted: Wanted | None = None) -> pa.Table:
     file = _opened(path)
-    chosen = wanted(file.schema_arrow.names)
-    names = [name for name in file.schema_arrow.names if name in chosen]
+    names = None
+    if wanted is not None:
+        chosen = wanted(file.schema_arrow.names)
+        names = [name for name in file.schema_arrow.names if name in chosen]
     try:
         # The parts are read side by side; the table of all runs is by itself.
         return file.read(names, use_threads=path.name == RUNS)
@@ -330,7 +334,7 @@ def _write_table(parts: Parts, path: Path) -> None:
     except _Unlike:
         schema = _common(_opened(source).schema_arrow for source in parts.sources)
         ordered = _order(_joined(_read(parts, _keys))) is None
-        pieces = _pieces(parts) if ordered else [_ordered(_joined(_read(parts, _all)))]
+        pieces = _pieces(parts) if ordered else [_ordered(_joined(_read(parts)))]
         _write_pieces((_fitted(piece, schema) for piece in pieces), schema, path)
 
 
@@ -380,7 +384,7 @@ def _pieces(parts: Parts) -> Iterator[pa.Table]:
     if parts.in_table:
         numbers = range(_opened(sources[0]).num_row_groups)
         yield from _ahead(partial(_row_group, sources.pop(0)), numbers, 1)
-    yield from _ahead(partial(_columns, wanted=_all), sources, AT_ONCE)
+    yield from _ahead(_columns, sources, AT_ONCE)
 
 
 def _row_group(path: Path, number: int) -> pa.Table:

@@ -101,7 +101,7 @@ def test_an_analysis_reads_each_column_that_it_needs_once_and_no_other(
 ) -> None:
     reports.save(out, tmp_path / "analysis")
     needed = {
-        "run_id", "replicate", "point", "run_order", "seed", "arm", "error",
+        "replicate", "point", "run_order", "seed", "arm", "error",
         "ekf.absolute_total_rms_m", "ekf.nees_position", "ekf.own_relative_nees_position",
         "ekf.inconsistent", "ekf.lost",
     }  # fmt: skip
