@@ -87,7 +87,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     rows: Counter[str] = Counter()
     original = parts._columns
 
-    def counted(path: Path, wanted: parts.Wanted) -> pa.Table:
+    def counted(path: Path, wanted: parts.Wanted | None = None) -> pa.Table:
         arrow = original(path, wanted)
         rows.update(dict.fromkeys(arrow.column_names, len(arrow)))
         return arrow
