@@ -331,14 +331,14 @@ def _write_table(parts: Parts, path: Path) -> None:
     """Write all rows in order, the same bytes from whatever parts."""
     try:
         _write_pieces(_pieces(parts), _opened(parts.sources[0]).schema_arrow, path)
-    except _Unlike:
+    except _UnlikeError:
         schema = _common(_opened(source).schema_arrow for source in parts.sources)
         ordered = _order(_joined(_read(parts, _keys))) is None
         pieces = _pieces(parts) if ordered else [_ordered(_joined(_read(parts)))]
         _write_pieces((_fitted(piece, schema) for piece in pieces), schema, path)
 
 
-class _Unlike(Exception):
+class _UnlikeError(Exception):
     """Pieces of several versions, or not in order, each run once."""
 
 
@@ -359,7 +359,7 @@ def _fitted(piece: pa.Table, schema: pa.Schema) -> pa.Table:
 
 
 def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> None:
-    """Write the rows of some pieces, or half of them and `_Unlike`."""
+    """Write the rows of some pieces, or half of them and `_UnlikeError`."""
     groups = _groups(pieces, schema)
     group = next(groups)
     repeating = _repeating(group)
@@ -372,7 +372,7 @@ def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> 
         while group:
             keys = pa.concat_tables([last, group.select(_KEYS)])
             if _order(keys) is not None:
-                raise _Unlike
+                raise _UnlikeError
             writer.write_table(group, GROUP)
             last, group = keys.slice(len(keys) - 1), None  # the next one needs its memory
             group = next(groups, None)
@@ -409,7 +409,7 @@ def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]
     some: list[pa.Table] = []
     for piece in pieces:
         if not piece.schema.equals(schema, check_metadata=True):
-            raise _Unlike
+            raise _UnlikeError
         some.append(piece)
         if sum(map(len, some)) >= GROUP:
             rest = pa.concat_tables(some)
