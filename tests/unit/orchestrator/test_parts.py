@@ -175,9 +175,9 @@ def test_a_damaged_part_counts_as_missing_although_its_runs_are_in_the_table(out
         assert len(small().run(out)) == 8
 
 
-def as_of_old(out: Path) -> None:
-    """Take from a folder what earlier versions did not write."""
-    for path in stored(out):
+def as_of_old(out: Path, first: int = 0) -> None:
+    """Take from a folder, or its later parts, what earlier versions did not write."""
+    for path in stored(out)[first:]:
         stream = pa.BufferOutputStream()
         parquet.write_table(parquet.read_table(path).replace_schema_metadata(None), stream)
         content = stream.getvalue().to_pybytes()
@@ -198,6 +198,15 @@ def test_a_folder_of_old_is_read_and_completed(out: Path, whole: Path) -> None:
     assert len(small(replicates=5).run(out)) == 10
     assert set(before) < set(stored(out))
     assert len(stored(out)) == 5
+
+
+def test_the_whole_table_says_whose_runs_it_holds_if_all_parts_do(out: Path) -> None:
+    said = b"sblcosim.campaign"
+    assert said in parquet.read_schema(out / "runs.parquet").metadata
+    as_of_old(out, 2)
+    small().run(out)
+    assert len(store.finished(out)) == 8
+    assert said not in (parquet.read_schema(out / "runs.parquet").metadata or {})
 
 
 def test_runs_of_another_study_in_a_part_count_for_nothing(
@@ -278,7 +287,8 @@ def test_runs_that_are_not_in_order_or_twice_make_the_same_table(
     rows = store.table(whole)
     once = apart(tmp_path / "once", [rows])
     late = [rows[:4], rows[4:5], pd.concat([rows[5:6], rows[7:]]), rows[6:7]]
-    for number, pieces in enumerate(([rows[::2], rows[1::2]], [rows[:5], rows[2:]], late)):
+    twice, between_groups = [rows[:5], rows[2:]], [rows[:6], rows[4:]]
+    for number, pieces in enumerate(([rows[::2], rows[1::2]], twice, between_groups, late)):
         other = apart(tmp_path / str(number), pieces)
         for folder in (once, other):
             assert len(small().run(folder)) == len(rows)
