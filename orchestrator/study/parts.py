@@ -246,7 +246,7 @@ def _joined(tables: Sequence[pa.Table]) -> pa.Table:
 def _integers(arrow: pa.Table | None, name: str) -> NDArray[np.int64]:
     if arrow is None:
         return np.empty(0, np.int64)
-    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64)
+    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64, copy=False)
     return numbers
 
 
