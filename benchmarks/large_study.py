@@ -13,7 +13,7 @@ are read by columns and analysed by points:
 study, what is missing              25.7 s  1333  27.0 s   580
 study, finished                     14.1 s  1386   3.0 s   351
 study --dry-run, almost finished    16.7 s   379   5.9 s   277
-study, almost finished (3 parts)    11.4 s  1413   6.6 s   534
+study, almost finished (3 parts)    11.4 s  1413   4.0 s   430
 analyse                             76.2 s  2083   7.3 s   562
 analyse --transform log             32.8 s  1710   6.1 s   579
 ==================================  ============  ============

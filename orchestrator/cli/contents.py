@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import documents, study_documents
+from . import study_documents
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..simulation.plan import Plan
     from ..study.parts import Parts
     from ..study.study import Study as Definition
+    from . import documents
     from .document import Part
 
 _CHANCE = 0.05
@@ -29,6 +30,8 @@ _CHANCE = 0.05
 def plan(plan: Plan) -> documents.Plan:
     """What would run."""
     from sblcosim.fmus.read.ports import Fmu
+
+    from . import documents
 
     return documents.Plan.of(
         {

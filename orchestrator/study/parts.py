@@ -9,13 +9,14 @@ Rows stay in columns; no row becomes a Python object.
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -29,12 +30,13 @@ from .campaign import Campaign, Run
 
 RUNS = "runs.parquet"
 PARTS = "parts"
-GROUP = 2**17
+GROUP = 2**16
 """Rows of the whole table that are in memory at a time when it is written."""
-AT_ONCE = 64
+AT_ONCE = 16
 """Parts that are in memory at a time then."""
 SAMPLE = 2048
 """Rows that tell whether the values of a column repeat themselves."""
+_Item = TypeVar("_Item")
 _KEYS = ("run_id", "replicate", "point")
 _CAMPAIGN = b"sblcosim.campaign"
 """Entry of a file's metadata: the `Campaign.digest` of its runs."""
@@ -64,6 +66,11 @@ class Parts:
         """The files to read: all rows are in them, those of a part once."""
         rest = [path for path in self.paths if path.name not in self.in_table]
         return [self.folder / RUNS, *rest] if self.in_table else rest
+
+    @property
+    def is_table(self) -> bool:
+        """Whether all rows are in `RUNS`, which has them in order, each run once."""
+        return self.sources == [self.folder / RUNS]
 
     def added(self, paths: Iterable[Path]) -> Parts:
         """The same with further parts."""
@@ -162,7 +169,7 @@ class Finished:
 
 def finished(parts: Parts) -> Finished:
     """Which runs are there."""
-    tables = _read(parts, _keys)
+    tables = [_columns(path, _keys) for path in parts.sources]  # too little for threads
     origins = [(table.schema.metadata or {}).get(_CAMPAIGN, b"").decode() for table in tables]
     campaigns = tuple(dict.fromkeys(origins))
     numbers = np.array([campaigns.index(origin) for origin in origins], np.intp)
@@ -184,8 +191,9 @@ def table(parts: Parts, wanted: Wanted | None = None) -> pd.DataFrame:
     wanted
         Chooses the columns to read.
     """
-    if wanted is None:
-        arrow = _ordered(_joined(_read(parts, _all)))
+    if wanted is None or parts.is_table:
+        arrow = _joined(_read(parts, wanted))
+        arrow = arrow if parts.is_table else _ordered(arrow)
     else:
         chosen = wanted(_opened(parts.sources[0]).schema_arrow.names)
         arrow = _ordered(_joined(_read(parts, lambda names: {*_KEYS, *chosen})))
@@ -201,19 +209,17 @@ def _keys(names: Sequence[str]) -> Collection[str]:
     return _KEYS
 
 
-def _all(names: Sequence[str]) -> Collection[str]:
-    return names
-
-
-def _read(parts: Parts, wanted: Wanted) -> list[pa.Table]:
+def _read(parts: Parts, wanted: Wanted | None = None) -> list[pa.Table]:
     with ThreadPoolExecutor() as pool:
         return list(pool.map(partial(_columns, wanted=wanted), parts.sources))
 
 
-def _columns(path: Path, wanted: Wanted) -> pa.Table:
+def _columns(path: Path, wanted: Wanted | None = None) -> pa.Table:
     file = _opened(path)
-    chosen = wanted(file.schema_arrow.names)
-    names = [name for name in file.schema_arrow.names if name in chosen]
+    names = None
+    if wanted is not None:
+        chosen = wanted(file.schema_arrow.names)
+        names = [name for name in file.schema_arrow.names if name in chosen]
     try:
         # The parts are read side by side; the table of all runs is by itself.
         return file.read(names, use_threads=path.name == RUNS)
@@ -240,7 +246,7 @@ def _joined(tables: Sequence[pa.Table]) -> pa.Table:
 def _integers(arrow: pa.Table | None, name: str) -> NDArray[np.int64]:
     if arrow is None:
         return np.empty(0, np.int64)
-    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64)
+    numbers: NDArray[np.int64] = arrow[name].to_numpy().astype(np.int64, copy=False)
     return numbers
 
 
@@ -311,8 +317,10 @@ def save(parts: Parts) -> dict[str, Any]:
     try:
         with files.unfinished(parts.folder) as hidden:
             _write_table(parts, hidden)
-            digest = _sha256(hidden)
-            files.sync_file(hidden)
+            with ThreadPoolExecutor() as pool:
+                synced = pool.submit(files.sync_file, hidden)
+                digest = _sha256(hidden)
+                synced.result()
             hidden.replace(path)
     except OSError as error:
         raise refusal(path, error) from None
@@ -321,47 +329,95 @@ def save(parts: Parts) -> dict[str, Any]:
 
 def _write_table(parts: Parts, path: Path) -> None:
     """Write all rows in order, the same bytes from whatever parts."""
-    opened = list(map(_opened, parts.sources))
+    try:
+        _write_pieces(_pieces(parts), _opened(parts.sources[0]).schema_arrow, path)
+    except _UnlikeError:
+        schema = _common(_opened(source).schema_arrow for source in parts.sources)
+        ordered = _order(_joined(_read(parts, _keys))) is None
+        pieces = _pieces(parts) if ordered else [_ordered(_joined(_read(parts)))]
+        _write_pieces((_fitted(piece, schema) for piece in pieces), schema, path)
+
+
+class _UnlikeError(Exception):
+    """Pieces of several versions, or not in order, each run once."""
+
+
+def _common(schemas: Iterable[pa.Schema]) -> pa.Schema:
+    """What fits the rows of all files."""
+    found = list(schemas)
     schema = pa.unify_schemas(
-        [file.schema_arrow.remove_metadata() for file in opened], promote_options="permissive"
+        [one.remove_metadata() for one in found], promote_options="permissive"
     )
-    origins = {(file.schema_arrow.metadata or {}).get(_CAMPAIGN, b"") for file in opened}
+    origins = {(one.metadata or {}).get(_CAMPAIGN, b"") for one in found}
     if len(origins) == 1 and origins != {b""}:
         schema = schema.with_metadata({_CAMPAIGN: origins.pop()})
-    groups = _groups(_pieces(parts), schema)
-    first = next(groups)
-    with parquet.ParquetWriter(path, schema, use_dictionary=_repeating(first)) as writer:
-        writer.write_table(first, GROUP)
-        for group in groups:
+    return schema
+
+
+def _fitted(piece: pa.Table, schema: pa.Schema) -> pa.Table:
+    return _joined([schema.empty_table(), piece.replace_schema_metadata(schema.metadata)])
+
+
+def _write_pieces(pieces: Iterable[pa.Table], schema: pa.Schema, path: Path) -> None:
+    """Write the rows of some pieces, or half of them and `_UnlikeError`."""
+    groups = _groups(pieces, schema)
+    group = next(groups)
+    repeating = _repeating(group)
+    last = group.slice(0, 0).select(_KEYS)
+    # Values that do not repeat themselves are noise, which cannot be made smaller.
+    packing = {name: "snappy" if name in repeating else "none" for name in schema.names}
+    with parquet.ParquetWriter(
+        path, schema, use_dictionary=repeating, compression=packing
+    ) as writer:
+        while group:
+            keys = pa.concat_tables([last, group.select(_KEYS)])
+            if _order(keys) is not None:
+                raise _UnlikeError
             writer.write_table(group, GROUP)
+            last, group = keys.slice(len(keys) - 1), None  # the next one needs its memory
+            group = next(groups, None)
 
 
 def _pieces(parts: Parts) -> Iterator[pa.Table]:
-    """All rows in order, a few of them at a time if they are stored in order."""
-    if _order(_joined(_read(parts, _keys))) is not None:
-        yield _ordered(_joined(_read(parts, _all)))
-        return
-    sources = iter(parts.sources)
+    """All rows as they are stored, a few of them at a time."""
+    sources = parts.sources
     if parts.in_table:
-        file = _opened(next(sources))
-        for number in range(file.num_row_groups):
-            yield file.read_row_group(number)
-    with ThreadPoolExecutor() as pool:
-        while some := list(islice(sources, AT_ONCE)):
-            yield from pool.map(partial(_columns, wanted=_all), some)
+        numbers = range(_opened(sources[0]).num_row_groups)
+        yield from _ahead(partial(_row_group, sources.pop(0)), numbers, 1)
+    yield from _ahead(_columns, sources, AT_ONCE)
+
+
+def _row_group(path: Path, number: int) -> pa.Table:
+    return _opened(path).read_row_group(number)
+
+
+def _ahead(
+    read: Callable[[_Item], pa.Table], items: Iterable[_Item], count: int
+) -> Iterator[pa.Table]:
+    """What is read of some items, of which the next ones are read meanwhile."""
+    rest = iter(items)
+    with ThreadPoolExecutor(1) as pool:  # more would wait for each other, and for the writing
+        under_way = deque(pool.submit(read, item) for item in islice(rest, count))
+        while under_way:
+            made = under_way.popleft().result()
+            under_way.extend(pool.submit(read, item) for item in islice(rest, 1))
+            yield made
 
 
 def _groups(pieces: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.Table]:
     """The same rows, `GROUP` at a time, so that their bytes do not tell of the pieces."""
-    rest = schema.empty_table()
+    some: list[pa.Table] = []
     for piece in pieces:
-        rest = pa.concat_tables(
-            [rest, piece.replace_schema_metadata(schema.metadata)], promote_options="permissive"
-        )
-        while len(rest) >= GROUP:
-            yield rest.slice(0, GROUP).combine_chunks()
-            rest = rest.slice(GROUP)
-    if len(rest):
+        if not piece.schema.equals(schema, check_metadata=True):
+            raise _UnlikeError
+        some.append(piece)
+        if sum(map(len, some)) >= GROUP:
+            rest = pa.concat_tables(some)
+            while len(rest) >= GROUP:
+                yield rest.slice(0, GROUP).combine_chunks()
+                rest = rest.slice(GROUP)
+            some = [rest]
+    if rest := pa.concat_tables(some):
         yield rest.combine_chunks()
 
 

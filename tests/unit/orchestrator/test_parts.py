@@ -87,7 +87,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     rows: Counter[str] = Counter()
     original = parts._columns
 
-    def counted(path: Path, wanted: parts.Wanted) -> pa.Table:
+    def counted(path: Path, wanted: parts.Wanted | None = None) -> pa.Table:
         arrow = original(path, wanted)
         rows.update(dict.fromkeys(arrow.column_names, len(arrow)))
         return arrow
@@ -101,7 +101,7 @@ def test_an_analysis_reads_each_column_that_it_needs_once_and_no_other(
 ) -> None:
     reports.save(out, tmp_path / "analysis")
     needed = {
-        "run_id", "replicate", "point", "run_order", "seed", "arm", "error",
+        "replicate", "point", "run_order", "seed", "arm", "error",
         "ekf.absolute_total_rms_m", "ekf.nees_position", "ekf.own_relative_nees_position",
         "ekf.inconsistent", "ekf.lost",
     }  # fmt: skip
@@ -175,9 +175,9 @@ def test_a_damaged_part_counts_as_missing_although_its_runs_are_in_the_table(out
         assert len(small().run(out)) == 8
 
 
-def as_of_old(out: Path) -> None:
-    """Take from a folder what earlier versions did not write."""
-    for path in stored(out):
+def as_of_old(out: Path, first: int = 0) -> None:
+    """Take from a folder, or its later parts, what earlier versions did not write."""
+    for path in stored(out)[first:]:
         stream = pa.BufferOutputStream()
         parquet.write_table(parquet.read_table(path).replace_schema_metadata(None), stream)
         content = stream.getvalue().to_pybytes()
@@ -198,6 +198,15 @@ def test_a_folder_of_old_is_read_and_completed(out: Path, whole: Path) -> None:
     assert len(small(replicates=5).run(out)) == 10
     assert set(before) < set(stored(out))
     assert len(stored(out)) == 5
+
+
+def test_the_whole_table_says_whose_runs_it_holds_if_all_parts_do(out: Path) -> None:
+    said = b"sblcosim.campaign"
+    assert said in parquet.read_schema(out / "runs.parquet").metadata
+    as_of_old(out, 2)
+    small().run(out)
+    assert len(store.finished(out)) == 8
+    assert said not in (parquet.read_schema(out / "runs.parquet").metadata or {})
 
 
 def test_runs_of_another_study_in_a_part_count_for_nothing(
@@ -258,3 +267,66 @@ def test_columns_are_chosen_of_all_names(out: Path) -> None:
 
     assert list(store.table(out, chosen)) == ["arm", "ekf.nis"]
     assert seen == list(store.table(out))
+
+
+def apart(out: Path, pieces: Sequence[pd.DataFrame]) -> Path:
+    """A folder of the small study with its runs in other parts."""
+    asked = campaign.prepare(small())
+    store.open_folder(out, asked)
+    for made in pieces:
+        place, replicate = int(made["point"].iloc[0]) - 1, int(made["replicate"].iloc[0])
+        runs = [campaign.Run(place, replicate, 1, made["run_id"].iloc[0])]
+        parts.write(out, asked, runs, made)
+    return out
+
+
+def test_runs_that_are_not_in_order_or_twice_make_the_same_table(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "GROUP", 3)
+    rows = store.table(whole)
+    once = apart(tmp_path / "once", [rows])
+    late = [rows[:4], rows[4:5], pd.concat([rows[5:6], rows[7:]]), rows[6:7]]
+    twice, between_groups = [rows[:5], rows[2:]], [rows[:6], rows[4:]]
+    for number, pieces in enumerate(([rows[::2], rows[1::2]], twice, between_groups, late)):
+        other = apart(tmp_path / str(number), pieces)
+        for folder in (once, other):
+            assert len(small().run(folder)) == len(rows)
+        assert (other / "runs.parquet").read_bytes() == (once / "runs.parquet").read_bytes()
+
+
+def test_a_column_of_which_a_later_part_says_more_is_in_the_whole_table(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whole numbers at first, and then fractions, in a later group of rows."""
+    monkeypatch.setattr(parts, "GROUP", 3)
+    rows = store.table(whole)
+    more = rows.assign(**{"ekf.updates": rows["ekf.updates"].astype(float) + 0.5})
+    out = apart(tmp_path / "out", [rows[:4], more[4:]])
+    small().run(out)
+    right = pd.concat([rows[:4], more[4:]], ignore_index=True)
+    pd.testing.assert_frame_equal(pd.read_parquet(out / "runs.parquet"), right, check_exact=True)
+
+
+def test_a_study_may_have_more_parts_than_a_process_may_open_files(
+    whole: Path, tmp_path: Path
+) -> None:
+    resource = pytest.importorskip("resource")
+    folder = Path("/proc/self/fd")
+    if not folder.exists():
+        pytest.skip("does not say what is open")
+    rows = store.table(whole)
+    pieces = [rows.assign(replicate=rows["replicate"] + 4 * n) for n in range(40)]
+    for n, made in enumerate(pieces):
+        made["run_id"] = [f"{16 * n + k:016x}" for k in range(len(made))]
+    out = apart(tmp_path / "out", pieces)
+    there, _ = parts.looked_through(out, {})
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = {int(name.name) for name in folder.iterdir()}
+    free = [number for number in range(len(taken) + 21) if number not in taken]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (free[20], limits[1]))
+    try:
+        parts.save(there)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert len(pd.read_parquet(out / "runs.parquet")) == 40 * len(rows)
