@@ -299,3 +299,26 @@ def test_a_report_names_the_errors_that_what_is_possible_leaves_out(tmp_path: Pa
     (table,) = possible.tables(made, made.run(tmp_path))
     assert isinstance(table, Table)
     assert table.note.endswith("Errors that it leaves out: mounting_std_m.")
+
+
+def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) -> None:
+    """Over receivers and conditions; with the words that the share of lost runs needs."""
+    of = small(conditions={"sea": SEA | {"levels": [2, 4]}}, factors={
+        "boat": BOAT, "receiver": {"keys": ["receivers"], "levels": ["sequential", "coupled"]},
+    })  # fmt: skip
+    runs = of.run(tmp_path / "s")
+    planted = runs.copy()
+    planted.loc[5, f"coupled.{TOTAL}"] = 9e4
+    found = workflow.of_grid(of, planted, practical=0.5)
+    assert found.worst_run == planted["run_id"][5]
+    assert found.largest == 9e4
+    assert f"sblcosim replay RESULTS {planted['run_id'][5]}" in found.text()
+    assert "Lost is judged in the last quarter" in found.text()
+    assert set(found.pairs["verdict"]) <= {"equal", "differs", "open"}
+    saved = reports.save(tmp_path / "s", tmp_path / "a", practical=0.5)
+    assert isinstance(saved, GeneralFactorial)
+    assert saved.worst_run in set(runs["run_id"])
+    page = (tmp_path / "a" / "report.html").read_text("utf-8")
+    for words in ("Medians of the levels", "Lost is judged in the last quarter", "Verdict"):
+        assert words in page
+    assert (tmp_path / "a" / "medians.csv").exists()
