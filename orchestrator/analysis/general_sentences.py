@@ -100,7 +100,8 @@ def _practical(analysis: GeneralAnalysis) -> str:
     counts = a.pairs["verdict"].value_counts()
     found = {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}
     return (f"Of the {len(a.pairs)} pairs of levels {found['differs']} differ by more than "
-            f"{limit}, {found['equal']} are equal within it, and of {found['open']} the runs cannot tell.")
+            f"{limit}, {found['equal']} are equal within it, and of {found['open']} the runs "
+            "cannot tell.")
 
 
 def _by_means(analysis: GeneralAnalysis) -> str:

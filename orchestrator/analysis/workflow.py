@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,14 @@ import pandas as pd
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..results.consistency import NEES_COLUMNS
-from ..results.responses import RESPONSES, readable, unit_of
+from ..results.responses import (
+    ALL_PERCENTILES,
+    ON_REQUEST,
+    PERCENTILES,
+    RESPONSES,
+    readable,
+    unit_of,
+)
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
 from ..study.batch import VALUE
@@ -252,10 +260,19 @@ def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
     known = [c.partition(".")[2] for c in responses if c.startswith(f"{chosen}.")]
     if response not in known:
         raise ConfigurationError(
-            f"response: must be one of {', '.join(known)}, got {quoted(response)}"
-            f"{nearest(response, known)}"
+            f"response: must be a column of the table of runs without its receiver, got "
+            f"{quoted(response)}{_hint(response, known)}; docs/reference/results.md lists all"
         )
     return f"{chosen}.{response}"
+
+
+def _hint(response: str, known: Sequence[str]) -> str:
+    """What was meant, or how a study gets percentiles."""
+    other = re.search(r"_p\d+(_|$)|percentile", response) and not PERCENTILES.keys() & {*known}
+    if response not in ON_REQUEST and not other:
+        return nearest(response, known)
+    asked = response if response in ON_REQUEST else ALL_PERCENTILES
+    return f"; this study has none, its file must say responses = [\"{asked}\"] for it"
 
 
 def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:

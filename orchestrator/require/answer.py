@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from math import isfinite
 from string import ascii_uppercase
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -17,10 +17,10 @@ from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
 from .limiting import Limiting
 from .question import Question
-from .sequential import FIRST
+from .sequential import FIRST, Verdict
 
 Floats = NDArray[np.float64]
-VERDICTS = {"good": "suffices", "not": "fails", "open": "open"}
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 """Words for verdicts."""
 
 
@@ -107,10 +107,10 @@ class Answer(Shown):
             return f"{what} that suffices: {self.priced(self.chosen)}. {self._numbers(self.chosen)}"
         if not counts["open"]:
             return f"No design suffices: all {total} surely fail."
-        if not counts["not"]:
+        if not counts["fails"]:
             return f"No design surely suffices: all {total} stay open.{self._too_few()}"
         return (
-            f"No design surely suffices: of {total}, {_counted(counts['not'], 'fail')} for sure, "
+            f"No design surely suffices: of {total}, {_counted(counts['fails'], 'fail')} for sure, "
             f"{_counted(counts['open'], 'stay')} open.{self._too_few()}"
         )
 
@@ -145,9 +145,9 @@ class Answer(Shown):
         low, high = isfinite(of["lower"]), isfinite(of["upper"])
         if of["verdict"] == "open" and low and high:
             return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
-        if low and of["verdict"] != "good":
+        if low and of["verdict"] != "suffices":
             return f", surely at least {self._size(of['lower'])}"
-        if high and of["verdict"] != "not":
+        if high and of["verdict"] != "fails":
             return f", surely at most {self._size(of['upper'])}"
         return ""
 
@@ -162,8 +162,8 @@ class Answer(Shown):
             return "Nothing is cheaper."
         of = self.of(self.cheaper)
         fails = {
-            "not": f"fails{self._by(self.cheaper)}", "open": "is open",
-            "good": "suffices, too",
+            "fails": f"fails{self._by(self.cheaper)}", "open": "is open",
+            "suffices": "suffices, too",
         }[of["verdict"]]  # fmt: skip
         return (
             f"The next cheaper one worth its cost {fails}: {self.priced(self.cheaper)}. "
@@ -186,7 +186,7 @@ class Answer(Shown):
         if not isfinite(of["estimate"]):
             return ", too many of its runs being lost"
         by = f" by {self._size(of['estimate'] - limit)}"
-        if of["verdict"] == "not":
+        if of["verdict"] == "fails":
             by += f", surely by {self._size(of['lower'] - limit)} or more"
         return by
 
@@ -227,9 +227,9 @@ class Answer(Shown):
         open_ = f", {_counted(counts['open'], 'stay')} open" if counts["open"] else ""
         return (
             f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
-            f"is wrong: {_counted(counts['good'], 'suffice')}, {_counted(counts['not'], 'fail')}"
-            f"{open_}. That took {self.spent:,} of at most {q.terms.most_runs:,} runs."
-            f"{self._untried()}"
+            f"is wrong: {_counted(counts['suffices'], 'suffice')}, "
+            f"{_counted(counts['fails'], 'fail')}{open_}. That took {self.spent:,} of at most "
+            f"{q.terms.most_runs:,} runs.{self._untried()}"
         )
 
     def _untried(self) -> str:
@@ -303,7 +303,7 @@ class Answer(Shown):
                 f"{letters[number]}  {self.short(number)}" if number in letters
                 else self.short(number),
                 *([q.price(row["cost"])] if q.costs else []),
-                VERDICTS[row["verdict"]], f"{row['runs']:,}",
+                row["verdict"], f"{row['runs']:,}",
                 self._share(number) if row["runs"] else "–",
                 "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
                 _span(row["verdict"], row["lower"], row["upper"]),
@@ -354,7 +354,7 @@ def _figure(value: float) -> str:
 def _span(verdict: str, low: float, high: float) -> str:
     """The bounds of a percentile that belong to a verdict."""
     ends = [(low, "≥"), (high, "≤")]
-    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("good", "not"),
+    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("suffices", "fails"),
              strict=True) if isfinite(end) and verdict != other]  # fmt: skip
     return ", ".join(shown) or "–"
 

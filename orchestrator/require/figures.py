@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ..results.drawing import free_places
 from ..style import LINES, SMALL, ThemeName, new_figure, use
-from .answer import VERDICTS, Answer
+from .answer import Answer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
-_LOOKS = {"good": ("o", 2), "open": ("D", 3), "not": ("X", 0)}
+_LOOKS = {"suffices": ("o", 2), "open": ("D", 3), "fails": ("X", 0)}
 """Marker of each verdict, and its colour among those of receivers."""
 _WIDEST = 5.0
 """Ratio of the largest to the smallest value from which the axis is logarithmic."""
@@ -48,7 +48,7 @@ def plot_front(answer: Answer, ax: Axes | None = None, theme: ThemeName = "light
             ax.vlines(mine["x"], *bars, color=look.receivers[colour], lw=1)
             if len(mine):
                 ax.plot(mine["x"], mine["estimate"], marker, color=look.receivers[colour], ms=6,
-                        mew=0, label=f"{VERDICTS[verdict]} ({len(mine)})")
+                        mew=0, label=f"{verdict} ({len(mine)})")
         if q.costs:
             front = at[at["front"] & np.isfinite(at["estimate"])]
             ax.step(front["x"], front["estimate"], where="post", color=look.soft, lw=1, zorder=1,

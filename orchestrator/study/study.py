@@ -176,7 +176,8 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
         if study.model is None and study.scenario:
             _ = study.base  # report an invalid scenario before anything else
     except ConfigurationError as error:
-        raise ConfigurationError(_prefixed(f"{where}: scenario", error)) from None
+        plain = ConfigurationError(str(error).removeprefix("scenario: "))
+        raise ConfigurationError(_prefixed(f"{where}: scenario", plain)) from None
     wrong = [*problems(study)]
     if wrong:
         raise ConfigurationError("\n".join(f"{where}: {problem}" for problem in wrong))

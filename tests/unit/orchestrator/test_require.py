@@ -240,7 +240,7 @@ def test_a_run_depends_on_its_design_condition_and_number_only() -> None:
 def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
     answer, out = found
     chosen = answer.of(answer.named)
-    assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "good")
+    assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "suffices")
     text = answer.answer()
     assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
     assert "The next cheaper one worth its cost fails by" in text
@@ -334,7 +334,7 @@ def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() ->
     answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
     assert answer.chosen == 1
     assert answer.cheaper == 0
-    assert answer.counts == {"good": 3, "not": 3, "open": 0}
+    assert answer.counts == {"suffices": 3, "fails": 3, "open": 0}
     cheap = pretended(question, dict.fromkeys(range(6), 0.99))
     assert cheap.chosen == 0
     assert "Nothing is cheaper." in cheap.answer()

@@ -72,7 +72,7 @@ def test_a_seed_of_its_own_for_each_run_makes_all_factors_look_important() -> No
 def test_a_function_without_chance_has_no_index_of_the_seed() -> None:
     found = of(ishigami, ANGLES, 64)
     assert (found.indices.loc["seed"] == 0).all()
-    assert "chance (the seed) nothing." in found.text()
+    assert "and nothing by chance (the seed)." in found.text()
 
 
 def test_scipy_finds_the_same_indices() -> None:
@@ -172,9 +172,9 @@ def test_the_answer_says_the_shares_in_words() -> None:
     text = found.text()
     row = found.indices.loc["gps"]
     assert text.startswith(
-        f"GPS error alone explains {100 * row['first']:.0f} % (95 % interval "
-        f"{100 * row['first_low']:.0f} to {100 * row['first_high']:.0f}) of the variance of ln "
-        "ekf.error_m, with interactions "
+        f"{100 * row['total']:.0f} % of the variance of ln ekf.error_m, interactions included, is "
+        f"explained by GPS error and {100 * found.indices.loc['seed', 'total']:.0f} % by chance "
+        "(the seed)."
     )
     chance = found.indices.loc["seed"]
     assert f"chance (the seed) alone {100 * chance['first']:.0f} % (" in text
