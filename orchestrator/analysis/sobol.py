@@ -127,7 +127,7 @@ class SobolIndices:
 
 
 def answer(found: SobolIndices, most: int = 2) -> str:
-    """What explains the variance, in a sentence: total indices of the largest factors, and chance."""
+    """What explains the variance, in a sentence: the largest total indices, and chance."""
     ranked = found.ranked().drop(index=SEED_FACTOR)
     named = [str(name) for name in ranked.index[ranked["total"] >= NEGLIGIBLE][:most]]
     of = f"of the variance of {found.quantity}, interactions included"
