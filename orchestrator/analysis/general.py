@@ -245,7 +245,7 @@ def _verdicts(pairs: pd.DataFrame, limit: float) -> list[str]:
     """Whether the levels of each pair are equal within ±limit, by their interval."""
     low, high = pairs["low"].to_numpy(np.float64), pairs["high"].to_numpy(np.float64)
     equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
-    return np.select([equal, differs], ["equal", "differs"], "open").tolist()
+    return [str(v) for v in np.select([equal, differs], ["equal", "differs"], "open")]
 
 
 def _spread(cells: Cells) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def _typical(analysis: GeneralAnalysis) -> str:
     parts, same = [], []
     for name in a.factors:
         own = a.medians[a.medians["factor"] == name]
-        rows: list[Any] = [own.loc[own["median"].idxmax()], own.loc[own["median"].idxmin()]]
+        rows: list[Any] = [own.iloc[own["median"].argmax()], own.iloc[own["median"].argmin()]]
         worst, best = rows
         if not worst["all_low"] > best["all_high"]:
             same.append(name)

@@ -143,6 +143,12 @@ class GeneralAnalysis:
         return f"{'Geometric mean' if self.transform == 'log' else 'Mean'} {self.response}{unit}"
 
     @property
+    def shown_of(self) -> str:
+        """What stands first: medians where means cannot be trusted, with their unit."""
+        unit = f" [{self.measured_in}]" if self.measured_in else ""
+        return f"Median {self.response}{unit}" if self.by_medians else self.mean_of
+
+    @property
     def ran_away(self) -> bool:
         """Whether a single run is so far beyond the median that means rest on it."""
         return self.transform == "none" and 0 < RUNAWAY * self.median < self.largest

@@ -219,7 +219,7 @@ def _notes(found: SobolIndices) -> Iterator[str]:
 
 def _total(found: SobolIndices, name: str) -> str:
     """The total index of a factor in per cent; no estimate is below 0 or above all."""
-    return _percent(min(1.0, max(0.0, float(found.indices.loc[name, "total"]))))
+    return _percent(min(1.0, max(0.0, float(found.indices["total"][name]))))
 
 
 def _percent(share: float) -> str:

@@ -29,9 +29,12 @@ def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
     Figure(
         "main_effects", plots.plot_means, _of,
-        lambda a: f"{a.mean_of} at each level, every combination of the others counted "
-        "once; bars are the intervals of these means alone.",
-        lambda a: f"Means of {a.quantity} by level of {', '.join(a.factors)}",
+        lambda a: f"{a.shown_of} at each level; bars are its interval alone." if a.by_medians else (
+            f"{a.mean_of} at each level, every combination of the others counted "
+            "once; bars are the intervals of these means alone."
+        ),
+        lambda a: f"{'Medians' if a.by_medians else 'Means'} of {a.quantity} by level of "
+        f"{', '.join(a.factors)}",
     ),
     Figure(
         "pairs", plots.plot_pairs, _of,
