@@ -87,7 +87,7 @@ def problems(study: Definition) -> Iterator[str]:
         if not all(key in known or ".parameters." in key for key in factor.all_keys):
             continue
         problem = next((p for v in factor.values for p in _level(study, factor, v)), None)
-        if problem is None and isinstance(factor.levels, dict):
+        if problem is None and isinstance(factor.levels, dict) and factor.all_keys:
             problem = _twice(study, factor)
         if problem is not None:
             yield f"{prefix} levels: {problem}"
