@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest, quoted
+from .medians import median_table
 from .model import Floats
 from .options import Options
 from .runs import check_columns, transformed, usable
@@ -64,6 +65,8 @@ class Cells:
         lost.
     empty
         Levels without any run that counts, as ``factor level``.
+    medians
+        Of the response itself, see `sblcosim.analysis.medians.median_table`.
     """
 
     levels: Mapping[str, tuple[Level, ...]]
@@ -81,6 +84,7 @@ class Cells:
     seen: Floats
     seen_lost: Floats
     empty: tuple[str, ...]
+    medians: pd.DataFrame
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -122,6 +126,7 @@ def cells_of(
     everything = pd.Series(gone).groupby([numbers[name] for name in factors], sort=True)
     data = usable(numbers, factors, response, options)
     dropped = len(table) - len(data)
+    medians = median_table(data, known, response, options)
     logs = options.transform == "none" and bool((data[response] > 0).all())
     data = transformed(data, factors, response, options)
     left, empty = _with_runs(data, known)
@@ -150,6 +155,7 @@ def cells_of(
         seen=np.asarray(everything.count(), np.float64),
         seen_lost=np.asarray(everything.sum(), np.float64),
         empty=empty,
+        medians=medians,
     )
 
 

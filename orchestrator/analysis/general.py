@@ -103,6 +103,7 @@ def analyse(
     confidence: float = 0.95,
     levels: Mapping[str, Sequence[Level]] | None = None,
     lost: str = LOST,
+    practical: float | None = None,
     labels: Mapping[str, str] | None = None,
     label: str = "",
     units: Mapping[str, str] | None = None,
@@ -135,6 +136,8 @@ def analyse(
     lost
         Column that is not zero for lost runs, if the table has it: their share stands beside every
         mean.
+    practical
+        Smallest difference of two levels that matters; with ``log`` a ratio, above 1.
     labels, label, units, unit
         For texts: names of the factors and of the response, and their units.
 
@@ -148,8 +151,9 @@ def analyse(
     check_choice("transform", transform, ("none", "log"))
     check_choice("typ", typ, get_args(Type))
     options = Options(
-        seeding=seeding, transform=transform, error="pure", practical=None, confidence=confidence,
-        unit=unit, replicate=replicate, run_order="",
+        seeding=seeding, transform=transform, error="pure", practical=practical,
+        confidence=confidence, unit=unit,
+        replicate=replicate, run_order="",
     )
     if lost != LOST and lost not in table:
         raise ConfigurationError(
@@ -168,7 +172,19 @@ def analyse(
     y = table[response].to_numpy(np.float64, na_value=np.nan)
     y = y[np.isfinite(y)]
     found = _assembled(response, options, typ, model, label, names)
-    return replace(found, largest=float(y.max()), median=float(np.median(y)))
+    found = replace(found, largest=float(y.max()), median=float(np.median(y)))
+    return _without_negative(found) if transform == "none" and y.min() >= 0 else found
+
+
+def _without_negative(found: GeneralFactorial) -> GeneralFactorial:
+    """The same without intervals of means that reach below zero: such a mean is not known."""
+    tables = {}
+    for name in ("means", "cells"):
+        table = getattr(found, name)
+        tables[name] = table.assign(**{
+            end: table[end].where(~(table["low"] < 0)) for end in ("high", "low")
+        })  # fmt: skip
+    return replace(found, **tables)
 
 
 def _assembled(
@@ -183,6 +199,9 @@ def _assembled(
     cells, errors, confidence = model.cells, Errors(model), options.confidence
     anova = anova_table(model, typ)
     means = means_table(model, errors, confidence)
+    pairs = pair_table(model, errors, confidence, options.is_ratio)
+    if options.limit is not None:
+        pairs["verdict"] = _verdicts(pairs, options.limit)
     total: Any = anova.loc["total"]
     residual: Any = anova.loc["residual"]
     return GeneralFactorial(
@@ -199,7 +218,7 @@ def _assembled(
         anova=anova,
         means=means,
         cells=cell_table(model, errors, confidence),
-        pairs=pair_table(model, errors, confidence, options.is_ratio),
+        pairs=pairs,
         runs=int(cells.runs.sum()),
         combinations=len(cells.runs),
         dropped=cells.dropped,
@@ -214,10 +233,19 @@ def _assembled(
         fewest=int(means["runs"].min()),
         runs_needed=runs_to_see(CONTAMINATION, (1 - confidence) / len(means)),
         empty=cells.empty,
+        medians=cells.medians,
+        practical=options.practical,
         label=label,
         labels=names["labels"],
         units=names["units"],
     )
+
+
+def _verdicts(pairs: pd.DataFrame, limit: float) -> list[str]:
+    """Whether the levels of each pair are equal within ±limit, by their interval."""
+    low, high = pairs["low"].to_numpy(np.float64), pairs["high"].to_numpy(np.float64)
+    equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
+    return [str(v) for v in np.select([equal, differs], ["equal", "differs"], "open")]
 
 
 def _spread(cells: Cells) -> tuple[float, float]:

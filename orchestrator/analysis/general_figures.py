@@ -39,24 +39,29 @@ MOST_BARS = 4
 def plot_means(
     analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """Marginal mean at each level of each factor; bars are intervals of this mean alone."""
+    """Marginal mean at each level of each factor; bars are intervals of this mean alone.
+
+    Where means cannot be trusted (`GeneralAnalysis.by_medians`), medians instead.
+    """
     with use(theme) as look:
         rows = [[_name(analysis, factor, level) for level in levels]
                 for factor, levels in analysis.levels.items()]
         panels = _stacked(rows, ax)
+        what = "median" if analysis.by_medians else "mean"
+        table = analysis.medians if analysis.by_medians else analysis.own_means
         for panel, factor, names in zip(panels, analysis.levels, rows, strict=True):
-            own = analysis.own_means[analysis.own_means["factor"] == factor]
-            mean = own["mean"].to_numpy(np.float64)
+            own = table[table["factor"] == factor]
+            mean = own[what].to_numpy(np.float64)
             middle = np.exp(np.log(mean).mean()) if analysis.transform == "log" else mean.mean()
             panel.axvline(middle, color=look.ink, ls=LINES[2], lw=1.0)
             at = _rows(panel, names)
             panel.errorbar(mean, at, xerr=[mean - own["low"], own["high"] - mean], fmt="o", ms=5,
                            capsize=3, lw=1.3, color=look.receivers[0])
             _title(panel, with_unit(factor, analysis.units))
-        _shared(panels, analysis.mean_of)
+        _shared(panels, analysis.shown_of)
         line = Line2D([], [], color=look.ink, ls=LINES[2], lw=1.0, label="mean of the levels")
         dot = Line2D([], [], color=look.receivers[0], marker="o", ms=5, lw=1.3,
-                     label=f"mean, {100 * analysis.confidence:.4g} % interval")
+                     label=f"{what}, {100 * analysis.confidence:.4g} % interval")
         add_legend(panels[-1], ax is None, [dot, line])
     return panels
 

@@ -16,8 +16,11 @@ from .sentences import left_out, minus, p_value, percent, quantity, rounded
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
-RUNAWAY = 50.0
-"""Of the median: a run beyond is told, however few there are."""
+VERDICTS = {"equal": "equal", "differs": "differs", "open": "cannot tell"}
+"""Of a pair of levels, with a smallest difference that matters."""
+LOST = ("Lost is judged in the last quarter of a run alone: off by more than the diver is from the "
+        "platform, or without an estimate. A run that ends well is not lost, whatever was before.")
+"""What the share of lost runs counts."""
 UNEQUAL = 2.0
 """Ratio of standard deviations from which on it is said that they are not equal."""
 
@@ -43,6 +46,11 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
         f"{a.mean_of}, {level} intervals, and the share of lost runs:",
         *table(_mean_rows(a), width, ("factor", "level", "mean", "low", "high", "runs", "lost"),
                range(2, 7)),
+        "",
+        f"Medians of {a.response}{f' [{a.measured_in}]' if a.measured_in else ''}, {level} "
+        "intervals by order statistics:",
+        *table(_median_rows(a), width, ("factor", "level", "median", "low", "high"), range(2, 5)),
+        *(["", LOST] if a.means["lost"].notna().any() else []),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
           left_out(a.dropped, a.seeding == "common")),
     ]
@@ -54,8 +62,53 @@ def answer(analysis: GeneralAnalysis) -> str:
 
     A factor is named from its worst to its best level, as if less of the response is better.
     """
+    return " ".join([*([_typical(analysis)] if analysis.by_medians else []), _by_means(analysis),
+                     *([] if analysis.practical is None else [_practical(analysis)])])
+
+
+def _typical(analysis: GeneralAnalysis) -> str:
+    """What medians say, where means cannot be trusted."""
     a = analysis
-    what = f"the {'geometric mean of the ' if a.transform == 'log' else ''}{a.response}"
+    unit = f" {a.measured_in}" if a.measured_in else ""
+    parts, same = [], []
+    for name in a.factors:
+        own = a.medians[a.medians["factor"] == name]
+        rows: list[Any] = [own.iloc[own["median"].argmax()], own.iloc[own["median"].argmin()]]
+        worst, best = rows
+        if not worst["all_low"] > best["all_high"]:
+            same.append(name)
+            continue
+        ends = [
+            f"{level_text(row['level'], a.units.get(name, ''))}, {rounded(row['median'])}{unit} "
+            f"({rounded(row['all_low'])} to {rounded(row['all_high'])})" for row in rows
+        ]
+        parts.append((worst["median"] / max(best["median"], 1e-300),
+                      f"{name} from {' to '.join(ends)}"))
+    named = [text for _, text in sorted(parts, key=lambda part: -part[0])][:MOST_NAMED]
+    what = f"The median {a.response}"
+    lines = [f"{what} falls with {'; then with '.join(named)}."] if named else []
+    if same:
+        lines.append(f"No two levels of {_listed(same, ' or ')} surely differ in the median.")
+    return " ".join(["The means rest on few runs, so the medians first.", *lines])
+
+
+def _practical(analysis: GeneralAnalysis) -> str:
+    """Which pairs of levels are equal, differ, or are open, by what matters."""
+    a = analysis
+    limit = (f"a factor of {a.practical or 0:g}" if a.transform == "log" else
+             f"±{a.practical or 0:g} {a.unit}".rstrip())
+    counts = a.pairs["verdict"].value_counts()
+    found = {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}
+    return (f"Of the {len(a.pairs)} pairs of levels {found['differs']} differ by more than "
+            f"{limit}, {found['equal']} are equal within it, and of {found['open']} the runs "
+            "cannot tell.")
+
+
+def _by_means(analysis: GeneralAnalysis) -> str:
+    """What the differences of means say."""
+    a = analysis
+    how = "geometric mean of the " if a.transform == "log" else "mean " if a.by_medians else ""
+    what = f"the {how}{a.response}"
     largest = _largest(a)
     same = [name for name in a.factors if name not in largest]
     parts: list[str] = []
@@ -96,11 +149,18 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
     """What stands against the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
-    if a.transform == "none" and 0 < RUNAWAY * a.median < a.largest:
+    if a.ran_away:
         unit = f" {a.measured_in}" if a.measured_in else ""
         times = rounded(a.largest / a.median)
-        lines.append(f"One run has {rounded(a.largest)}{unit}, {times} times the median: means "
-                     "and their intervals rest on such runs. Transform log compares typical ones.")
+        which = f"Run {a.worst_run}" if a.worst_run else "One run"
+        again = (f" It is done again by: sblcosim replay RESULTS {a.worst_run}"
+                 if a.worst_run else "")
+        lines.append(f"{which} has {rounded(a.largest)}{unit}, {times} times the median: means "
+                     "and their intervals rest on such runs. Transform log compares typical ones."
+                     + again)
+    if a.transform == "none" and a.means["low"].isna().any():
+        lines.append("Where a mean has no interval (–), it is not known: its interval would reach "
+                     "below zero, and no run does. The medians have theirs.")
     if a.heavy:
         text = (f"Heavy tails: {percent(a.far)} of the runs lie more than 5 robust standard "
                 "deviations from the median of their combination of levels, so that means rest on "
@@ -221,10 +281,28 @@ def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
         name = str(row.factor)
         unit = analysis.units.get(name, "")
         rows.append((name if name != before else "", level_text(row.level, unit),
-                     *(minus(f"{x:.4g}") for x in (row.mean, row.low, row.high)),
+                     *map(_shown, (row.mean, row.low, row.high)),
                      f"{row.runs}", percent(float(row.lost))))
         before = name
     return rows
+
+
+def _median_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+    rows = []
+    before = ""
+    row: Any
+    for row in analysis.medians.itertuples():
+        name = str(row.factor)
+        rows.append((name if name != before else "",
+                     level_text(row.level, analysis.units.get(name, "")),
+                     *map(_shown, (row.median, row.low, row.high))))
+        before = name
+    return rows
+
+
+def _shown(value: float) -> str:
+    """A number of a table; a dash for one that is not known."""
+    return "–" if np.isnan(value) else minus(f"{value:.4g}")
 
 
 def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> list[str]:
@@ -235,11 +313,13 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
         ranked = own.sort_values("difference", key=np.abs, ascending=False, kind="stable")
         rows += [_difference_row(a, str(name), row) for row in ranked.head(most).itertuples()]
         if len(ranked) > most:
-            rows.append((str(name), f"and {len(ranked) - most} smaller", *[""] * 4))
+            rows.append((str(name), f"and {len(ranked) - most} smaller",
+                         *[""] * (4 if a.practical is None else 5)))
     ratios = a.transform == "log"
     what = f"Ratios of the geometric means of {a.response}" if ratios else (
         f"Differences of the means of {a.quantity}{_in_unit(a)}")
-    head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p")
+    head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p",
+            *([] if a.practical is None else ["verdict"]))
     return [f"{what}, {100 * a.confidence:.4g} % intervals for all pairs of a factor at once:",
             *table(rows, width, head, range(2, 6))]
 
@@ -249,7 +329,16 @@ def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str
     values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
               (row.difference, row.low, row.high))
     return (name, (" / " if ratios else " − ").join(pair), *(minus(f"{x:.4g}") for x in values),
-            "" if pd.isna(row.p) else p_value(row.p))
+            "" if pd.isna(row.p) else p_value(row.p),
+            *([] if analysis.practical is None else [verdict_text(row.verdict, analysis)]))
+
+
+def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
+    """What is said of a pair of levels, in words."""
+    limit = f"{analysis.practical or 0:g}"
+    within = f"a factor of {limit}" if analysis.transform == "log" else (
+        f"±{limit} {analysis.unit}".rstrip())
+    return VERDICTS[verdict] + (f" within {within}" if verdict == "equal" else "")
 
 
 def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:

@@ -14,6 +14,9 @@ from .linear import Type
 from .model import Term, term_name
 from .options import Seeding, Transform
 
+RUNAWAY = 50.0
+"""Of the median: a run beyond is told, however few there are."""
+
 
 @dataclass(frozen=True, eq=False)
 class GeneralAnalysis:
@@ -39,7 +42,8 @@ class GeneralAnalysis:
     means
         Marginal means, each combination of the other factors' levels counted once: ``factor``,
         ``level``, ``runs``, ``lost`` (share of the table's runs that are lost or have no finite
-        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone).
+        response), ``mean``, ``std_error``, ``df``, ``low``, ``high`` (interval of this mean alone;
+        NaN if it would reach below zero though no run does: it is not known then).
     cells
         The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
     pairs
@@ -69,6 +73,15 @@ class GeneralAnalysis:
         Levels without any run that counts.
     units
         Of the factors, for texts.
+    medians
+        Of all runs at each level, of the response itself whatever is analysed: ``factor``,
+        ``level``, ``median``, ``low``, ``high``; see `sblcosim.analysis.medians.median_table`.
+    practical
+        Smallest difference that matters, with ``log`` a ratio; None: none was said. With it `pairs`
+        has ``verdict``: ``equal`` (the interval is within ±practical), ``differs`` (it is
+        beyond), ``open``.
+    worst_run
+        Which run has the `largest`, if that is known.
     labels, label
         Names for people to read, of the factors and of the response, if they have any.
     measured_in
@@ -110,6 +123,9 @@ class GeneralAnalysis:
     measured_in: str = ""
     largest: float = np.nan
     median: float = np.nan
+    worst_run: str = ""
+    medians: pd.DataFrame = field(default_factory=pd.DataFrame)
+    practical: float | None = None
 
     @property
     def own_means(self) -> pd.DataFrame:
@@ -125,6 +141,23 @@ class GeneralAnalysis:
         """What `own_means` are, with their unit."""
         unit = f" [{self.measured_in}]" if self.measured_in else ""
         return f"{'Geometric mean' if self.transform == 'log' else 'Mean'} {self.response}{unit}"
+
+    @property
+    def shown_of(self) -> str:
+        """What stands first: medians where means cannot be trusted, with their unit."""
+        unit = f" [{self.measured_in}]" if self.measured_in else ""
+        return f"Median {self.response}{unit}" if self.by_medians else self.mean_of
+
+    @property
+    def ran_away(self) -> bool:
+        """Whether a single run is so far beyond the median that means rest on it."""
+        return self.transform == "none" and 0 < RUNAWAY * self.median < self.largest
+
+    @property
+    def by_medians(self) -> bool:
+        """Whether means cannot be trusted: heavy tails, a runaway, intervals not known."""
+        unknown = bool(self.means["low"].isna().any())
+        return self.transform == "none" and (self.heavy or self.ran_away or unknown)
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -151,6 +184,7 @@ class GeneralAnalysis:
             cells=self.cells.assign(first=self.cells["first"].map(names),
                                     second=self.cells["second"].map(names)),
             pairs=self.pairs.assign(factor=self.pairs["factor"].map(names)),
+            medians=self.medians.assign(factor=self.medians["factor"].map(names)),
             units={names[name]: unit for name, unit in self.units.items() if name in names},
             labels={},
             label="",

@@ -27,6 +27,8 @@ RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
 MOST_BINS, LEAST_IN_BIN = 20, 16
 """Bins of a conditional mean, and independent runs in each."""
+MOST_IN_COLUMN = 6
+"""Panels one above the other."""
 _THICK = 0.36  # of a bar
 
 
@@ -38,7 +40,7 @@ def plot_indices(
         table = found.ranked().iloc[::-1]
         own = ax is None
         if ax is None:
-            ax = new_figure(6.4, 1.5 + 0.5 * len(table)).add_subplot()
+            ax = new_figure(4.8, 1.7 + 0.5 * len(table)).add_subplot()
         places = np.arange(len(table))
         for side, kind, words, hatch in (
             (1, "first", "first order: by itself", ""),
@@ -51,14 +53,14 @@ def plot_indices(
             ax.errorbar(size, places + side * _THICK / 2, xerr=reach, fmt="none", ecolor=look.ink,
                         elinewidth=1, capsize=2.5)
         ax.axvline(0, color=look.ink, lw=0.8)
-        ax.set_yticks(places, [fill(found.name_of(str(name)), 24) for name in table.index], **PLAIN)
+        ax.set_yticks(places, [fill(found.name_of(str(name)), 18) for name in table.index], **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         ax.set_xlim(right=max(1.0, ax.get_xlim()[1]))
-        ax.set_xlabel(f"Share of the variance; lines: {100 * found.confidence:.4g} % intervals")
-        ax.set_title(fill(f"Sobol' indices of {found.quantity}", 70), loc="left")
+        ax.set_xlabel(f"Share of the variance;\nlines: {100 * found.confidence:.4g} % intervals")
+        ax.set_title(fill(f"Sobol' indices of {found.quantity}", 38), loc="left")
         if own:
-            ax.figure.legend(loc="outside lower center", ncols=2)
+            ax.figure.legend(loc="outside lower center", ncols=1)
         else:
             ax.legend(loc="best")
     return ax
@@ -77,25 +79,30 @@ def plot_scatter(
         factors = found.sample.factors
         own = ax is None
         if ax is None:
-            columns = min(len(factors), 3)
+            columns = _columns(factors)
             rows = ceil(len(factors) / columns)
-            figure = new_figure(1.2 + 2.7 * columns if columns > 1 else 5.6, 0.9 + 2.7 * rows)
+            figure = new_figure(4.2 if columns == 1 else 5.4, 0.9 + 2.3 * rows)
             ax = list(figure.subplots(rows, columns, squeeze=False, sharey=True).flat)
         for panel in ax[len(factors):]:
             panel.set_axis_off()
         for panel, factor in zip(ax, factors, strict=False):
             _panel(panel, found, factor, look)
-        per_row = 1 if not own else min(len(factors), 3)
+        per_row = _columns(factors) if own else 1
         for panel in ax[: len(factors) : per_row]:
             panel.set_ylabel(fill(_response(found), 34))
         if own:
             handles, labels = ax[0].get_legend_handles_labels()
-            legend = ax[0].figure.legend(handles, labels, loc="outside lower center", ncols=2)
+            legend = ax[0].figure.legend(handles, labels, loc="outside lower center", ncols=1)
         else:
             legend = ax[0].legend(loc="best")
         dot: Any = legend.legend_handles[0]
         dot.set(markersize=8, alpha=1)
     return ax
+
+
+def _columns(factors: Sequence[Factor]) -> int:
+    """One panel beside the other only where there are many: a telephone has room for one."""
+    return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 
 def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> None:

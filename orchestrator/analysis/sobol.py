@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, log2
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -126,28 +126,20 @@ class SobolIndices:
 # --- Sentences -----------------------------------------------------------------------------------
 
 
-def answer(found: SobolIndices, most: int = 3) -> str:
-    """What explains the variance, in a few sentences: the largest factors, and chance."""
+def answer(found: SobolIndices, most: int = 2) -> str:
+    """What explains the variance, in a sentence: the largest total indices, and chance."""
     ranked = found.ranked().drop(index=SEED_FACTOR)
     named = [str(name) for name in ranked.index[ranked["total"] >= NEGLIGIBLE][:most]]
-    rest = [str(name) for name in ranked.index if name not in named]
-    level = f"{100 * found.confidence:.4g} % interval "
-    parts: list[str] = []
-    for name in named:
-        of = f" of the variance of {found.quantity}" if not parts else ""
-        parts.append(f"{found.name_of(name)} alone explains {_shares(found, name, of, level)}")
-        level = ""
-    if rest:
-        largest = max(0.0, float(ranked.loc[rest, "total_high"].max()))
-        names = ", ".join(map(found.name_of, rest))
-        of = f" of the variance of {found.quantity}" if not parts else ""
-        parts.append(
-            f"{names}: {'less than 1 %' if largest < 0.01 else f'at most {_percent(largest)}'}"
-            f"{' each' if len(rest) > 1 else ''}{of}, interactions included"
-        )
+    of = f"of the variance of {found.quantity}, interactions included"
+    if named:
+        text = f"{_total(found, named[0])} {of}, is explained by {found.name_of(named[0])}"
+        text += "".join(f", {_total(found, name)} by {found.name_of(name)}" for name in named[1:])
+    else:
+        text = f"No factor explains as much as {_percent(NEGLIGIBLE)} {of}"
     nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
-    parts.append(f"{CHANCE} " + ("nothing" if nothing else f"alone {_shares(found, SEED_FACTOR)}"))
-    return "; ".join(parts) + "."
+    chance = "nothing" if nothing else _total(found, SEED_FACTOR)
+    text = f"Roughly {text[0].lower()}{text[1:]}" if named and found.widest > WIDEST else text
+    return f"{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}."
 
 
 def summary(found: SobolIndices, width: int | None = None) -> str:
@@ -186,6 +178,11 @@ def _notes(found: SobolIndices) -> Iterator[str]:
         f"{rows} base rows of {sample.runs_per_row} runs: {found.runs} runs, {2 * rows} of them "
         "independent."
     )
+    if found.indices["total"].sum() > 1:
+        yield (
+            "Totals add up to more than 100 %: an interaction counts for each of its inputs, and "
+            "estimates scatter."
+        )
     gone = sample.base_rows - rows
     if gone:
         without = int((~np.isfinite(found.values)).sum())
@@ -220,17 +217,9 @@ def _notes(found: SobolIndices) -> Iterator[str]:
         )
 
 
-def _shares(found: SobolIndices, name: str, of: str = "", level: str = "") -> str:
-    """The two indices of a factor and their intervals; the first is that `of` something."""
-    row: Any = found.indices.loc[name]
-    first, total = (
-        " to ".join(minus(f"{100 * row[f'{kind}_{end}']:z.0f}") for end in ("low", "high"))
-        for kind in ("first", "total")
-    )
-    # a total index is no less than a first-order one: if its estimate is, that is chance
-    size = "as much" if row["total"] <= row["first"] else _percent(row["total"])
-    alone = f"{_percent(max(0.0, row['first']))} ({level}{first}){of}"
-    return f"{alone}, with interactions {size} ({total})"
+def _total(found: SobolIndices, name: str) -> str:
+    """The total index of a factor in per cent; no estimate is below 0 or above all."""
+    return _percent(min(1.0, max(0.0, float(found.indices["total"][name]))))
 
 
 def _percent(share: float) -> str:

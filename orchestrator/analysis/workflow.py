@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,14 @@ import pandas as pd
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..results.consistency import NEES_COLUMNS
-from ..results.responses import RESPONSES, readable, unit_of
+from ..results.responses import (
+    ALL_PERCENTILES,
+    ON_REQUEST,
+    PERCENTILES,
+    RESPONSES,
+    readable,
+    unit_of,
+)
 from ..scenario.reading import parse, read_text, shown
 from ..study import store
 from ..study.batch import VALUE
@@ -124,6 +132,7 @@ def of_grid(
     receiver: str | None = None,
     order: int | None = None,
     transform: Transform = "none",
+    practical: float | None = None,
 ) -> GeneralFactorial:
     """Analyse a design of any levels; see `sblcosim.analysis.general.analyse`.
 
@@ -131,7 +140,7 @@ def of_grid(
     """
     column = column_of(table, response, receiver)
     chosen = of_choices(study, table, column)
-    return analyse_levels(
+    found = analyse_levels(
         chosen.table, chosen.factors, chosen.response,
         order=min(2, len(chosen.factors)) if order is None else order, transform=transform,
         seeding=study.seeding,
@@ -139,8 +148,25 @@ def of_grid(
         labels={name: study.labels[name] for name in chosen.factors},
         units={name: study.units[name] for name in chosen.factors},
         label=words(column, table, of_all=study.receiver_factor is not None),
-        unit=unit_of(column),
+        unit=unit_of(column), practical=practical,
     )  # fmt: skip
+    return _with_worst_run(found, study, table, column)
+
+
+def _with_worst_run(
+    found: GeneralFactorial, study: Study, table: pd.DataFrame, column: str
+) -> GeneralFactorial:
+    """The same with the run that has the largest response, of any receiver that is a level."""
+    if "run_id" not in table:
+        return found
+    own = column.partition(".")[2]
+    columns = [column] if study.receiver_factor is None else [
+        name for name in table.columns if name.partition(".")[2] == own
+    ]
+    values = table[columns].to_numpy(np.float64, na_value=np.nan)
+    each = np.where(np.isfinite(values), values, -np.inf).max(axis=1)
+    row = int(each.argmax())
+    return replace(found, largest=float(each[row]), worst_run=str(table["run_id"].iloc[row]))
 
 
 def of_space(
@@ -188,7 +214,8 @@ def needed(study: Study, response: str = RESPONSE, receiver: str | None = None) 
     ConfigurationError
         When it chooses: there is no such receiver or response.
     """
-    own = ("point", "replicate", "run_order", "seed", "error", *study.varied)
+    own = ("point", "replicate", "run_order", "seed", "error", *study.varied,
+           *(["run_id"] if study.design.kind == "grid" else []))
 
     def chosen(names: Sequence[str]) -> list[str]:
         asked = _named(names, response, receiver).partition(".")[2]  # of all, to compare them
@@ -233,10 +260,19 @@ def _named(names: Sequence[str], response: str, receiver: str | None) -> str:
     known = [c.partition(".")[2] for c in responses if c.startswith(f"{chosen}.")]
     if response not in known:
         raise ConfigurationError(
-            f"response: must be one of {', '.join(known)}, got {quoted(response)}"
-            f"{nearest(response, known)}"
+            f"response: must be a column of the table of runs without its receiver, got "
+            f"{quoted(response)}{_hint(response, known)}; docs/reference/results.md lists all"
         )
     return f"{chosen}.{response}"
+
+
+def _hint(response: str, known: Sequence[str]) -> str:
+    """What was meant, or how a study gets percentiles."""
+    other = re.search(r"_p\d+(_|$)|percentile", response) and not PERCENTILES.keys() & {*known}
+    if response not in ON_REQUEST and not other:
+        return nearest(response, known)
+    asked = response if response in ON_REQUEST else ALL_PERCENTILES
+    return f"; this study has none, its file must say responses = [\"{asked}\"] for it"
 
 
 def in_choices(study: Study, table: pd.DataFrame, column: str) -> pd.DataFrame:

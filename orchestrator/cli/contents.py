@@ -196,7 +196,7 @@ def analysis(
     content: dict[str, Any] = {
         "folder": str(folder), "report": str(report), "transform": "none", "method": None,
         "confidence": 0.95, "dropped": 0, "r2": None, "effects": [], "means": [], "levels": [],
-        "pairs": [], "indices": [], "notes": [],
+        "medians": [], "pairs": [], "indices": [], "notes": [],
     }  # fmt: skip
     if isinstance(found, GeneralFactorial):
         content |= _of_levels(found)
@@ -231,7 +231,11 @@ def _of_levels(found: GeneralFactorial) -> dict[str, Any]:
         "transform": found.transform, "confidence": found.confidence, "runs": found.runs,
         "dropped": found.dropped, "r2": found.r2,
         "levels": _rows(found.means, study_documents.LevelMean),
-        "pairs": _rows(found.pairs, study_documents.LevelPair),
+        "medians": _rows(found.medians, study_documents.LevelMedian),
+        "pairs": _rows(
+            found.pairs if "verdict" in found.pairs else found.pairs.assign(verdict=None),
+            study_documents.LevelPair,
+        ),
         "notes": [*sentences.warnings(found.readable), *sentences.notes(found.readable)],
     }  # fmt: skip
 

@@ -133,6 +133,17 @@ class LevelMean(Part):
     high: Number
 
 
+class LevelMedian(Part):
+    """Median of all runs at a level of a factor of a grid."""
+
+    factor: str
+    level: str | float
+    median: Number
+    low: Number
+    """Of the interval by order statistics; null if the runs are too few for one."""
+    high: Number
+
+
 class LevelPair(Part):
     """Difference of two levels of a factor of a grid."""
 
@@ -147,6 +158,8 @@ class LevelPair(Part):
     p: Number
     """Adjusted."""
     differs: bool
+    verdict: Literal["equal", "differs", "open"] | None = None
+    """With --practical."""
 
 
 class SobolIndex(Part):
@@ -189,6 +202,8 @@ class Analysis(Document):
     means: list[Mean]
     """Of a sweep, or without factors."""
     levels: list[LevelMean]
+    """Of a grid."""
+    medians: list[LevelMedian]
     """Of a grid."""
     pairs: list[LevelPair]
     """Of a grid."""
@@ -251,7 +266,7 @@ class DesignDecided(Part):
     levels: dict[str, float | str]
     """By choice."""
     cost: float
-    verdict: Literal["good", "not", "open"]
+    verdict: Literal["suffices", "fails", "open"]
     """It surely suffices, it surely does not, or neither is sure."""
     condition: str
     """Empty if there is one only."""

@@ -211,7 +211,11 @@ def _levels(factor: FactorTable) -> str:
     """The levels of a factor, or the distribution that its values are drawn from."""
     law = factor.law
     if law is None or law.distribution == "choice":
-        return " / ".join(map(level_shown, factor.values))
+        settings = factor.settings
+        return " / ".join(
+            level_shown(v) + ("" if settings[v] or factor.keys else " (the scenario as it is)")
+            for v in factor.values
+        )
     numbers = law.model_dump(exclude_none=True, exclude={"distribution"})
     shown = (
         f"{name} {' to '.join(f'{v:g}' for v in value) if name == 'range' else f'{value:g}'}"

@@ -29,9 +29,12 @@ def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
     Figure(
         "main_effects", plots.plot_means, _of,
-        lambda a: f"{a.mean_of} at each level, every combination of the others counted "
-        "once; bars are the intervals of these means alone.",
-        lambda a: f"Means of {a.quantity} by level of {', '.join(a.factors)}",
+        lambda a: f"{a.shown_of} at each level; bars are its interval alone." if a.by_medians else (
+            f"{a.mean_of} at each level, every combination of the others counted "
+            "once; bars are the intervals of these means alone."
+        ),
+        lambda a: f"{'Medians' if a.by_medians else 'Means'} of {a.quantity} by level of "
+        f"{', '.join(a.factors)}",
     ),
     Figure(
         "pairs", plots.plot_pairs, _of,
@@ -58,12 +61,13 @@ def parts(study: Study, found: GeneralFactorial, folder: Path) -> Parts:
         sentences.answer(a),
         sentences.warnings(a),
         pictures(FIGURES, a, folder),
-        [_means(a), _pairs(a), _anova(a)],
+        [*([_medians(a), _means(a)] if a.by_medians else [_means(a), _medians(a)]), _pairs(a),
+         _anova(a)],
         [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),
          Text(f"Settling time: {study.settling_time_s:g} s."), factor_table(study)],
         a.runs,
-        {"anova": found.anova.reset_index(), "main_effects": found.means, "cells": found.cells,
-         "pairs": found.pairs},
+        {"anova": found.anova.reset_index(), "main_effects": found.means, "medians": found.medians,
+         "cells": found.cells, "pairs": found.pairs},
     )  # fmt: skip
 
 
@@ -79,7 +83,20 @@ def _means(a: GeneralFactorial) -> Table:
         for _, row in a.own_means.iterrows()
     ]  # fmt: skip
     head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
-    return Table("Means of the levels", head, rows, (1,))
+    return Table("Means of the levels", head, rows, (1,), sentences.LOST)
+
+
+def _medians(a: GeneralFactorial) -> Table:
+    rows = [
+        (str(row["factor"]), _level(a, row, "level"), number(row["median"], 4),
+         span(row["low"], row["high"], number))
+        for _, row in a.medians.iterrows()
+    ]  # fmt: skip
+    unit = f" [{a.measured_in}]" if a.measured_in else ""
+    head = ("Factor", "Level", f"Median {a.response}{unit}", "Interval")
+    note = ("Of all runs at the level; intervals of order statistics, which suppose nothing of the "
+            "runs' distribution.")
+    return Table("Medians of the levels", head, rows, (1,), note)
 
 
 def _pairs(a: GeneralFactorial) -> Table:
@@ -88,10 +105,12 @@ def _pairs(a: GeneralFactorial) -> Table:
     rows = [
         (str(row["factor"]), f"{_level(a, row, 'one')} less {_level(a, row, 'other')}",
          number(row["difference"], 4), span(row["low"], row["high"], number),
-         probability(row["p"]))
+         probability(row["p"]),
+         *([] if a.practical is None else [sentences.verdict_text(row["verdict"], a)]))
         for _, row in ordered.iterrows()
     ]  # fmt: skip
-    head = ("Factor", "Levels", f"Difference{own}", f"Simultaneous interval{own}", "p, adjusted")
+    head = ("Factor", "Levels", f"Difference{own}", f"Simultaneous interval{own}", "p, adjusted",
+            *([] if a.practical is None else ["Verdict"]))
     note = "" if len(ordered) == len(a.pairs) else (
         f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
     )

@@ -87,7 +87,8 @@ def save(
         )
         return _save_parts(indices, directory, source, column, partial(space.parts, indices))
     if study.design.kind == "grid":
-        found = workflow.of_grid(study, table, column, order=order, transform=transform or "none")
+        found = workflow.of_grid(study, table, column, order=order, transform=transform or "none",
+                                 practical=practical)
         return _save_parts(found, directory, source, column, partial(levels.parts, study, found))
     plain = order is None and transform is None and error == "pure" and practical is None
     if study.design.kind in workflow.FACTORIAL or not plain:
@@ -103,7 +104,8 @@ def _check_options(
 ) -> None:
     """Refuse options that a grid or a space has no use for."""
     kind = study.design.kind
-    for name, given in (("error", error != "pure"), ("practical", practical is not None),
+    for name, given in (("error", error != "pure"),
+                        ("practical", practical is not None and kind == "space"),
                         ("order", order is not None and kind == "space")):
         if given:
             raise ConfigurationError(f"{name}: must be left out for a design of kind {kind!r}")

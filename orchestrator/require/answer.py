@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from math import isfinite
 from string import ascii_uppercase
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -16,9 +16,9 @@ from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
 from .limiting import Limiting
 from .question import Question
-from .sequential import FIRST
+from .sequential import FIRST, Verdict
 
-VERDICTS = {"good": "suffices", "not": "fails", "open": "open"}
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 """Words for verdicts."""
 
 
@@ -111,11 +111,11 @@ class Answer(Shown):
             return f"{what} that suffices: {self.priced(self.chosen)}. {self._numbers(self.chosen)}"
         if not counts["open"]:
             return f"No design suffices: all {total} surely fail."
-        if not counts["not"]:
+        if not counts["fails"]:
             which = f"all {total} stay open{self._of_them_untried()}"
         else:
             which = (
-                f"of {total}, {_counted(counts['not'], 'fail')} for sure, "
+                f"of {total}, {_counted(counts['fails'], 'fail')} for sure, "
                 f"{_counted(counts['open'], 'stay')} open{self._of_them_untried()}"
             )
         return f"No design surely suffices: {which}.{self._too_few()}"
@@ -166,9 +166,9 @@ class Answer(Shown):
         low, high = isfinite(of["lower"]), isfinite(of["upper"])
         if of["verdict"] == "open" and low and high:
             return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
-        if low and of["verdict"] != "good":
+        if low and of["verdict"] != "suffices":
             return f", surely at least {self._size(of['lower'])}"
-        if high and of["verdict"] != "not":
+        if high and of["verdict"] != "fails":
             return f", surely at most {self._size(of['upper'])}"
         return ""
 
@@ -183,8 +183,8 @@ class Answer(Shown):
             return "Nothing is cheaper."
         of = self.of(self.cheaper)
         fails = {
-            "not": f"fails{self._by(self.cheaper)}", "open": "is open",
-            "good": "suffices, too",
+            "fails": f"fails{self._by(self.cheaper)}", "open": "is open",
+            "suffices": "suffices, too",
         }[of["verdict"]]  # fmt: skip
         prices = [self.question.price(self.of(row)["cost"]) for row in (self.cheaper, self.named)]
         same = prices[0] == prices[1]
@@ -217,7 +217,7 @@ class Answer(Shown):
         if not isfinite(of["estimate"]):
             return ", too many of its runs being lost"
         by = f" by {self._size(of['estimate'] - limit)}"
-        if of["verdict"] == "not":
+        if of["verdict"] == "fails":
             by += f", surely by {self._size(of['lower'] - limit)} or more"
         return by
 
@@ -261,9 +261,9 @@ class Answer(Shown):
         open_ = f", {_counted(counts['open'], 'stay')} open" if counts["open"] else ""
         return (
             f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
-            f"is wrong: {_counted(counts['good'], 'suffice')}, {_counted(counts['not'], 'fail')}"
-            f"{open_}. That took {self.spent:,} of at most {q.terms.most_runs:,} runs."
-            f"{self._untried()}"
+            f"is wrong: {_counted(counts['suffices'], 'suffice')}, "
+            f"{_counted(counts['fails'], 'fail')}{open_}. That took {self.spent:,} of at most "
+            f"{q.terms.most_runs:,} runs.{self._untried()}"
         )
 
     def _untried(self) -> str:
@@ -340,7 +340,7 @@ class Answer(Shown):
         rows = [
             [
                 f"{letters.get(number, ' '):{3 if letters else 0}}{self.short(number)}",
-                VERDICTS[row["verdict"]],
+                row["verdict"],
                 "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
@@ -392,7 +392,7 @@ def _figure(value: float) -> str:
 def _span(verdict: str, low: float, high: float) -> str:
     """The bounds of a percentile that belong to a verdict."""
     ends = [(low, "≥"), (high, "≤")]
-    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("good", "not"),
+    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("suffices", "fails"),
              strict=True) if isfinite(end) and verdict != other]  # fmt: skip
     return ", ".join(shown) or "–"
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from ..results.drawing import free_places
 from ..style import LINES, SMALL, Theme, ThemeName, new_figure, use
-from .answer import VERDICTS, Answer
+from .answer import Answer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
-_LOOKS = {"good": ("o", 2), "open": ("D", 3), "not": ("X", 0)}
+_LOOKS = {"suffices": ("o", 2), "open": ("D", 3), "fails": ("X", 0)}
 """Marker of each verdict, and its colour among those of receivers."""
 _WIDEST = 5.0
 """Ratio of the largest to the smallest value from which the axis is logarithmic."""
@@ -100,7 +100,7 @@ def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
     for verdict, (marker, number) in _LOOKS.items():
         every = at[at["verdict"] == verdict]
         mine = every[np.isfinite(every["estimate"])]
-        large = np.array([row in answer.roles or verdict == "good" for row in mine.index], bool)
+        large = np.array([row in answer.roles or verdict == "suffices" for row in mine.index], bool)
         colour = look.receivers[number]
         for some, size, width in ((mine[~large], 3.5, 0.5), (mine[large], 6.0, 1.2)):
             bars = [
@@ -113,7 +113,7 @@ def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
         hidden = f", {untried} not tried: not shown" if untried else ""
         if len(every):
             ax.plot([], [], marker, color=colour, ms=6, mew=0,
-                    label=f"{VERDICTS[verdict]} ({len(every)}{hidden})")
+                    label=f"{verdict} ({len(every)}{hidden})")
 
 
 def _beyond(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> pd.DataFrame:

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
-Verdict = Literal["good", "not", "open"]
+Verdict = Literal["suffices", "fails", "open"]
 
 WEIGHT = 50.0
 """Of the continuous part of the mixture [runs]."""
@@ -129,8 +129,8 @@ class Rule:
     def verdict(self, passed: int, runs: int) -> Verdict:
         """What is sure of an arm."""
         if runs and passed >= self.enough(runs):
-            return "good"
-        return "not" if runs and passed <= self.too_few(runs) else "open"
+            return "suffices"
+        return "fails" if runs and passed <= self.too_few(runs) else "open"
 
     def runs_to_decide(self, passed: int, runs: int) -> int | None:
         """Runs at the look that would decide an arm if its share stayed; None if none would."""
@@ -203,7 +203,7 @@ class Elimination:
     def verdict(self, design: int) -> Verdict:
         """What is sure of a design."""
         arms = {self.arm(design, c) for c in range(self.rule.conditions)}
-        return "not" if "not" in arms else "open" if "open" in arms else "good"
+        return "fails" if "fails" in arms else "open" if "open" in arms else "suffices"
 
     @property
     def spent(self) -> int:

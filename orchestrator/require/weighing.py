@@ -35,7 +35,7 @@ def answered(
         For the runs that tell what limits a design.
     """
     designs = _table(question, elimination, values)
-    good = designs[designs["verdict"] == "good"]
+    good = designs[designs["verdict"] == "suffices"]
     # Of equal cost, the more accurate one; a missing estimate is the worst.
     order = ["cost", "estimate"] if question.costs else ["estimate"]
     chosen = None if good.empty else int(good.sort_values(order, kind="stable").index[0])
@@ -99,7 +99,7 @@ def _badness(
     verdict = elimination.arm(number, condition)
     seen, passed = (int(a[number, condition]) for a in (elimination.seen, elimination.passed))
     estimate = numbers[0] if seen else -np.inf
-    return ["good", "open", "not"].index(verdict), estimate, (seen - passed) / max(seen, 1)
+    return ["suffices", "open", "fails"].index(verdict), estimate, (seen - passed) / max(seen, 1)
 
 
 def _nearest(designs: pd.DataFrame) -> int:
@@ -109,7 +109,7 @@ def _nearest(designs: pd.DataFrame) -> int:
     """
     ranked = designs.assign(
         estimate=designs["estimate"].fillna(np.inf), untried=designs["runs"] == 0,
-        fails=designs["verdict"] == "not",
+        fails=designs["verdict"] == "fails",
         failing=1 - designs["passed"] / designs["runs"].clip(lower=1),
     )  # fmt: skip
     order = ["untried", "fails", "estimate", "failing", "cost"]

@@ -87,6 +87,8 @@ def problems(study: Definition) -> Iterator[str]:
         if not all(key in known or ".parameters." in key for key in factor.all_keys):
             continue
         problem = next((p for v in factor.values for p in _level(study, factor, v)), None)
+        if problem is None and isinstance(factor.levels, dict) and factor.all_keys:
+            problem = _twice(study, factor)
         if problem is not None:
             yield f"{prefix} levels: {problem}"
     yield from _design_problems(study)
@@ -248,6 +250,22 @@ def _level(study: Definition, factor: FactorTable, level: Level) -> Iterator[str
         for line in str(error).splitlines():
             if any(line.startswith(f"override {key}: must be") for key in setting):
                 yield line.removeprefix("override ")
+
+
+def _twice(study: Definition, factor: FactorTable) -> str | None:
+    """Two levels that set the same; an empty one is the scenario as it is."""
+    seen: dict[str, Level] = {}
+    for level, setting in factor.settings.items():
+        try:
+            made = repr(study.base.override(setting.items()).model_dump(exclude={"name", "title"}))
+        except ConfigurationError:
+            continue  # depends on other factors
+        if made in seen:
+            empty = [name for name in (seen[made], level) if not factor.settings[name]]
+            why = f" ({empty[0]}, which is empty, is the scenario as it is)" if empty else ""
+            return f"must have levels that differ, got {seen[made]} and {level} the same{why}"
+        seen[made] = level
+    return None
 
 
 def idle_factors(study: Definition) -> Iterator[str]:

@@ -192,7 +192,7 @@ def _checked(raw: Mapping[str, Any], where: str) -> Study:
     if SEED.max is not None and last > SEED.max:
         raise ConfigurationError(
             f"{where}: seed: must leave room for all runs below {int(SEED.max)}, got {study.seed} "
-            f"with {last - study.seed + 1} seeds"
+            f"with {last - study.seed + 1} seeds of {study.replicates} replicates"
         )
     return study
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
+from ..errors import shortened
 from ..scenario.schema import Table
 from .design import Level
 from .distributions import Distribution, Kind, Numbers
@@ -35,8 +36,13 @@ def _levels(value: Any) -> Any:
     if value is None:
         return None
     if isinstance(value, Mapping):
-        if not all(isinstance(v, Mapping) for v in value.values()):
-            raise PydanticCustomError("levels", "must be a table of tables of keys, or of files")
+        for name, given in value.items():
+            if not isinstance(given, Mapping):
+                raise PydanticCustomError(
+                    "levels",
+                    "must be a table of tables of keys, or of files, in {level}, too",
+                    {"level": shortened(str(name))},
+                )
         return dict(value)
     if not isinstance(value, list | tuple) or any(
         not isinstance(v, bool | int | float | str) for v in value

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from sblcosim.analysis.bounds import runs_for_t, runs_to_see
 from sblcosim.analysis.general import GeneralFactorial, analyse
+from sblcosim.analysis.medians import median_interval
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 from statsmodels.formula.api import ols
@@ -436,3 +438,67 @@ def test_a_single_run_that_has_run_away_is_told() -> None:
     assert "One run has 2,436 m, " in found.text()
     assert "Transform log" in found.text()
     assert "times the median" not in analyse(table, ["a"], "y", transform="log").text()
+
+
+def test_medians_lead_where_a_run_ran_away_and_no_bound_is_negative() -> None:
+    rng = np.random.default_rng(5)
+    table = pd.DataFrame({"a": np.repeat(["x", "y"], 40), "y": rng.uniform(1.0, 3.0, 80)})
+    table.loc[40:, "y"] += 5.0
+    plain = analyse(table, ["a"], "y", unit="m")
+    assert not plain.by_medians
+    assert not plain.text().startswith("The means rest")
+    table.loc[3, "y"] = 2436.0
+    found = analyse(table, ["a"], "y", unit="m")
+    first, *_ = found.text().splitlines()
+    assert first.startswith("The means rest on few runs, so the medians first. The median y falls")
+    assert "a from y, 7" in first
+    assert "to x, " in first
+    mean: Any = found.means.set_index("level").loc["x"]
+    assert np.isnan(mean["low"])
+    assert np.isnan(mean["high"])
+    assert "it is not known" in found.text()
+    assert "−" not in found.text().partition("intervals, and the share")[2]
+    # what may be negative keeps its interval
+    negative = analyse(table.assign(y=table["y"] - 2.0), ["a"], "y")
+    assert (negative.means["low"] < 0).any()
+
+
+@pytest.mark.parametrize("runs", [5, 6, 25, 60, 301])
+def test_intervals_of_medians_are_those_of_a_quantile_test(runs: int) -> None:
+    y = np.sort(np.random.default_rng(runs).lognormal(0.0, 2.0, runs))
+    with np.errstate(invalid="ignore"):
+        expected = stats.quantile_test(y, q=0.0, p=0.5).confidence_interval(0.95)
+    assert median_interval(y, runs, 0.95) == pytest.approx(expected, nan_ok=True)
+    assert np.isnan(median_interval(y, runs, 0.95)[0]) == (runs < 6)
+
+
+@pytest.mark.parametrize("common", [False, True])
+def test_intervals_of_medians_hold_as_often_as_said(common: bool) -> None:
+    """Log-normal runs of two cells; with common noise each replicate has a term of its own."""
+    rng = np.random.default_rng(11)
+    count, held, truth = 40, 0, 1.0
+    for _ in range(600):
+        shared = rng.normal(0, 1.0, count)[:, None] if common else rng.normal(0, 1.0, (count, 2))
+        y = np.exp(shared + rng.normal(0, 0.5, (count, 2)))
+        low, high = median_interval(np.sort(y.ravel()), count if common else 2 * count, 0.95)
+        held += low <= truth <= high
+    assert 0.93 <= held / 600 <= 0.995
+
+
+@pytest.mark.parametrize(
+    ("practical", "verdict"), [(0.5, "differs"), (3.0, "equal"), (1.0, "open")]
+)
+def test_pairs_are_weighed_by_what_matters(practical: float, verdict: str) -> None:
+    rng = np.random.default_rng(2)
+    table = pd.DataFrame({"a": np.repeat(["x", "y"], 40), "y": rng.normal(5.0, 0.5, 80)})
+    table.loc[40:, "y"] += 1.0
+    found = analyse(table, ["a"], "y", unit="m", practical=practical)
+    assert found.pairs["verdict"].tolist() == [verdict]
+    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "of 1 the runs cannot"}
+    assert words[verdict] in found.text()
+    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "cannot tell"}
+    assert shown[verdict] in found.text(verbose=True)
+    ratio = analyse(table, ["a"], "y", transform="log", practical=2.0)
+    assert ratio.pairs["verdict"].tolist() == ["equal"]
+    with pytest.raises(ConfigurationError, match="practical: must be a ratio above 1"):
+        analyse(table, ["a"], "y", transform="log", practical=0.5)

@@ -141,3 +141,13 @@ def test_a_single_factor_has_no_interactions_to_draw(analysis: GeneralFactorial)
     assert repr(picture).startswith("<Picture of 1 panel,")
     with pytest.raises(ValueError, match="two factors"):
         one.plot_interactions()
+
+
+def test_medians_are_drawn_where_means_rest_on_few_runs() -> None:
+    rng = np.random.default_rng(5)
+    table = pd.DataFrame({"a": np.repeat(["x", "y"], 40), "y": rng.uniform(1.0, 3.0, 80)})
+    assert analyse(table, ["a"], "y").plot_means().figure.axes[-1].get_xlabel() == "Mean y"
+    table.loc[3, "y"] = 2436.0
+    panel = analyse(table, ["a"], "y").plot_means().figure.axes[-1]
+    assert panel.get_xlabel() == "Median y"
+    assert panel.get_xlim()[1] < 5.0

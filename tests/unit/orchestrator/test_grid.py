@@ -20,7 +20,7 @@ from sblcosim.report import possible
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.report.page import Table
-from sblcosim.results.responses import RESPONSES
+from sblcosim.results.responses import ON_REQUEST, RESPONSES
 from sblcosim.study import again, runner, study
 from sblcosim.study.design import Factor
 from sblcosim.study.grid import crossed, grid
@@ -299,3 +299,63 @@ def test_a_report_names_the_errors_that_what_is_possible_leaves_out(tmp_path: Pa
     (table,) = possible.tables(made, made.run(tmp_path))
     assert isinstance(table, Table)
     assert table.note.endswith("Errors that it leaves out: mounting_std_m.")
+
+
+def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) -> None:
+    """Over receivers and conditions; with the words that the share of lost runs needs."""
+    of = small(conditions={"sea": SEA | {"levels": [2, 4]}}, factors={
+        "boat": BOAT, "receiver": {"keys": ["receivers"], "levels": ["sequential", "coupled"]},
+    })  # fmt: skip
+    runs = of.run(tmp_path / "s")
+    planted = runs.copy()
+    planted.loc[5, f"coupled.{TOTAL}"] = 9e4
+    found = workflow.of_grid(of, planted, practical=0.5)
+    assert found.worst_run == planted["run_id"][5]
+    assert found.largest == 9e4
+    assert f"sblcosim replay RESULTS {planted['run_id'][5]}" in found.text()
+    assert "Lost is judged in the last quarter" in found.text()
+    assert set(found.pairs["verdict"]) <= {"equal", "differs", "open"}
+    saved = reports.save(tmp_path / "s", tmp_path / "a", practical=0.5)
+    assert isinstance(saved, GeneralFactorial)
+    assert saved.worst_run in set(runs["run_id"])
+    page = (tmp_path / "a" / "report.html").read_text("utf-8")
+    for words in ("Medians of the levels", "Lost is judged in the last quarter", "Verdict"):
+        assert words in page
+    assert (tmp_path / "a" / "medians.csv").exists()
+
+
+def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
+    tmp_path: Path,
+) -> None:
+    of = small(factors={"boat": {"levels": {"own": {}, "ship": BOAT["levels"]["ship"]}}})
+    assert of.overrides(1) == {}
+    of.run(tmp_path / "s")
+    reports.save(tmp_path / "s", tmp_path / "a")
+    assert "own (the scenario as it is)" in (tmp_path / "a" / "report.html").read_text("utf-8")
+    same = {"platform": {"arm_length_m": of.base.platform.arm_length_m}}
+    for levels in ({"own": {}, "same": same}, {"own": {}, "none": {}, "s": BOAT["levels"]["rib"]}):
+        with pytest.raises(ConfigurationError, match=r"levels: must have levels that differ, got "
+                           r"own and \w+ the same \(own, which is empty, is the scenario as it"):
+            small(factors={"boat": {"levels": levels}})
+
+
+@pytest.mark.parametrize(
+    ("asked", "hint"),
+    [
+        ("absolute_total_rms", "; did you mean 'absolute_total_rms_m'?; docs/reference/results.md"),
+        ("absolute_total_p95_m", '; this study has none, its file must say responses = ["absolute'),
+        ("relative_total_p96_m", '; this study has none, its file must say responses = ["percenti'),
+        ("zzz", "got 'zzz'; docs/reference/results.md lists all"),
+    ],
+)
+def test_an_unknown_response_is_refused_in_a_line(asked: str, hint: str) -> None:
+    table = pd.DataFrame({f"ekf.{name}": [1.0] for name in RESPONSES if name not in ON_REQUEST})
+    with pytest.raises(ConfigurationError) as refused:
+        workflow.column_of(table, asked)
+    assert hint in str(refused.value)
+    assert len(str(refused.value)) < 250
+
+
+def test_an_unknown_scenario_is_named_once() -> None:
+    with pytest.raises(ConfigurationError, match=r"^boats: scenario: must be a TOML file"):
+        small(scenario="no-such-dive")

@@ -256,7 +256,7 @@ def test_a_run_depends_on_its_design_condition_and_number_only() -> None:
 def test_the_answer_of_real_runs(found: tuple[Answer, Path]) -> None:
     answer, out = found
     chosen = answer.of(answer.named)
-    assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "good")
+    assert (chosen["gps"], chosen["arm"], chosen["verdict"]) == (0.1, 3.0, "suffices")
     text = answer.answer()
     assert text.startswith("The cheapest design that suffices: GPS 0.1 m, baseline 3 m, for 560 €.")
     assert "The next cheaper one worth its cost fails by" in text
@@ -351,13 +351,13 @@ def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
         return weighing._nearest(designs.assign(**columns))
 
     estimates = [1.2, 1.1, 1.5, 1.4, float("nan"), float("nan")]
-    verdicts = ["not", "not", "open", "open", "open", "open"]
+    verdicts = ["fails", "fails", "open", "open", "open", "open"]
     runs = [96, 96, 96, 96, 0, 0]
     assert row(estimate=estimates, verdict=verdicts, runs=runs) == 3
-    assert row(estimate=estimates, verdict=["not"] * 4 + ["open"] * 2, runs=runs) == 1
+    assert row(estimate=estimates, verdict=["fails"] * 4 + ["open"] * 2, runs=runs) == 1
     # Where all that were tried fail, it is said that others were not.
     tried = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 0.1))
-    assert tried.counts == {"good": 0, "not": 3, "open": 3}
+    assert tried.counts == {"suffices": 0, "fails": 3, "open": 3}
     assert tried.nearest < 3
     text = tried.answer()
     assert "of 6, 3 fail for sure, 3 stay open, none of them tried." in text
@@ -395,7 +395,7 @@ def test_cheaper_designs_that_stay_open_are_told() -> None:
     """One of them may suffice, too, so the chosen one is not surely the cheapest."""
     answer = at(
         pretended(require.load(QUESTION), {0: 0.1, 1: 0.2, 2: 0.1, 3: 0.99, 4: 0.3, 5: 0.99}),
-        verdict=["open", "not", "open", "good", "not", "good"],
+        verdict=["open", "fails", "open", "suffices", "fails", "suffices"],
     )
     assert answer.chosen == 3
     beside = {0, 2} - {answer.cheaper}
@@ -419,7 +419,7 @@ def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() ->
     answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
     assert answer.chosen == 1
     assert answer.cheaper == 0
-    assert answer.counts == {"good": 3, "not": 3, "open": 0}
+    assert answer.counts == {"suffices": 3, "fails": 3, "open": 0}
     cheap = pretended(question, dict.fromkeys(range(6), 0.99))
     assert cheap.chosen == 0
     assert "Nothing is cheaper." in cheap.answer()
@@ -551,7 +551,7 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
     answer = at(
         pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5)),
         estimate=[inf, inf, 3.0, 2.0, nan, nan],
-        verdict=["not", "open", "not", "not", "open", "open"],
+        verdict=["fails", "open", "fails", "fails", "open", "open"],
         runs=[96, 96, 96, 96, 0, 0], lower=[2.0, -inf, 2.0, 1.5, -inf, -inf], upper=[inf] * 6,
     )  # fmt: skip
     answer = replace(answer, nearest=1)

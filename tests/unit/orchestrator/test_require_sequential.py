@@ -64,7 +64,7 @@ def played(
 
 
 def is_wrong(verdict: Verdict, share: float) -> bool:
-    return verdict == ("not" if share >= 0.95 else "good")
+    return verdict == ("fails" if share >= 0.95 else "suffices")
 
 
 TWO_AT_THE_LIMIT = (0.95, 0.95, 0.80, 0.90, 0.93, 0.97, 0.98, 0.99)
@@ -79,8 +79,8 @@ def test_wrong_claims_are_rare(name: str) -> None:
     for _ in range(200):
         verdicts, _ = played(TWO_AT_THE_LIMIT, RESPONSES[name], rng)
         wrong += any(map(is_wrong, verdicts, TWO_AT_THE_LIMIT))
-        assert verdicts[2] == "not"
-        assert verdicts[-1] == "good"
+        assert verdicts[2] == "fails"
+        assert verdicts[-1] == "suffices"
     print(f"{name}: {wrong} of 200 wrong")
     assert wrong <= 10
 
@@ -186,17 +186,17 @@ def test_a_claim_is_that_of_the_bound() -> None:
             values = skewed(rng, n, share)
             estimate, lower, upper = percentile(values, rule)
             verdict = rule.verdict(int((values <= LIMIT).sum()), n)
-            assert (verdict == "good") == (upper <= LIMIT)
-            assert (verdict == "not") == (lower > LIMIT)
+            assert (verdict == "suffices") == (upper <= LIMIT)
+            assert (verdict == "fails") == (lower > LIMIT)
             assert lower <= estimate <= upper
             seen.add(verdict)
-    assert seen == {"good", "not", "open"}
+    assert seen == {"suffices", "fails", "open"}
 
 
 def test_all_passing_runs_that_a_claim_takes() -> None:
     for rule in (Rule(0.95, 0.05, 1), Rule(0.95, 0.05, 8), Rule(0.99, 0.01, 20)):
         ends = [*takewhile(lambda n: n <= rule.least, looks())]  # noqa: B023
-        assert [rule.verdict(n, n) for n in ends] == ["open"] * (len(ends) - 1) + ["good"]
+        assert [rule.verdict(n, n) for n in ends] == ["open"] * (len(ends) - 1) + ["suffices"]
     assert Rule(0.95, 0.05, 8).least >= 99  # what any bound takes
 
 
@@ -228,13 +228,13 @@ def test_conditions_share_the_risk_of_not_and_need_all_for_good() -> None:
     for batch in e.batches():
         passing = batch.stop if batch.group == 0 or batch.condition < 2 else 0
         e.add(batch, {batch.group: passing})
-    assert e.verdict(1) == "not"  # in a single condition
+    assert e.verdict(1) == "fails"  # in a single condition
     assert e.verdict(0) == "open"
     assert {b.group for b in e.batches()} == {0}
     while batches := e.batches():
         for batch in batches:
             e.add(batch, {0: batch.stop - batch.start})
-    assert e.verdict(0) == "good"
+    assert e.verdict(0) == "suffices"
 
 
 def test_wrong_claims_in_conditions_are_rare() -> None:
@@ -248,7 +248,7 @@ def test_wrong_claims_in_conditions_are_rare() -> None:
             for b in batches:
                 share = truth[b.group, b.condition]
                 e.add(b, {b.group: int(rng.binomial(b.stop - b.start, share))})
-        wrong += e.verdict(0) == "not" or e.verdict(1) == "good"
+        wrong += e.verdict(0) == "fails" or e.verdict(1) == "suffices"
     assert wrong <= 9  # 5 % of 100, and chance
 
 
@@ -260,8 +260,8 @@ def test_designs_that_share_runs_count_them_until_each_is_decided() -> None:
             assert b.group == 0
             n = b.stop - b.start
             e.add(b, {0: int(rng.binomial(n, 0.5)), 1: int(rng.binomial(n, 0.965))})
-    assert e.verdict(0) == "not"
-    assert e.verdict(1) == "good"
+    assert e.verdict(0) == "fails"
+    assert e.verdict(1) == "suffices"
     assert e.seen[0, 0] == FIRST < e.seen[1, 0] == e.spent
 
 

@@ -1,0 +1,64 @@
+"""Medians of the levels of factors, with intervals that suppose nothing of the runs' distribution.
+
+The interval is of order statistics: of n independent runs the number at or below the median is
+binomial (Thompson, Annals of Mathematical Statistics 7, 1936, 122–128; Conover, Practical
+Nonparametric Statistics, 3rd edition, 1999, section 3.2). Runs of several cells scatter less than
+that (Hoeffding, Annals of Mathematical Statistics 27, 1956, 713–721), which errs on the safe side.
+With common random numbers replicates are independent, not runs: n is their number, and the bounds
+are at the same shares of all runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from .model import Floats
+from .options import Options
+
+
+def median_table(
+    data: pd.DataFrame,
+    levels: Mapping[str, Sequence[object]],
+    response: str,
+    options: Options,
+) -> pd.DataFrame:
+    """Median of all runs at each level: ``factor``, ``level``, ``median``, ``low``, ``high``, and
+    the bounds that hold for all levels of the factor at once: ``all_low``, ``all_high``.
+
+    Bounds are NaN where the runs are too few for any.
+
+    Parameters
+    ----------
+    data
+        Runs with the number of each factor's level, and the response.
+    levels
+        All of them, by factor, in the order of their numbers.
+    """
+    common = options.seeding == "common"
+    rows = []
+    for name, known in levels.items():
+        for number, own in data.groupby(name, sort=True):
+            y = np.sort(own[response].to_numpy(np.float64))
+            n = own[options.replicate].nunique() if common else len(y)
+            alone = median_interval(y, n, options.confidence)
+            together = median_interval(y, n, 1 - (1 - options.confidence) / data[name].nunique())
+            rows.append((name, known[int(str(number))], float(np.median(y)), *alone, *together))
+    columns = ["factor", "level", "median", "low", "high", "all_low", "all_high"]
+    return pd.DataFrame(rows, columns=columns).astype({"level": object})
+
+
+def median_interval(y: Floats, n: int, confidence: float) -> tuple[float, float]:
+    """Bounds of the median of runs in ascending order, n of which are independent.
+
+    NaN if n is too small: for 95 % it takes 6.
+    """
+    # the largest k with P(Binomial(n, 1/2) < k) ≤ α/2: from the k-th run to the k-th from the end
+    k = int(stats.binom.ppf((1 - confidence) / 2, n, 0.5))
+    if k == 0:
+        return np.nan, np.nan
+    place = k if n == len(y) else max(1, k * len(y) // n)
+    return float(y[place - 1]), float(y[-place])
