@@ -5,6 +5,7 @@ Every sample is used once, at its own epoch. Ranges may be late; a filter that i
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
 
 import casadi as ca
@@ -21,6 +22,7 @@ from .surroundings import Measurement, sounding_variance
 from .variables import INITIALISATION
 
 _PRIOR = number_of(INITIALISATION, "prior")
+_TURN = 5.0
 _MOVED = 0.1
 """A beacon that has moved by more than this part of its distance is somewhere else."""
 
@@ -49,6 +51,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(variances)),
         "anchor": ca.SX.zeros(p.beacons, 3),
         "score": 0,
+        "turned": 0,
+        "ranged": t,
+        "pause": 0,
         "restarts": 0,
         "passes": 0,
         "damping": 0,
@@ -108,9 +113,20 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     c = P @ H
     S = ca.fmax(ca.dot(H, c), 0) + row.variance
     innovation = ca.if_else(is_depth, s.z[DEPTH], z) - row.value
-    share = ca.if_else(is_depth, 1, lateness.punctual(p, innovation, S))
+    punctual, late = lateness.densities(p, innovation, S)
+    share = ca.if_else(is_depth, 1, punctual / (punctual + late))
     K = c / S
-    widened = share * (1 - share) * innovation**2
+    pause = ca.if_else((is_depth == 0) * (epoch > x.ranged), epoch - x.ranged, x.pause)
+    away = p.prior_velocity_std * pause
+    wider = S + away**2
+    evidence = -0.5 * innovation**2 / wider - ca.log(ca.sqrt(2 * pi * wider) * (punctual + late))
+    turned = ca.if_else(is_depth, x.turned, ca.fmax(x.turned + evidence, 0))
+    turns = turned > _TURN
+    P_new = P + (share * (1 - share) * innovation**2 - share * S) * (K @ K.T)
+    for i, j in zip(POSITION, VELOCITY, strict=True):
+        P_new[i, i] += turns * away**2
+        P_new[min(i, j), max(i, j)] += turns * away * p.prior_velocity_std
+        P_new[j, j] += turns * p.prior_velocity_std**2
     score = lateness.score(p, x.score, share, is_depth == 0)
     anew = (score > lateness.LIMIT) * s.enough
     return {
@@ -120,11 +136,14 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
         )),
         "epoch": ca.if_else(anew, s.newest, epoch),
         "mean": mean + share * innovation * K,
-        "covariance": pack(symmetric(P + (widened - share * S) * (K @ K.T))),
+        "covariance": pack(symmetric(P_new)),
         "anchor": ca.vertcat(*(
             ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
         )),
-        "score": ca.if_else(anew, 0, score),
+        "score": ca.if_else(ca.fmax(anew, turns), 0, score),
+        "turned": ca.if_else(ca.fmax(anew, turns), 0, turned),
+        "ranged": ca.if_else(is_depth, x.ranged, epoch),
+        "pause": pause,
         "restarts": x.restarts + anew,
         "nis": x.nis + share * innovation**2 / S,
         "nis_degrees": x.nis_degrees + (share > 0.5),
