@@ -5,14 +5,13 @@ Every sample is used once, at its own epoch. Ranges may be late; a filter that i
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any
 
 import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import estimate, field, lateness, least_squares, measurements
+from . import estimate, field, lateness, least_squares, measurements, turn
 from .estimate import pack, unpack
 from .field import CLOCK, POSITION, SPEED, VELOCITY
 from .least_squares import symmetric
@@ -22,7 +21,6 @@ from .surroundings import Measurement, sounding_variance
 from .variables import INITIALISATION
 
 _PRIOR = number_of(INITIALISATION, "prior")
-_TURN = 5.0
 _MOVED = 0.1
 """A beacon that has moved by more than this part of its distance is somewhere else."""
 
@@ -51,7 +49,7 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(variances)),
         "anchor": ca.SX.zeros(p.beacons, 3),
         "score": 0,
-        "turned": 0,
+        "doubt": 0,
         "ranged": t,
         "pause": 0,
         "restarts": 0,
@@ -113,40 +111,34 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     c = P @ H
     S = ca.fmax(ca.dot(H, c), 0) + row.variance
     innovation = ca.if_else(is_depth, s.z[DEPTH], z) - row.value
-    punctual, late = lateness.densities(p, innovation, S)
-    share = ca.if_else(is_depth, 1, punctual / (punctual + late))
-    K = c / S
-    pause = ca.if_else((is_depth == 0) * (epoch > x.ranged), epoch - x.ranged, x.pause)
-    away = p.prior_velocity_std * pause
-    wider = S + away**2
-    evidence = -0.5 * innovation**2 / wider - ca.log(ca.sqrt(2 * pi * wider) * (punctual + late))
-    turned = ca.if_else(is_depth, x.turned, ca.fmax(x.turned + evidence, 0))
-    turns = turned > _TURN
-    P_new = P + (share * (1 - share) * innovation**2 - share * S) * (K @ K.T)
-    for i, j in zip(POSITION, VELOCITY, strict=True):
-        P_new[i, i] += turns * away**2
-        P_new[min(i, j), max(i, j)] += turns * away * p.prior_velocity_std
-        P_new[j, j] += turns * p.prior_velocity_std**2
+    punctual, other = lateness.densities(p, innovation, S)
+    share = ca.if_else(is_depth, 1, punctual / (punctual + other))
+    turned = turn.told(p, x, epoch, innovation, S, punctual + other)
+    begins = turned.begins * (is_depth == 0)
+    # A range that is too short is not late: it is read again, by a filter that knows of the turn.
+    again = begins * (innovation < 0)
     score = lateness.score(p, x.score, share, is_depth == 0)
-    anew = (score > lateness.LIMIT) * s.enough
+    anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
+    K = c / S
+    used = (again == 0) * share
+    P += used * ((1 - share) * innovation**2 - S) * (K @ K.T)
+    P = turn.widened(p, P, turned, begins, POSITION, VELOCITY)
+    done = ca.fmax(ca.vertcat(*which, is_depth) * (again == 0), anew)
     return {
-        "seen": ca.vertcat(*(
-            ca.if_else(ca.fmax(anew, chosen), s.mark[i], x.seen[i])
-            for i, chosen in enumerate((*which, is_depth))
-        )),
+        "seen": ca.if_else(done, s.mark, x.seen),
         "epoch": ca.if_else(anew, s.newest, epoch),
-        "mean": mean + share * innovation * K,
-        "covariance": pack(symmetric(P_new)),
+        "mean": mean + used * innovation * K,
+        "covariance": pack(symmetric(P)),
         "anchor": ca.vertcat(*(
             ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
         )),
-        "score": ca.if_else(ca.fmax(anew, turns), 0, score),
-        "turned": ca.if_else(ca.fmax(anew, turns), 0, turned),
-        "ranged": ca.if_else(is_depth, x.ranged, epoch),
-        "pause": pause,
+        "score": ca.if_else(ca.fmax(anew, begins), 0, score),
+        "doubt": ca.if_else(is_depth, x.doubt, ca.if_else(anew, 0, turned.doubt)),
+        "ranged": ca.if_else(ca.fmax(is_depth, again), x.ranged, epoch),
+        "pause": ca.if_else(is_depth, x.pause, turned.pause),
         "restarts": x.restarts + anew,
-        "nis": x.nis + share * innovation**2 / S,
-        "nis_degrees": x.nis_degrees + (share > 0.5),
+        "nis": x.nis + used * innovation**2 / S,
+        "nis_degrees": x.nis_degrees + (used > 0.5),
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }
