@@ -31,7 +31,13 @@ def score(p: Symbols, before: Any, share: Any, ranged: Any) -> Any:
 
 
 def punctual(p: Symbols, innovation: Any, S: Any) -> Any:
-    """Probability that a range is not late, from its innovation of variance S.
+    """Probability that a range is not late, from its innovation of variance S."""
+    punctual, late = densities(p, innovation, S)
+    return punctual / (punctual + late)
+
+
+def densities(p: Symbols, innovation: Any, S: Any) -> tuple[Any, Any]:
+    """Densities of an innovation of variance S [1/m]: of ranges that are punctual, and of others.
 
     A late one has an excess of exponential distribution with the mean m; all three densities have
     the factor exp(-ν²/2S) where that is not the small one.
@@ -48,5 +54,4 @@ def punctual(p: Symbols, innovation: Any, S: Any) -> Any:
     early = t * ca.exp(poly + normal)  # a >= 0: a² cancels
     late = ca.exp(exponential) * 2 - t * ca.exp(poly + normal)
     density = chance / (2 * m) * ca.if_else(a >= 0, early, late) + _WRONG / _REACH
-    punctual = (1 - chance) / (sqrt(2 * pi) * root) * ca.exp(normal)
-    return punctual / (punctual + density)
+    return (1 - chance) / (sqrt(2 * pi) * root) * ca.exp(normal), density

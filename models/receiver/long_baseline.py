@@ -11,7 +11,7 @@ import casadi as ca
 
 from ..declaration import number_of
 from ..equations import Equations, Loop, Symbols, Values
-from . import estimate, field, lateness, least_squares, measurements
+from . import estimate, field, lateness, least_squares, measurements, turn
 from .estimate import pack, unpack
 from .field import CLOCK, POSITION, SPEED, VELOCITY
 from .least_squares import symmetric
@@ -49,6 +49,9 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         "covariance": pack(ca.diag(variances)),
         "anchor": ca.SX.zeros(p.beacons, 3),
         "score": 0,
+        "doubt": 0,
+        "ranged": t,
+        "pause": 0,
         "restarts": 0,
         "passes": 0,
         "damping": 0,
@@ -108,26 +111,34 @@ def _process(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     c = P @ H
     S = ca.fmax(ca.dot(H, c), 0) + row.variance
     innovation = ca.if_else(is_depth, s.z[DEPTH], z) - row.value
-    share = ca.if_else(is_depth, 1, lateness.punctual(p, innovation, S))
-    K = c / S
-    widened = share * (1 - share) * innovation**2
+    punctual, other = lateness.densities(p, innovation, S)
+    share = ca.if_else(is_depth, 1, punctual / (punctual + other))
+    turned = turn.told(p, x, epoch, innovation, S, punctual + other)
+    begins = turned.begins * (is_depth == 0)
+    # A range that is too short is not late: it is read again, by a filter that knows of the turn.
+    again = begins * (innovation < 0)
     score = lateness.score(p, x.score, share, is_depth == 0)
-    anew = (score > lateness.LIMIT) * s.enough
+    anew = (score > lateness.LIMIT) * s.enough * (begins == 0)
+    K = c / S
+    used = (again == 0) * share
+    P += used * ((1 - share) * innovation**2 - S) * (K @ K.T)
+    P = turn.widened(p, P, turned, begins, POSITION, VELOCITY)
+    done = ca.fmax(ca.vertcat(*which, is_depth) * (again == 0), anew)
     return {
-        "seen": ca.vertcat(*(
-            ca.if_else(ca.fmax(anew, chosen), s.mark[i], x.seen[i])
-            for i, chosen in enumerate((*which, is_depth))
-        )),
+        "seen": ca.if_else(done, s.mark, x.seen),
         "epoch": ca.if_else(anew, s.newest, epoch),
-        "mean": mean + share * innovation * K,
-        "covariance": pack(symmetric(P + (widened - share * S) * (K @ K.T))),
+        "mean": mean + used * innovation * K,
+        "covariance": pack(symmetric(P)),
         "anchor": ca.vertcat(*(
             ca.if_else(this, about, x.anchor[i, :]) for i, this in enumerate(which)
         )),
-        "score": ca.if_else(anew, 0, score),
+        "score": ca.if_else(ca.fmax(anew, begins), 0, score),
+        "doubt": ca.if_else(is_depth, x.doubt, ca.if_else(anew, 0, turned.doubt)),
+        "ranged": ca.if_else(ca.fmax(is_depth, again), x.ranged, epoch),
+        "pause": ca.if_else(is_depth, x.pause, turned.pause),
         "restarts": x.restarts + anew,
-        "nis": x.nis + share * innovation**2 / S,
-        "nis_degrees": x.nis_degrees + (share > 0.5),
+        "nis": x.nis + used * innovation**2 / S,
+        "nis_degrees": x.nis_degrees + (used > 0.5),
         "passes": ca.if_else(anew, least_squares.PASSES, x.passes),
         "damping": ca.if_else(anew, least_squares.FIRST_DAMPING, x.damping),
     }

@@ -147,6 +147,16 @@ def _fit(position: Any, platform: Any, s: Samples, weight: Any, prior: Any) -> F
     )
 
 
+def _lateness(p: Symbols, s: Samples, motion: Any) -> Any:
+    """Variance of ranges that may be late, 2πm², if three or more are of about one time [m²].
+
+    A late one among them goes into bearing and offset, and fits. Where ranges come one after the
+    other, the diver's unknown `motion` [m] since then is most of their noise.
+    """
+    together = ca.sum1(s.heard[:DEPTH] * (motion[:DEPTH] < p.range_std)) >= 3
+    return together * (2 * p.outlier_probability * p.outlier_mean**2)
+
+
 def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     s = _placed(p, x, u)
     begins = x.passes == least_squares.PASSES
@@ -156,7 +166,7 @@ def _pass(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
     prior = reciprocal(offset.variance)
     motion = p.prior_velocity_std * (s.newest - s.epoch)
     variances = ca.vertcat(
-        ca.repmat(sounding_variance(p.range_std), s.count, 1),
+        ca.repmat(sounding_variance(p.range_std) + _lateness(p, s, motion), s.count, 1),
         sounding_variance(p.depth_std) + p.depth_bias_std**2,
     )
     weight = least_squares.weights(s, variances + motion**2)

@@ -105,10 +105,10 @@ def _backwards(
         leans[k], weights[k] = lean, weight
         for i in range(problem.first[k + 1] - 1, problem.first[k] - 1, -1):
             h, K = problem.H[i], gains[i]
-            v = weight @ K
-            crossed = np.outer(h, v - (0.5 * (K @ v + 1 / S[i])) * h)
             lean = lean - h * (K @ lean + innovation[i] / S[i])
-            weight = weight - crossed - crossed.T
+            # One side after the other: at once, a first packet leaves little but rounding.
+            weight = weight - np.outer(weight @ K, h)
+            weight = weight + np.outer(h, h / S[i] - K @ weight)
         phi = problem.phi[problem.which[k]]
         lean, weight = phi.T @ lean, phi.T @ weight @ phi
         weight = (weight + weight.T) / 2

@@ -23,7 +23,7 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
 
-from ..limits.recursion import ANYWHERE, transition
+from ..limits.recursion import ANYWHERE, FAR_STD, transition
 from ..scenario.scenario import Scenario
 from ..scenario.schema import in_si
 from ..simulation.record import Integers
@@ -32,8 +32,6 @@ from .samples import Samples
 
 Indices = NDArray[np.intp]
 PRIOR = number_of(INITIALISATION, "prior")
-FAR_STD = 1000.0
-"""Of diver and platform about where the first trajectory begins, where nothing is known [m]."""
 
 
 def parameters(scenario: Scenario, start: Floats) -> Any:

@@ -393,7 +393,9 @@ class Reference:
         beacons[:, :2] -= age[:, None] * mean[W]
         z = u["range"][heard]
         moved = p["prior_velocity_std"] * np.append(age, newest - u["depth_epoch"])
-        variances = np.append(np.full(len(heard), max(p["range_std"], 1e-3) ** 2),
+        together = (moved[:-1] < p["range_std"]).sum() >= 3
+        late = 2 * p["outlier_probability"] * p["outlier_mean"] ** 2 * together
+        variances = np.append(np.full(len(heard), max(p["range_std"], 1e-3) ** 2 + late),
                               max(p["depth_std"], 1e-3) ** 2 + p["depth_bias_std"] ** 2) + moved**2
         x = np.append(closed_form(beacons, z, u["depth"]), 0.0)
 

@@ -176,20 +176,48 @@ def brute_force(
     return at, covariance
 
 
-@pytest.mark.parametrize("initialisation", ["prior", "first_receptions"])
+@pytest.mark.parametrize("seed", range(30))
 def test_the_track_is_the_maximum_of_the_posterior(
-    initialisation: str, monkeypatch: pytest.MonkeyPatch
+    seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(smoother, "CLOSE", 1e-10)
+    monkeypatch.setattr(smoother, "CLOSE", 1e-8)
+    initialisation = ("prior", "first_receptions")[seed % 2]
     p = parameters(initialisation=initialisation, sound_speed_std=0.0, depth_bias_std_m=0.0,
                    gps_vertical_error_std_m=0.5)
-    samples, truth = dive(p, 12, 14)
+    samples, truth = dive(p, seed, 12)
     track = smoothed(p, samples, truth, 200)
     frame = model.problem(p, samples, guess(truth)[0])
     mean, covariance = brute_force(p, samples, (frame, track.mean), 3)
     assert track.converged
     np.testing.assert_allclose(track.mean, mean, rtol=0, atol=1e-6)
     np.testing.assert_allclose(track.covariance, covariance, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_first_trajectory_that_is_metres_off_leads_to_the_track(seed: int) -> None:
+    """Without a prior, clock and speed of sound must not let the diver be anywhere."""
+    p = parameters(initialisation="first_receptions")
+    samples, truth = dive(p, seed, 40, late=0.0)
+    track = smoothed(p, samples, truth, 40)
+    assert track.converged
+    assert np.median(track.punctual) > 0.9
+    assert np.abs((track.mean - truth)[:, :3]).max() < 30
+
+
+def test_states_before_the_first_packet_keep_their_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a packet takes off a variance of 10⁶ times the rest is not left to rounding."""
+    monkeypatch.setattr(model, "FAR_STD", 1000.0)
+    p = parameters()
+    samples, truth = dive(p, 1, 14)
+    assert samples.range_ns[0] > samples.epochs_ns[0]
+    rows = model.rows(p, samples, truth)
+    problem = smoother.linearised(
+        model.problem(p, samples, truth[0]), rows, truth, np.ones(len(samples.range))
+    )
+    moments = linear.smooth(problem)
+    mean, covariance = batch(problem, rows.node, problem.H, problem.z, problem.R)
+    np.testing.assert_allclose(moments.mean, mean, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(moments.covariance, covariance, rtol=1e-4, atol=1e-6)
 
 
 def test_claimed_covariances_are_those_of_the_errors() -> None:
