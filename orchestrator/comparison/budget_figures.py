@@ -53,8 +53,8 @@ def plot_budget(
         ax.grid(axis="y", visible=False)
         does = "is made better" if budget.better else "is switched off"
         ax.set_xlabel(fill(f"Share of the mean square that goes when this {does} [%]", across))
-        rms = length(budget.of(frame)["rms_m"].iloc[0])
-        title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms} RMS"
+        rms = f"{length(budget.of(frame)['rms_m'].iloc[0])} RMS".replace(" ", "\N{NO-BREAK SPACE}")
+        title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms}"
         ax.set_title(fill(title, across), loc="left")
         ax.margins(y=0.02)
         if bound and own:
