@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -127,7 +127,7 @@ class Budget(Shown):
         rms = length(named["rms_m"].iloc[0])
         parts = [f"{self.receiver}: {first}: {whole} → {rms} RMS"]
         parts += [", ".join(others)] if others else []
-        left = float(rows.loc[NONE, "share"])
+        left = float(rows["share"].to_dict()[NONE])
         if left >= _LEAST:
             parts.append(f"{_percent(left)} is left with all {'better' if self.better else 'off'}")
         added = float(named["share"].round(2).sum()) + (left if left >= _LEAST else 0)
@@ -325,7 +325,7 @@ def length(rms: float) -> str:
     return f"{rms:.1e} m" if rms >= 1e4 else f"{rms:.{2 if rms >= 0.0995 else 3}f} m"
 
 
-def bars(budget: Budget, frame: str) -> Sequence[str]:
+def bars(budget: Budget, frame: str) -> list[str]:
     """The rows that a figure shows: all but the whole, from top to bottom."""
     rows = budget.of(frame)
     return [str(name) for name in rows.index[rows["kind"] != "all"]]

@@ -118,6 +118,8 @@ def plot_tournament(
             _spread(axes[sides * i], panel, look, label)
             if both:
                 _difference(axes[sides * i + 1], panel, look, unit, practical)
+                if i == 0:
+                    axes[1].set_title("right of 0: worse", loc="right", fontsize=SMALL)
         drawn = {verdict for panel in panels for verdict in panel.verdicts}
         handles: list[Any] = [
             Line2D([], [], marker="o", ls="", label="mean of the runs", **_mean(look)),
@@ -200,4 +202,5 @@ def _difference(
                         ha="right" if mean > 0 else "left", va="bottom")
     ax.margins(x=0.06)
     of = f" [{unit}]" if unit else ""
-    ax.set_xlabel(f"less that of {short(panel.receivers[0])}{of}, 95 % all at once", fontsize=SMALL)
+    held = "" if np.isnan(panel.difference[:, 1:]).all() else ", 95 % all at once"
+    ax.set_xlabel(f"difference from {short(panel.receivers[0])}{of}{held}", fontsize=SMALL)
