@@ -239,7 +239,7 @@ def combination(
     Parameters
     ----------
     text
-        ``"clock+sound speed"``, or names; case does not matter, and a hyphen is a space.
+        ``"clock+sound speed"``, or names; case does not matter; a hyphen or underscore is a space.
     known
         Those that are there.
     others
@@ -275,7 +275,7 @@ def fixed(scenario: Scenario, sources: Iterable[str]) -> tuple[str, ...]:
 
 
 def _word(name: str) -> str:
-    return " ".join(str(name).replace("-", " ").lower().split())
+    return " ".join(re.sub("[-_]", " ", str(name)).lower().split())
 
 
 def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]:

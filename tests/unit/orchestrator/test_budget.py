@@ -542,6 +542,7 @@ def test_a_scenario_without_any_error_is_refused() -> None:
 def test_names_are_found_however_they_are_written() -> None:
     known = ("GPS", "clock", "sound speed")
     assert sources.combination("Sound-Speed+gps+ clock", known) == known
+    assert sources.combination("clock+sound_speed", known) == ("clock", "sound speed")
     assert sources.combination(["clock", "clock", "GPS"], known) == ("GPS", "clock")
 
 
@@ -573,6 +574,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ((DIVE, "--with", "clok+gps"), "error: source: must be one of GPS, "),
         ((DIVE, "--runs", "3"), "error: --runs: must be a whole number of at least 30, got '3'"),
         ((DIVE, "--frame", "abslute"), "error: frame: must be absolute or own_relative, got 'absl"),
+        ((DIVE, "--receiver", "ekf", "--receiver", "coupled"),
+         "error: --receiver: must be given once, got ekf and coupled; 'sblcosim compare' "),
         (("realistic-dvie",), "error: scenario: must be a TOML file or one of "),
     ],
 )
