@@ -130,7 +130,7 @@ class Budget(Shown):
         left = float(rows["share"].to_dict()[NONE])
         if left >= _LEAST:
             parts.append(f"{_percent(left)} is left with all {'better' if self.better else 'off'}")
-        added = float(named["share"].round(2).sum()) + (left if left >= _LEAST else 0)
+        added = float(named["share"].round(2).sum()) + (round(left, 2) if left >= _LEAST else 0)
         if added > 1.005:
             parts.append(
                 "shares add to more than 100 %, as what errors do only together counts for each"

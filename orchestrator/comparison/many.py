@@ -77,7 +77,7 @@ class Many(Shown):
             rms, within = (tournament_words.size(found["mean"], "m") for found in (row, beside))
             lines.append(
                 f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
-                f"{runs} runs"
+                f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
             f"{which}: seed {seed} ({tournament_words.size(self.rms_m(which), 'm')})"

@@ -38,8 +38,8 @@ def words_of(response: str) -> str:
 
 
 def size(value: float, unit: str) -> str:
-    """A number with its unit."""
-    return f"{rounded(value)} {unit}".rstrip()
+    """A number with its unit; a dash where there is none."""
+    return "–" if isnan(value) else f"{rounded(value)} {unit}".rstrip()
 
 
 def span(low: float, high: float, unit: str = "") -> str:

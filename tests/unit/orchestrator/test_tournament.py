@@ -300,6 +300,7 @@ def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path:
         runs=2, overrides=SHORT,
     )  # fmt: skip
     assert it.receivers[-1] == "Never"
+    assert it.answer.endswith(", Never –.")
     assert it.problems == ["Never: must give estimates in harbour-square, got none in 2 runs"]
     assert it.update_s["harbour-square"]["Never"] is None
     assert np.isfinite(it.level("harbour-square", "Fix")["mean"])
