@@ -21,6 +21,7 @@ from .base import (
     app,
     destination,
     numeric,
+    one_receiver,
     overrides,
     say,
     show,
@@ -109,9 +110,9 @@ def map_(
         wanted, other = destination(out, Path("runs", f"{given.name}-map"), force)
         artifacts.check(wanted, other=other)
         found = map_area(
-            given, area, depth, receiver, limit_m=limit, cells=cells, runs=runs, error=error,
-            duration_s=duration, settling_s=settling, radius_m=radius, speed_m_s=speed,
-            workers=workers, progress=progress,
+            given, area, depth, one_receiver(receiver), limit_m=limit, cells=cells, runs=runs,
+            error=error, duration_s=duration, settling_s=settling, radius_m=radius,
+            speed_m_s=speed, workers=workers, progress=progress,
         )
         folder = found.save(wanted, figures=not no_figures, other=other)
     if as_json:

@@ -87,7 +87,7 @@ ReceiverOption = Annotated[
     ),
 ]
 OneReceiverOption = Annotated[
-    str | None,
+    list[str] | None,  # one that is given twice would silently be the last one
     typer.Option(
         "--receiver",
         metavar="NAME|FILE.fmu|FILE.py:CLASS",
@@ -150,6 +150,16 @@ def _common(
     ] = False,
 ) -> None:
     pass
+
+
+def one_receiver(given: list[str] | None) -> str | None:
+    """The receiver of a command that takes a single one; None: the scenario's."""
+    if given and len(given) > 1:
+        raise ConfigurationError(
+            f"--receiver: must be given once, got {shortened(' and '.join(given))}; "
+            "'sblcosim compare' takes several"
+        )
+    return given[0] if given else None
 
 
 def overrides(keys: list[str] | None, seed: int | None) -> list[str]:

@@ -21,6 +21,7 @@ from .base import (
     app,
     destination,
     numeric,
+    one_receiver,
     overrides,
     say,
     show,
@@ -103,12 +104,13 @@ def budget(
         from ..scenario.scenario import load
 
         check_choice("frame", frame, [*FRAMES])
+        chosen = one_receiver(receiver)
         settled = load(scenario, overrides(set_, seed))
         wanted, other = destination(out, Path("runs", f"{settled.name}-budget"), force)
         artifacts.check(wanted, other=other)
         found = budgets.budget(
             settled,
-            receiver,
+            chosen,
             better=better,
             together=together or (),
             untold=untold,

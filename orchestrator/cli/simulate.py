@@ -87,8 +87,8 @@ def run(
     Platform, or the default step sizes of its FMUs, or a thousandth of the run. Without receivers,
     the folder has the record and the manifest.
 
-    With --runs N, prints mean and spread of each receiver over N runs; the folder has their tables,
-    and a typical and the worst run in folders of their own.
+    With --runs N, prints how each receiver does in N runs, and mean and spread; the folder has
+    their tables, and a typical and the worst run in folders of their own.
     """
     from ..results.artist import forked_artist
 

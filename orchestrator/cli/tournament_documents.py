@@ -104,6 +104,8 @@ class Runs(Document):
     """Many runs of a scenario."""
 
     scenario_name: str
+    answer: str
+    """A line for each receiver."""
     runs: int
     seed: int
     """Of the first run."""

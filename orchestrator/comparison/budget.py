@@ -107,7 +107,7 @@ def budget(
     if not names:
         what = "that better equipment changes" if better else "to look for"
         raise ConfigurationError(f"{base.name}: must have an error {what}, got none")
-    rows = _rows(names, together)
+    rows = _rows(names, together, sources.missing(base, better))
     switches = _switches(base, names, rows, better)
     seed = base.seed if seed is None else seed
     told = switches
@@ -145,15 +145,18 @@ def budget(
     )
 
 
-def _rows(names: Sequence[str], together: Sequence[str | Sequence[str]]) -> list[_Row]:
+def _rows(
+    names: Sequence[str], together: Sequence[str | Sequence[str]], others: Mapping[str, str]
+) -> list[_Row]:
     if isinstance(together, str):
         together = (together,)
     rows = [_Row(name, "source", (name,)) for name in names]
     for asked in together:
-        several = sources.combination(asked, names)
+        several = sources.combination(asked, names, others)
         if len(several) < 2:
             raise ConfigurationError(
-                f"together: must be two sources or more, got {', '.join(several) or 'none'}"
+                "together: must be two sources or more, such as clock+sound-speed, got "
+                f"{', '.join(several) or 'none'}"
             )
         row = _Row(" + ".join(several), "together", several)
         if row not in rows:

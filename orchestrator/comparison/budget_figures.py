@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..style import PLAIN, ThemeName, new_figure, use
-from .budget_result import FRAMES, REMAINDER, Budget, bars
+from .budget_result import FRAMES, Budget, bars, length
 
 _NARROW = 5.0
 """Width of a figure [inch] below which the names of the sources are wrapped sooner."""
@@ -21,10 +21,10 @@ def plot_budget(
 ) -> Axes:
     """Shares of the mean square that go with each source alone, of the receiver and of the bound.
 
-    Whiskers are the 95 % intervals. The sources of error are sorted; below them stands what does
-    not add up.
+    Whiskers are the 95 % intervals. The sources of error are sorted; below them stand what is left
+    when all are switched, and what does not add up.
     """
-    names = [*bars(budget, frame), REMAINDER]
+    names = bars(budget, frame)
     rows = budget.of(frame).loc[names]
     bound = not np.isnan(rows["bound_share"]).all()
     with use(theme, ax) as look:
@@ -47,15 +47,14 @@ def plot_budget(
             ax.barh(y - high / 2, 100 * rows["bound_share"].to_numpy(), high, hatch="///", lw=0,
                     color=look.receivers[1], edgecolor=look.paper, label=budget.bound_kind)
         ax.axvline(0, color=look.ink, lw=0.8)
-        ax.axhline(0.5, color=look.soft, lw=0.8, ls=(0, (3, 2)))
+        ax.axhline(1.5, color=look.soft, lw=0.8, ls=(0, (3, 2)))
         ax.set_yticks(y, labels, **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         does = "is made better" if budget.better else "is switched off"
-        ax.set_xlabel(fill(f"Share of the mean square that goes when it alone {does} [%]", across))
-        rms = f"{budget.of(frame)['rms_m'].iloc[0]:.2f} m RMS"
-        error = "" if frame == "absolute" else f", {FRAMES[frame]}"
-        title = f"{budget.receiver} in {budget.scenario}: {rms}{error}"
+        ax.set_xlabel(fill(f"Share of the mean square that goes when this {does} [%]", across))
+        rms = f"{length(budget.of(frame)['rms_m'].iloc[0])} RMS".replace(" ", "\N{NO-BREAK SPACE}")
+        title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms}"
         ax.set_title(fill(title, across), loc="left")
         ax.margins(y=0.02)
         if bound and own:

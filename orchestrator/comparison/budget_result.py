@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 figures: Any = Module("sblcosim.comparison.budget_figures")
 
 FRAMES: Mapping[str, str] = {
-    "absolute": "absolute", "own_relative": "relative to the platform's true position",
+    "absolute": "absolute position",
+    "own_relative": "position relative to the platform's true one",
 }
-"""Frames that a receiver and a bound have in common, and what is said of their errors."""
+"""Frames that a receiver and a bound have in common, and what is in error there."""
 ALL, NONE, REMAINDER = "all", "what is left", "does not add up"
 """Names of the rows that are no sources."""
 _NAMED = 4
@@ -111,7 +112,7 @@ class Budget(Shown):
         rows = self.of(frame)
         found = rows[rows["kind"] == "source"]
         named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
-        whole = _meters(rows["rms_m"].to_dict()[ALL])
+        whole = length(rows["rms_m"].to_dict()[ALL])
         if named.empty:
             return f"{self.receiver}, {whole} RMS: no error stands out of {self.runs} runs"
         names = [
@@ -123,14 +124,26 @@ class Budget(Shown):
         first = f"{shares[0]} of the mean square is {names[0]}"
         if self.better:
             first = f"{names[0]} takes away {shares[0]} of the mean square"
-        rms = _meters(named["rms_m"].iloc[0])
-        rest = f"; {', '.join(others)}" if others else ""
-        return f"{self.receiver}: {first}: {whole} → {rms} RMS{rest}"
+        rms = length(named["rms_m"].iloc[0])
+        parts = [f"{self.receiver}: {first}: {whole} → {rms} RMS"]
+        parts += [", ".join(others)] if others else []
+        left = float(rows["share"].to_dict()[NONE])
+        if left >= _LEAST:
+            parts.append(f"{_percent(left)} is left with all {'better' if self.better else 'off'}")
+        added = float(named["share"].round(2).sum()) + (round(left, 2) if left >= _LEAST else 0)
+        if added > 1.005:
+            parts.append(
+                "shares add to more than 100 %, as what errors do only together counts for each"
+            )
+        return "; ".join(parts)
 
     def label(self, source: str) -> str:
-        """A row's name, with what is better."""
+        """A row's name, with what is better, or what all is switched."""
+        done = "better" if self.better else "off"
         better = SOURCES[source].better if self.better and source in SOURCES else ""
-        return f"{source} → {better}" if better else source
+        return {ALL: "nothing", NONE: f"{NONE}, all {done}"}.get(
+            source, f"{source} → {better}" if better else source
+        )
 
     def text(
         self, frame: str = "absolute", *, verbose: bool = False, width: int | None = None
@@ -147,7 +160,7 @@ class Budget(Shown):
             Columns of the terminal; None: lines are not wrapped.
         """
         notes = [*self._notes(frame), *(self._method() if verbose else ())]
-        about = "" if frame == "absolute" else f"Of the error {FRAMES[frame]}. "
+        about = "" if frame == "absolute" else f"Error of the {FRAMES[frame]}. "
         lines = [f"{about}{self.answer(frame)}.", "", *self._rows(frame, width)]
         lines += [""] if notes else []
         fitted = [layout.fitted(line, width) for line in (lines[0], *notes)]
@@ -155,31 +168,34 @@ class Budget(Shown):
 
     def _rows(self, frame: str, width: int | None) -> Iterator[str]:
         done = "better" if self.better else "off"
-        head = [done, "share", f"{100 * CONFIDENCE:.0f} %", "RMS", "alone", "RMS"]
+        interval = f"{100 * CONFIDENCE:.0f} %"
+        head = [done, "share", interval, f"RMS {done}", "alone", "RMS alone"]
         bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
         if bound:
-            head += [self.bound_kind, "RMS"]
+            head += [self.bound_kind, f"its RMS {done}"]
         body = []
         for name, row in self.of(frame).iterrows():
             cells = [
                 self.label(str(name)),
                 _percent(row["share"]), _interval(row["share_low"], row["share_high"]),
-                _meters(row["rms_m"]), _percent(row["alone_share"]), _meters(row["alone_rms_m"]),
+                length(row["rms_m"]), _percent(row["alone_share"]), length(row["alone_rms_m"]),
             ]
             if bound:
-                cells += [_percent(row["bound_share"]), _meters(row["bound_rms_m"])]
+                cells += [_percent(row["bound_share"]), length(row["bound_rms_m"])]
             body.append(cells)
         return layout.table(body, width, head, range(1, len(head)))
 
     def _notes(self, frame: str) -> Iterator[str]:
         """What must be known to read the numbers."""
         rows = self.of(frame)
-        worse = rows.index[(rows["kind"] == "source") & (rows["share_high"] < -_LEAST)]
+        worse = rows[(rows["kind"] == "source") & (rows["share_high"] < 0)]["share"]
         if len(worse):
+            named = ", ".join(f"{name} ({_negative(share)})" for name, share in worse.items())
+            what = f"with better {named}" if self.better else f"without {named}"
             hint = "" if self.untold else "; compare --untold"
             yield (
-                f"the error grows without {', '.join(worse)}: some errors cancel, or the receiver "
-                f"believes its model too much then{hint}"
+                f"the error grows {what}: some errors cancel, or the receiver believes its model "
+                f"too much then{hint}"
             )
         if self.untold:
             yield "untold: the receiver assumes what it does with all errors"
@@ -291,19 +307,25 @@ def _percent(share: float) -> str:
     return f"{round(100 * share) + 0:.0f} %".replace("-", "−")
 
 
+def _negative(share: float) -> str:
+    """A share below 0, however small."""
+    return _percent(share) if share < -0.005 else f"−{-100 * share:.1g} %"
+
+
 def _interval(low: float, high: float) -> str:
     if np.isnan(low):
         return ""
     return f"{_percent(low).removesuffix(' %')} to {_percent(high).removesuffix(' %')}"
 
 
-def _meters(rms: float) -> str:
+def length(rms: float) -> str:
+    """An RMS error in a table or title; empty where there is none."""
     if np.isnan(rms):
         return ""
     return f"{rms:.1e} m" if rms >= 1e4 else f"{rms:.{2 if rms >= 0.0995 else 3}f} m"
 
 
-def bars(budget: Budget, frame: str) -> Sequence[str]:
-    """The sources and combinations that a figure shows, the largest on top."""
+def bars(budget: Budget, frame: str) -> list[str]:
+    """The rows that a figure shows: all but the whole, from top to bottom."""
     rows = budget.of(frame)
-    return [str(name) for name in rows.index[rows["kind"].isin(("source", "together"))]]
+    return [str(name) for name in rows.index[rows["kind"] != "all"]]

@@ -12,13 +12,13 @@ import pandas as pd
 
 from .. import api, artifacts, style
 from ..errors import ConfigurationError
-from ..layout import fitted, meters
+from ..layout import fitted
 from ..packages.read import is_package
 from ..results.result import Result
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
 from . import tournament_words
-from .evaluation import receivers_in
+from .evaluation import PERCENTILE, receivers_in
 from .tournament import RESPONSE, Tournament, compare, figures
 
 if TYPE_CHECKING:
@@ -65,12 +65,33 @@ class Many(Shown):
         return float(row[f"{self.receivers[0]}.{RESPONSE}"])
 
     @property
+    def answer(self) -> str:
+        """A line for each receiver: its errors, how often it was lost, and what is drawn."""
+        it, place, lines = self.runs, self.scenario_name, []
+        for receiver in self.receivers:
+            row, beside = (it.level(place, receiver, name) for name in (None, PERCENTILE))
+            runs = row["runs"]
+            if row["failed"] == runs:
+                lines.append(f"{receiver}: no estimate in any of {runs} runs")
+                continue
+            rms, within = (tournament_words.size(found["mean"], "m") for found in (row, beside))
+            lines.append(
+                f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
+                f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")
+            )
+        told = [
+            f"{which}: seed {seed} ({tournament_words.size(self.rms_m(which), 'm')})"
+            for which, seed in self.drawn_seeds.items()
+        ]
+        return "\n".join(["; ".join([lines[0], *told]), *lines[1:]])
+
+    @property
     def problems(self) -> list[str]:
         """A line for each receiver that has failed in all runs."""
         return self.runs.problems
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
-        """Means and spread of each receiver, and which runs are drawn.
+        """The answer, then means and spread of each receiver.
 
         Parameters
         ----------
@@ -80,19 +101,18 @@ class Many(Shown):
             Columns to fit into; None: sentences are not wrapped.
         """
         it, place = self.runs, self.scenario_name
-        lines = [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
-        lines += ["", *tournament_words.levels(it, place, width)]
-        lines += ["", *tournament_words.spreads(it, place, width), ""]
+        lines = [self.answer, ""]
+        lines += [f"{place}: {it.settings['runs']} runs, seeds from {it.settings['seed']}"]
+        lines += [*tournament_words.levels(it, place, width)]
+        lines += ["", *tournament_words.spreads(it, place, width)]
+        start = len(lines)
         for receiver in self.receivers:
             lines += tournament_words.beside(it, place, receiver)
             if verbose:
                 said = it.level(place, receiver)["covariance_words"]
                 lines.append(f"{receiver}: covariance {said}")
         lines += tournament_words.unbounded(it)
-        for which, seed in self.drawn_seeds.items():
-            lines.append(
-                f"{which} run: seed {seed}, {meters(self.rms_m(which))} RMS of {self.receivers[0]}"
-            )
+        lines[start:start] = [""] if len(lines) > start else []
         return fitted("\n".join(lines), width)
 
     def save(
@@ -126,6 +146,7 @@ class Many(Shown):
         """Everything as plain data; missing numbers are None."""
         plain: dict[str, Any] = artifacts.plain({
             "scenario_name": self.scenario_name,
+            "answer": self.answer,
             "runs": self.runs.settings["runs"],
             "seed": self.runs.settings["seed"],
             "receivers": self.receivers,

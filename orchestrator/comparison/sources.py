@@ -31,6 +31,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
+from types import MappingProxyType
 from typing import Any
 
 from ..errors import ConfigurationError, nearest, quoted
@@ -208,29 +209,57 @@ def switched(
     return changes
 
 
-def combination(text: str | Sequence[str], known: Collection[str]) -> tuple[str, ...]:
+def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
+    """Why the other sources cannot be switched, by name.
+
+    Parameters
+    ----------
+    better
+        Whether they would be replaced by better equipment.
+    """
+    there = of_scenario(scenario)
+    why = {}
+    for name in SOURCES.keys() - of_scenario(scenario, better):
+        if name not in there:
+            why[name] = f"which is no error in {scenario.name}"
+        elif SOURCES[name].better:
+            why[name] = f"which is as good as better equipment in {scenario.name}"
+        else:
+            why[name] = "for which nothing better is known; without 'better' it can be switched off"
+    return why
+
+
+def combination(
+    text: str | Sequence[str],
+    known: Collection[str],
+    others: Mapping[str, str] = MappingProxyType({}),
+) -> tuple[str, ...]:
     """The sources that are named together, each once, in the order of `SOURCES`.
 
     Parameters
     ----------
     text
-        ``"clock+sound speed"``, or names; case does not matter, and a hyphen is a space.
+        ``"clock+sound speed"``, or names; case does not matter; a hyphen or underscore is a space.
     known
         Those that are there.
+    others
+        Why others are not, by name.
 
     Raises
     ------
     ConfigurationError
-        One of them is not there; the message suggests the nearest.
+        One of them is not there; the message says why, or suggests the nearest.
     """
     names = text.split("+") if isinstance(text, str) else text
     by_word = {_word(name): name for name in known}
+    why = {_word(name): reason for name, reason in others.items()}
     found = set()
     for name in names:
         if _word(name) not in by_word:
+            reason = why.get(_word(name))
             raise ConfigurationError(
-                f"source: must be one of {', '.join(known)}, got {quoted(name)}"
-                f"{nearest(_word(name), by_word)}"
+                f"source: must be one of {', '.join(known)}, joined by '+', got {quoted(name)}"
+                + (nearest(_word(name), {**by_word, **why}) if reason is None else f", {reason}")
             )
         found.add(by_word[_word(name)])
     return tuple(name for name in SOURCES if name in found)
@@ -246,7 +275,7 @@ def fixed(scenario: Scenario, sources: Iterable[str]) -> tuple[str, ...]:
 
 
 def _word(name: str) -> str:
-    return " ".join(str(name).replace("-", " ").lower().split())
+    return " ".join(re.sub("[-_]", " ", str(name)).lower().split())
 
 
 def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]:

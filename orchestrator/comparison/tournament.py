@@ -28,7 +28,7 @@ from ..results.user_responses import of_file, of_function
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
-from ..scenario.sources import file_of, known_source
+from ..scenario.sources import file_of, known_source, named
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.user_code import PythonSource
 from ..study import runner
@@ -256,8 +256,10 @@ def compare(
         raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]
     for it in names:
-        if names.count(it) > 1 or it == ALL:
+        if names.count(it) > 1:
             raise ConfigurationError(f"scenarios: must have different names, got {it!r} twice")
+        if it == ALL:
+            raise ConfigurationError(f"scenarios: must not be named {ALL!r}, which is for the mean")
     tables = []
     for i, study in enumerate(studies):
         def told(share: float, i: int = i) -> None:
@@ -333,7 +335,14 @@ def study_of(
     tables = {
         **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
     }  # fmt: skip
-    return load_study(tables, receivers=[receivers] if one else list(receivers))
+    study = load_study(tables, receivers=[receivers] if one else list(receivers))
+    sources = [known_source(it) for it in study.receivers]
+    for i, source in enumerate(sources):
+        if source in sources[:i]:
+            raise ConfigurationError(
+                f"receivers: must differ from each other, got {quoted(named(source))} twice"
+            )
+    return study
 
 
 def _origin(source: Source) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,8 @@ ROW, ABOVE = 0.27, 0.75
 REACH, FAR = 6.0, 1.5
 """Differences of more than so many times their median, and of the best one's mean, are drawn at the
 edge."""
+_CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
+"""Of a label, and on an axis, per inch; inches of a column of the legend."""
 _MARKS = {
     "worse": ("s", "worse than the best"), "cannot tell": ("o", "cannot tell"),
     "equal": ("D", "equal for practical purposes"), "better": ("^", "better here"),
@@ -102,7 +105,6 @@ def plot_tournament(
     """
     both = any(len(panel.difference) for panel in panels)
     with use(theme, axes) as look:
-        own = axes is None
         if axes is None:
             heights = [ABOVE + ROW * len(panel.receivers) for panel in panels]
             figure = new_figure(7.2, sum(heights) + 0.6)
@@ -126,10 +128,15 @@ def plot_tournament(
                    **_look(word, look))
             for word in _MARKS if word in drawn),
         ]  # fmt: skip
+        if both:
+            handles.append(Line2D([], [], marker="|", ls="", ms=11, color=look.ink,
+                                  label="like the best; right of it: worse"))
         if both and practical is not None:
             handles.append(Patch(color=look.grid, label="does not matter"))
-        if own:
-            axes[0].figure.legend(handles=handles, loc="outside upper center", ncols=3)
+        whole = axes[0].figure
+        if list(axes) == whole.axes and whole.get_layout_engine() is not None:
+            columns = max(1, int(whole.bbox.width / whole.dpi / _LEGEND))
+            whole.legend(handles=handles, loc="outside upper center", ncols=columns)
         else:
             axes[-1].legend(handles=handles)
     return axes
@@ -168,7 +175,7 @@ def _spread(ax: Axes, panel: Panel, look: Theme, label: str) -> None:
     else:
         ax.set_xlim(left=0.0)
     ax.set_title(panel.place, loc="left", fontweight="bold")
-    ax.set_xlabel(f"{label}, 5 to 95 % of runs", fontsize=SMALL)
+    _label(ax, f"{label}, 5 to 95 % of runs")
 
 
 def _difference(
@@ -200,4 +207,13 @@ def _difference(
                         ha="right" if mean > 0 else "left", va="bottom")
     ax.margins(x=0.06)
     of = f" [{unit}]" if unit else ""
-    ax.set_xlabel(f"less that of {short(panel.receivers[0])}{of}, 95 % all at once", fontsize=SMALL)
+    held = "" if np.isnan(panel.difference[:, 1:]).all() else ", 95 % all at once"
+    _label(ax, f"difference from {short(panel.receivers[0])}{of}{held}")
+
+
+def _label(ax: Axes, text: str) -> None:
+    """Name the horizontal axis, in as many lines as it is too narrow for one."""
+    inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
+    ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
+    if ax.get_xscale() == "linear":
+        ax.locator_params(axis="x", nbins=max(3, round(_TICKS * inches)))

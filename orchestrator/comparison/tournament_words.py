@@ -24,6 +24,7 @@ _NAMED = 4
 _NOTES = (
     "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. The "
     "mean is over the runs, lost ones included; over all scenarios it is of the seeds' means.",
+    "A difference is of the first receiver less the second: below 0 the first one is better.",
     "95 % in a run: what 95 % of the estimates of a run are within, mean over the runs. 95 % of "
     "runs: what is compared is below it in 95 % of the runs, an upper bound by order statistics.",
     "Lost: the RMS error in the last quarter exceeds the distance to the platform. Update: time of "
@@ -37,8 +38,8 @@ def words_of(response: str) -> str:
 
 
 def size(value: float, unit: str) -> str:
-    """A number with its unit."""
-    return f"{rounded(value)} {unit}".rstrip()
+    """A number with its unit; a dash where there is none."""
+    return "–" if isnan(value) else f"{rounded(value)} {unit}".rstrip()
 
 
 def span(low: float, high: float, unit: str = "") -> str:
@@ -103,7 +104,8 @@ def _best(it: Tournament, place: str, best: str, unit: str) -> str:
     if open_:
         needed = [row.runs_needed for row in open_]
         about = (
-            f"; about {max(needed):,} runs would" if all(map(pd.notna, needed)) else ""
+            f"; about {max(needed):,} runs would{' for all of them' if len(open_) > 1 else ''}"
+            if all(map(pd.notna, needed)) else ""
         )
         parts.append(
             f"whether {best} is better than {listed([row.other for row in open_])}, "
@@ -227,8 +229,8 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
             if rows:
                 unit = unit_of(response)
                 head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
-                        "mean", "95 %, all at once", "better in", "")  # fmt: skip
-                lines += ["", *table(rows, width, head, (1, 2, 3))]
+                        "mean", "95 %, all at once", "better in", "the first is")  # fmt: skip
+                lines += ["", *_table(rows, width, head, (1, 2, 3), (2,))]
     if verbose:
         lines += ["", *_NOTES]
     return fitted("\n".join(lines), width)
@@ -240,20 +242,41 @@ def _frame(it: Tournament) -> str:
 
 def _heads(it: Tournament) -> tuple[str, ...]:
     unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
-    first = words_of(it.response).removesuffix(" total error")
     update = ("update",) if it.update_s else ()
-    return ("", f"{first}{unit}", "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
+    return ("", _first(it), "95 % in a run [m]", f"95 % of runs{unit}", "lost", "covariance",
             *update)  # fmt: skip
+
+
+def _first(it: Tournament) -> str:
+    """What is compared, for the head of a column."""
+    unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
+    return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
 
 def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
     """The lines of the table of receivers."""
-    return table(_levels(it, place), width, _heads(it), range(1, 5))
+    return _table([*_levels(it, place)], width, _heads(it), range(1, 5), (3,))
 
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
     """The lines of the table of the spread between the runs."""
-    return table(_spreads(it, place), width, _SPREADS, range(1, 7))
+    head = (f"{_first(it)} over the runs", *_SPREADS)
+    return _table([*_spreads(it, place)], width, head, range(1, 7), (5, 6))
+
+
+def _table(
+    rows: Sequence[Sequence[str]],
+    width: int | None,
+    head: Sequence[str],
+    right: Sequence[int],
+    optional: Sequence[int],
+) -> Iterator[str]:
+    """A table without those of the optional columns in which nothing is told."""
+    kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
+    return table(
+        [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],
+        [n for n, i in enumerate(kept) if i in right],
+    )  # fmt: skip
 
 
 def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
@@ -296,7 +319,7 @@ def _update(it: Tournament, place: str, receiver: str) -> str:
     return f"~ {rounded(mean * factor, 2)} {unit}"
 
 
-_SPREADS = ("", "mean, 95 %", "std", "least", "median", "most", "lost, 95 %")
+_SPREADS = ("std", "least", "median", "most", "mean, 95 % interval", "lost, 95 % interval")
 
 
 def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
@@ -304,8 +327,8 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         row = it.level(place, receiver)
         yield (
             receiver,
-            span(row["low"], row["high"]),
             *(rounded(row[name]) for name in ("std", "least", "median", "most")),
+            span(row["low"], row["high"]),
             span(100 * row["lost_low"], 100 * row["lost_high"], "%"),
         )
 
@@ -313,7 +336,9 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
 def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
     for row in rows_of(it, place, response):
         said = row.verdict
-        if said == "cannot tell" and pd.notna(row.runs_needed):
+        # What any interval takes is said once, for all pairs.
+        own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
+        if said == "cannot tell" and own:
             said += f"; about {row.runs_needed:,} runs would"
         yield (
             f"{row.one} − {row.other}", rounded(row.mean), span(row.low, row.high),

@@ -41,6 +41,28 @@ def _found(name: str = DIVE, **options: Any) -> Budget:
     return sblcosim.budget(name, None, changes.items(), runs=RUNS, **options)
 
 
+def _made_up(
+    sound_speed: tuple[float, float, float], gps: float = 0.5, left: float = 0.0, **about: Any
+) -> Budget:
+    """A budget of 1 m² with given shares: of the sound speed with its interval, and of the GPS."""
+    shares_of = {
+        (ALL, "all"): (np.nan,) * 3, ("GPS", "source"): (gps, gps - 0.01, gps + 0.01),
+        ("sound speed", "source"): sound_speed, (NONE, "rest"): (left,) * 3,
+        (REMAINDER, "remainder"): (1 - gps - left - sound_speed[0],) * 3,
+    }  # fmt: skip
+    table = pd.DataFrame([
+        {"frame": "absolute", "source": name, "kind": kind,
+         "rms_m": 1.0 if kind == "all" else np.sqrt(1 - share),
+         "share": share, "share_low": low, "share_high": high}
+        | dict.fromkeys(("alone_rms_m", "alone_share", "bound_share", "bound_rms_m"), np.nan)
+        for (name, kind), (share, low, high) in shares_of.items()
+    ])  # fmt: skip
+    return Budget("x", "m", table, **{
+        "runs": 30, "dropped": 0, "seed": 1, "better": False, "untold": False, "lost": 0.0,
+        "bound_runs": 0, "bound_kind": "", "acceleration_psd": None, **about,
+    })  # fmt: skip
+
+
 @cache
 def _quick(**options: Any) -> Budget:
     return sblcosim.budget(PAPER, None, {"time.duration_s": 10.0}, runs=30, **options)
@@ -343,7 +365,44 @@ def test_the_text_fits_a_terminal(width: int) -> None:
 def test_an_error_that_grows_is_told() -> None:
     found = sblcosim.budget("harbour-lbl", None, {"time.duration_s": 200.0}, runs=30)
     assert found.of().loc["range noise", "share_high"] < 0
-    assert "the error grows without range noise" in found.text()
+    assert re.search(r"the error grows without .*range noise \(−\d+ %\)", found.text())
+
+
+def test_every_share_that_is_surely_negative_is_told() -> None:
+    """However small it is, told of the switch or not; and none that may be positive."""
+    for found in (_made_up((-0.03, -0.04, -0.015)), _made_up((-0.03, -0.04, -0.015), untold=True)):
+        assert "the error grows without sound speed (−3 %)" in found.text()
+        assert ("; compare --untold" in found.text()) == (not found.untold)
+    assert "grows without sound speed (−0.2 %)" in _made_up((-0.002, -0.003, -0.001)).text()
+    assert "grows" not in _made_up((-0.03, -0.04, 0.001)).text()
+    better = _made_up((-0.03, -0.04, -0.015), better=True).text()
+    assert "the error grows with better sound speed (−3 %)" in better
+
+
+def test_the_sentence_says_what_is_left_and_why_shares_are_more_than_the_whole() -> None:
+    clause = "; shares add to more than 100 %, as what errors do only together counts for each"
+    alone = _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1).answer()
+    assert alone.endswith("is the GPS: 1.00 m → 0.32 m RMS; 10 % is left with all off")
+    over = _made_up((0.3, 0.2, 0.4), gps=0.9, left=0.01).answer()
+    assert over.endswith(f"RMS; the sound speed 30 %{clause}")
+    assert "better" in _made_up((0.005, 0.0, 0.01), gps=0.9, left=0.1, better=True).answer()
+
+
+def test_columns_and_rows_have_names_of_their_own() -> None:
+    """What an RMS is of, what is switched in a row, and which position is in error."""
+    for found, done in ((_found(), "off"), (_found(better=True), "better")):
+        lines = found.text().splitlines()
+        head = re.split(r"\s{2,}", lines[2])
+        assert head == [done, "share", "95 %", f"RMS {done}", "alone", "RMS alone", "reference",
+                        f"its RMS {done}"]
+        assert lines[3].startswith("nothing ")
+        assert any(line.startswith(f"what is left, all {done} ") for line in lines)
+    for frame, words in (("absolute", "absolute position"),
+                         ("own_relative", "position relative to the platform's true one")):
+        title = " ".join(_found().plot(frame).axes[0].get_title(loc="left").split())
+        rms = _found().of(frame).loc[ALL, "rms_m"]
+        assert title == f"coupled in {DIVE}: {words}, {rms:.2f} m RMS"
+    assert _found().text("own_relative").startswith("Error of the position relative to the platf")
 
 
 def test_it_is_written_whole(tmp_path: Path) -> None:
@@ -372,7 +431,8 @@ def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
             picture = found.plot("own_relative", ax, theme)  # type: ignore[arg-type]
             (axes,) = picture.axes
             rows = found.of("own_relative")
-            kept = rows[rows["kind"].isin(("source", "together", "remainder"))]
+            kept = rows[rows["kind"] != "all"]
+            assert [*kept.index[-2:]] == [NONE, REMAINDER]
             bars, _, bound = (c for c in axes.containers)
             for drawn, column in ((bars, "share"), (bound, "bound_share")):
                 widths = [bar.get_width() for bar in drawn]  # type: ignore[attr-defined]
@@ -380,7 +440,8 @@ def test_the_figure_shows_receiver_and_bound_side_by_side() -> None:
             shown = [" ".join(t.get_text().split()) for t in axes.get_yticklabels()]
             assert shown == [found.label(str(name)) for name in kept.index]
             assert all(t.get_fontsize() >= 8 for t in picture.figure.findobj(Text))
-            assert "[%]" in axes.get_xlabel()
+            label = " ".join(axes.get_xlabel().split())
+            assert label == "Share of the mean square that goes when this is made better [%]"
 
 
 def test_a_receiver_without_a_relative_position_has_one_frame() -> None:
@@ -447,9 +508,16 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"together": ["clok+heading"]},
-         r"source: must be one of GPS, .*, got 'clok'; did you mean 'clock'\?"),
-        ({"together": ["clock"]}, "together: must be two sources or more, got clock"),
-        ({"together": "mounting+clock"}, "source: must be one of GPS, .*, got 'mounting'.*"),
+         r"source: must be one of GPS, .*, joined by '\+', got 'clok'; did you mean 'clock'\?"),
+        ({"together": ["clock"]},
+         r"together: must be two sources or more, such as clock\+sound-speed, got clock"),
+        ({"together": "mounting+clock"},
+         "source: must be one of GPS, .*, got 'mounting', which is no error in realistic-dive"),
+        ({"together": "outliers+clock", "better": True},
+         r"source: must be one of GPS, heading, .*, got 'outliers', for which nothing better is "
+         r"known; without 'better' it can be switched off"),
+        ({"together": "outlers+clock", "better": True},
+         r"source: must be one of GPS, .*, got 'outlers'; did you mean 'outliers'\?"),
         ({"runs": 29}, "runs: must be a whole number of at least 30, got 29"),
         ({"runs": 1e3}, r"runs: must be a whole number of at least 30, got 1000\.0"),
         ({"runs": True}, "runs: must be a whole number of at least 30, got True"),
@@ -474,6 +542,7 @@ def test_a_scenario_without_any_error_is_refused() -> None:
 def test_names_are_found_however_they_are_written() -> None:
     known = ("GPS", "clock", "sound speed")
     assert sources.combination("Sound-Speed+gps+ clock", known) == known
+    assert sources.combination("clock+sound_speed", known) == ("clock", "sound speed")
     assert sources.combination(["clock", "clock", "GPS"], known) == ("GPS", "clock")
 
 
@@ -505,6 +574,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ((DIVE, "--with", "clok+gps"), "error: source: must be one of GPS, "),
         ((DIVE, "--runs", "3"), "error: --runs: must be a whole number of at least 30, got '3'"),
         ((DIVE, "--frame", "abslute"), "error: frame: must be absolute or own_relative, got 'absl"),
+        ((DIVE, "--receiver", "ekf", "--receiver", "coupled"),
+         "error: --receiver: must be given once, got ekf and coupled; 'sblcosim compare' "),
         (("realistic-dvie",), "error: scenario: must be a TOML file or one of "),
     ],
 )

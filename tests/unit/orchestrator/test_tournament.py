@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import pandas as pd
 import pytest
 import sblcosim
 import sblcosim.cli
+from sblcosim import style
 from sblcosim.comparison import cost, many, tournament, tournament_figures
 from sblcosim.comparison.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
 from sblcosim.results.consistency import of_runs
+from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
 from typer.testing import CliRunner, Result
 
@@ -152,9 +155,51 @@ def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
     it = evaluate(few, {**SETTINGS, "runs": 10})
     assert set(it.differences["verdict"]) == {"cannot tell"}
     said = it.text()
+    assert it.answer.startswith("Whether a is better than c and b, 10 runs cannot tell")
     assert "no interval of a difference from 10 runs: 129 are needed, 119 more" in said
     assert "no interval of a mean from 10 runs: 72 are needed, 62 more" in said
     assert "no bound for 95 % of the runs from 10: 59 are needed, 49 more" in said
+
+
+def test_columns_of_which_nothing_is_known_are_left_away() -> None:
+    few = {name: table.head(30) for name, table in (
+        (name, made_up().table.query("scenario == @name")) for name in ("near", "far")
+    )}  # fmt: skip
+    heads = ("95 %, all at once", "95 % of runs [m]", "mean, 95 % interval")
+    said = evaluate(few, {**SETTINGS, "runs": 30}).text(verbose=True)
+    assert not any(head in said for head in heads)
+    assert "95 % in a run [m]" in said
+    assert said.count("lost, 95 % interval") == 2  # there is none over all scenarios
+    enough = made_up().text(verbose=True)
+    assert all(head in enough for head in heads)
+    axes = evaluate(few, {**SETTINGS, "runs": 30}).plot().axes
+    assert axes[1].get_xlabel() == "difference from a [m]"
+
+
+def test_runs_that_would_tell_are_those_of_each_pair() -> None:
+    """Of the largest number, if it is said for all; what any interval takes is said once."""
+    common = noise(1, 1.0, 0.3)
+    near = {"a": common, "b": common + noise(2, 0.002), "c": common + noise(3, 0.006)}
+    it = evaluate({"x": runs_of(near)}, SETTINGS)
+    mine = it.differences.query("response == @RESPONSE and one == 'a'").set_index("other")
+    needed = mine["runs_needed"].to_dict()
+    assert {*mine["verdict"]} == {"cannot tell"}
+    assert needed["b"] > needed["c"] > RUNS
+    assert it.answer.startswith(
+        f"Whether a is better than b and c, 200 runs cannot tell; about {needed['b']:,} runs would "
+        "for all of them. "
+    )
+    rows = [line for line in it.text().splitlines() if line.startswith("a − ")]
+    assert [row.partition("cannot tell")[2] for row in rows] == [
+        f"; about {needed[other]:,} runs would" for other in ("b", "c")
+    ]
+    few = evaluate({"x": runs_of(near).head(60)}, {**SETTINGS, "runs": 60})
+    (least,) = {*few.differences["least"]}
+    cannot = [line for line in few.text().splitlines() if "cannot tell" in line and "−" in line]
+    for row, line in zip(few.differences.itertuples(), cannot, strict=False):
+        own = row.runs_needed > least
+        assert line.endswith(f"; about {row.runs_needed:,} runs would" if own else "cannot tell")
+    assert f"{least} are needed" in few.text()
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -168,8 +213,17 @@ def test_the_figure_has_a_row_for_each_receiver_and_no_small_text(theme: Any) ->
     assert min(t.get_fontsize() for t in texts) >= 8
     left, right = axes[:2]
     assert left.get_xlabel() == "RMS total error [m], 5 to 95 % of runs"
-    assert right.get_xlabel() == "less that of a [m], 95 % all at once"
+    assert right.get_xlabel() == "difference from a [m], 95 % all at once"
+    said = [t.get_text() for t in axes[0].figure.legends[0].get_texts()]
+    assert said.count("like the best; right of it: worse") == 1
     panels = tournament_figures.shown(made_up(practical=0.03))[0]
+    with style.use(theme):
+        narrow = style.new_figure(3.9, 6.0).subplots(3, 2)
+    tournament_figures.plot_tournament(*tournament_figures.shown(made_up()), narrow.flat, theme)
+    narrow[0, 0].figure.draw_without_rendering()
+    for row in narrow:
+        one, other = (ax.xaxis.label.get_window_extent() for ax in row)
+        assert one.x1 < other.x0
     with pytest.raises(ValueError, match="axes: must be 6 axes, got 1"):
         tournament_figures.plot_tournament(panels, "x", "m", axes=[left])
 
@@ -246,6 +300,7 @@ def test_receivers_in_python_take_part_and_one_that_is_silent_is_named(tmp_path:
         runs=2, overrides=SHORT,
     )  # fmt: skip
     assert it.receivers[-1] == "Never"
+    assert it.answer.endswith(", Never –.")
     assert it.problems == ["Never: must give estimates in harbour-square, got none in 2 runs"]
     assert it.update_s["harbour-square"]["Never"] is None
     assert np.isfinite(it.level("harbour-square", "Fix")["mean"])
@@ -283,6 +338,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "none": ({"scenarios": []}, "scenarios: must be at least one, got none"),
     "labels": ({"receivers": {"a": "ekf"}}, "receivers: must be a sequence of receivers, got a "),
     "twice": ({"scenarios": ["harbour-square"] * 2}, "scenarios: must have different names, got "),
+    "named as all": ({"scenarios": [load("harbour-square", {"name": ALL})]},
+                     "scenarios: must not be named 'all scenarios'"),
+    "receiver twice": ({"receivers": ["ekf", "coupled", "ekf"]},
+                       "receivers: must differ from each other, got 'ekf' twice"),
     "settling": ({"settling_s": 1e6}, ".*settling_time_s: must be less than the length of the ru"),
     "key": ({"overrides": ["platform.arm=1"]}, r"override platform.arm: \[platform\] has no key"),
 }  # fmt: skip
@@ -323,7 +382,18 @@ def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many
         for receiver in ("ekf", "coupled"):
             reached = result.errors.loc[(receiver, "absolute", "total"), "rms_m"]
             assert reached == pytest.approx(row[f"{receiver}.{RESPONSE}"], rel=1e-12)
-    assert f"worst run: seed {ranked[-1]}, " in several.text()
+    lines = several.answer.splitlines()
+    worst, median = (table.set_index("seed")[f"ekf.{RESPONSE}"][ranked[i]] for i in (-1, 2))
+    within = table[f"ekf.{PERCENTILE}"].mean()
+    assert lines[0] == (
+        f"ekf: {table[f'ekf.{RESPONSE}'].mean():.3g} m RMS, {within:.3g} m in 95 % of the time, "
+        f"lost in 0 of 6 runs; typical: seed {ranked[2]} ({median:.3g} m); "
+        f"worst: seed {ranked[-1]} ({worst:.3g} m)"
+    )
+    assert re.fullmatch(r"coupled: \S+ m RMS, \S+ m in 95 % of the time, lost in 0 of 6 runs",
+                        lines[1])  # fmt: skip
+    assert several.text().startswith(several.answer)
+    assert several.to_json()["answer"] == several.answer
     found = several.runs.level("harbour-square", "coupled")
     column = table[f"coupled.{RESPONSE}"]
     assert [found[k] for k in ("mean", "std", "median", "least", "most")] == pytest.approx(
@@ -356,6 +426,7 @@ def test_a_receiver_that_never_answers_leaves_nothing_to_draw(tmp_path: Path) ->
     found = sblcosim.run_many("harbour-square", f"{tmp_path}/own.py:Never", SHORT, runs=2)
     assert (found.drawn, found.drawn_seeds) == ({}, {})
     assert found.problems == ["Never: must give estimates in harbour-square, got none in 2 runs"]
+    assert found.answer == "Never: no estimate in any of 2 runs"
 
 
 # --- The commands --------------------------------------------------------------------------------
@@ -385,7 +456,8 @@ def test_the_commands_write_and_say_what_the_functions_do(tmp_path: Path) -> Non
     last = silent.stderr.splitlines()[-1]
     assert last == "error: Never: must give estimates in harbour-square, got none in 2 runs"
     runs = cli("run", "harbour-square", "--runs", 3, "--seed", 4, *short, "--out", tmp_path / "r")
-    assert runs.stdout.startswith("harbour-square: 3 runs, seeds from 4\n")
+    assert re.match(r"ekf: \S+ m RMS, .* in 0 of 3 runs; typical: seed \d \(.*; worst: seed \d "
+                    r"\(.* m\)\n\nharbour-square: 3 runs, seeds from 4\n", runs.stdout)  # fmt: skip
     assert (tmp_path / "r" / "typical" / "record.csv").is_file()
 
 
