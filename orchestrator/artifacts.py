@@ -302,7 +302,7 @@ def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
     if mixed:
         table = table.copy(deep=False)
         for at, column in mixed.items():
-            table.isetitem(at, column)
+            table.isetitem(at, column.to_numpy())
     arrow = pa.Table.from_pandas(table, preserve_index=False)
     parquet.write_table(arrow, folder / f"{name}.parquet")
     csv.write_csv(arrow, folder / f"{name}.csv")
