@@ -290,7 +290,19 @@ def software() -> dict[str, str]:
 
 
 def write_table(table: pd.DataFrame, folder: Path, name: str) -> None:
-    """Write a table as Parquet and CSV; numbers in full precision."""
+    """Write a table as Parquet and CSV; numbers in full precision.
+
+    A column of texts and other values, as the levels of several factors, is one of texts in them.
+    """
+    mixed = {
+        at: column.map(lambda value: str(plain(value)), na_action="ignore")
+        for at, (_, column) in enumerate(table.items())
+        if column.dtype == object and len({type(plain(value)) for value in column.dropna()}) > 1
+    }
+    if mixed:
+        table = table.copy(deep=False)
+        for at, column in mixed.items():
+            table.isetitem(at, column.to_numpy())
     arrow = pa.Table.from_pandas(table, preserve_index=False)
     parquet.write_table(arrow, folder / f"{name}.parquet")
     csv.write_csv(arrow, folder / f"{name}.csv")

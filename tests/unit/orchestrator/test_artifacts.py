@@ -107,6 +107,20 @@ def test_table_comes_back_from_both_files_bit_by_bit(tmp_path):
     assert [float(row[0]) for row in rows] == values.tolist()
 
 
+def test_a_column_of_texts_and_numbers_is_written_as_texts(tmp_path):
+    table = pd.DataFrame({"level": pd.Series(["rtk_fixed", 0.4, 3, None], dtype=object),
+                          "gated": pd.Series([True, False, 0.5, None], dtype=object),
+                          "mean": [1.0, 2.0, 3.0, 4.0]})
+    before = table.copy(deep=True)
+    artifacts.write_table(table, tmp_path, "levels")
+    back = pd.read_parquet(tmp_path / "levels.parquet")
+    assert back["level"].tolist()[:3] == ["rtk_fixed", "0.4", "3"]
+    assert back["gated"].tolist()[:3] == ["True", "False", "0.5"]
+    assert back[["level", "gated"]].isna().to_numpy().tolist() == [*[[False] * 2] * 3, [True] * 2]
+    pd.testing.assert_frame_equal(table, before)
+    pd.testing.assert_series_equal(back["mean"], table["mean"])
+
+
 def test_plain_data_is_what_json_knows():
     value = {"a": np.float64(1.5), 2: (np.int64(3), np.nan), "b": np.bool_(True),
              "c": {"d": np.inf, "e": np.array([1, 2])}, "f": None, "g": "word"}

@@ -260,6 +260,14 @@ def test_a_grid_is_analysed_by_its_levels(tmp_path: Path) -> None:
         reports.save(tmp_path / "out", tmp_path / "other", error="residual")
 
 
+def test_levels_may_be_texts_of_one_factor_and_numbers_of_another(tmp_path: Path) -> None:
+    loss = {"keys": ["acoustics.loss_probability"], "levels": [0, 0.3]}
+    small(replicates=4, factors={"gps": GPS, "loss": loss}).run(tmp_path / "out")
+    reports.save(tmp_path / "out", tmp_path / "page")
+    levels = pd.read_parquet(tmp_path / "page" / "main_effects.parquet")["level"]
+    assert levels.tolist() == ["standalone", "rtk_fixed", "0", "0.3"]
+
+
 def test_receivers_that_are_a_factor_share_the_noise() -> None:
     factors = {"gps": GPS, "r": {"keys": ["receivers"], "levels": ["ekf", "sequential"]}}
     with pytest.raises(ConfigurationError, match="seeding: must be 'common' with receivers as a"):
