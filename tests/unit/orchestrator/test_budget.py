@@ -362,12 +362,6 @@ def test_the_text_fits_a_terminal(width: int) -> None:
     assert "nothing better is known for: outliers" in _found(better=True).text()
 
 
-def test_an_error_that_grows_is_told() -> None:
-    found = sblcosim.budget("harbour-lbl", None, {"time.duration_s": 200.0}, runs=30)
-    assert found.of().loc["range noise", "share_high"] < 0
-    assert re.search(r"the error grows without .*range noise \(−\d+ %\)", found.text())
-
-
 def test_every_share_that_is_surely_negative_is_told() -> None:
     """However small it is, told of the switch or not; and none that may be positive."""
     for found in (_made_up((-0.03, -0.04, -0.015)), _made_up((-0.03, -0.04, -0.015), untold=True)):
