@@ -270,7 +270,8 @@ def _hint(response: str, known: Sequence[str]) -> str:
     """What was meant, or how a study gets percentiles."""
     other = re.search(r"_p\d+(_|$)|percentile", response) and not PERCENTILES.keys() & {*known}
     if response not in ON_REQUEST and not other:
-        return nearest(response, known)
+        default = f"absolute_{response}"  # as a question names it
+        return f"; did you mean {default!r}?" if default in known else nearest(response, known)
     asked = response if response in ON_REQUEST else ALL_PERCENTILES
     return f"; this study has none, its file must say responses = [\"{asked}\"] for it"
 

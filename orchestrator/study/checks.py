@@ -346,8 +346,7 @@ _KINDS: dict[str, type[FactorTable]] = {"factors": FactorTable, "conditions": Co
 def line(error: ErrorDetails, where: str, top: type[Table] = Definition) -> str:
     """An error that pydantic found in a table, in our own wording."""
     location = [str(part) for part in error["loc"]]
-    at, models = location[0], top.model_fields
-    table = top
+    at, table = location[0], top
     if at == "design" and len(location) > 1:
         table, at, location = DesignTable, f"[design] {location[1]}", location[1:]
     elif at in _KINDS and len(location) > 2:
@@ -357,10 +356,10 @@ def line(error: ErrorDetails, where: str, top: type[Table] = Definition) -> str:
         at = f"[{at}.{shortened(location[1])}]"
     if error["type"] == "extra_forbidden":
         inside = "" if table is top else at.partition("] ")[0] + "] "
-        return (
-            f"{where}: {inside}there is no key {quoted(location[0])}"
-            f"{nearest(location[0], table.model_fields if table is not top else models)}"
-        )
+        close = nearest(location[0], table.model_fields)
+        if not close and table is not top:
+            close = f"; there are {', '.join(table.model_fields)}"
+        return f"{where}: {inside}there is no key {quoted(location[0])}{close}"
     if error["type"] == "missing":
         return f"{where}: {at}: must be given, got nothing"
     if location[0] == "scenario":

@@ -351,6 +351,7 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
     ("asked", "hint"),
     [
         ("absolute_total_rms", "; did you mean 'absolute_total_rms_m'?; docs/reference/results.md"),
+        ("total_rms_m", "; did you mean 'absolute_total_rms_m'?; docs/reference/results.md"),
         ("absolute_total_p95_m", '; this study has none, its file must say responses = ["absolute'),
         ("relative_total_p96_m", '; this study has none, its file must say responses = ["percenti'),
         ("zzz", "got 'zzz'; docs/reference/results.md lists all"),

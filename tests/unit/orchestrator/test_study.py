@@ -121,6 +121,7 @@ PROBLEMS: list[tuple[dict[str, Any], str]] = [
      "must have numbers as levels in this design, got .a.; a grid"),
     ({"factors": {"arm": {**ARM, "keys": []}}}, "keys: must have at least one key"),
     ({"factors": {"arm": {**ARM, "level": 1}}}, "there is no key 'level'; did you mean 'levels'"),
+    ({"factors": {"arm": {**ARM, "high": 1}}}, "'high'; there are range, .*keys, levels, dist"),
     ({"factors": {"arm": ARM, "length": ARM}}, "must belong to one factor, got arm, too"),
     ({"factors": {"error": ARM}}, "must have a name of at most 60 letters"),
     ({"factors": {"a-b": ARM}}, "must have a name of at most 60 letters"),
