@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..layout import fitted, table
+from ..results.definitions import LOST
 from .bounds import runs_for_t
 from .cells import Level
 from .general_tables import GeneralAnalysis
@@ -18,9 +19,6 @@ MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
 VERDICTS = {"equal": "equal", "differs": "differs", "open": "cannot tell"}
 """Of a pair of levels, with a smallest difference that matters."""
-LOST = ("Lost is judged in the last quarter of a run alone: off by more than the diver is from the "
-        "platform, or without an estimate. A run that ends well is not lost, whatever was before.")
-"""What the share of lost runs counts."""
 UNEQUAL = 2.0
 """Ratio of standard deviations from which on it is said that they are not equal."""
 
@@ -168,6 +166,8 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
         if a.far_log < a.far / 2:
             text += (f" Of the logarithms it is {percent(a.far_log)}: transform log compares "
                      "typical runs.")
+        if a.worst_run and not a.ran_away:
+            text += f" The largest is of run {a.worst_run}: sblcosim replay RESULTS {a.worst_run}."
         lines.append(text)
     if not np.isnan(a.skewness) and a.fewest < runs_for_t(a.skewness):
         lines.append(f"Skewed runs (skewness {minus(f'{a.skewness:.2g}')}): intervals of means "

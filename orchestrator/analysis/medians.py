@@ -1,9 +1,8 @@
 """Medians of the levels of factors, with intervals that suppose nothing of the runs' distribution.
 
-The interval is of order statistics: of n independent runs the number at or below the median is
-binomial (Thompson, Annals of Mathematical Statistics 7, 1936, 122–128; Conover, Practical
-Nonparametric Statistics, 3rd edition, 1999, section 3.2). Runs of several cells scatter less than
-that (Hoeffding, Annals of Mathematical Statistics 27, 1956, 713–721), which errs on the safe side.
+The interval is of order statistics (`place_of_bound`). Runs of several cells scatter less than
+that supposes (Hoeffding, Annals of Mathematical Statistics 27, 1956, 713–721), which errs on the
+safe side.
 With common random numbers replicates are independent, not runs: n is their number, and the bounds
 are at the same shares of all runs.
 """
@@ -14,8 +13,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
+from ..results.consistency import place_of_bound
 from .model import Floats
 from .options import Options
 
@@ -54,10 +53,9 @@ def median_table(
 def median_interval(y: Floats, n: int, confidence: float) -> tuple[float, float]:
     """Bounds of the median of runs in ascending order, n of which are independent.
 
-    NaN if n is too small: for 95 % it takes 6.
+    NaN if n is too small.
     """
-    # the largest k with P(Binomial(n, 1/2) < k) ≤ α/2: from the k-th run to the k-th from the end
-    k = int(stats.binom.ppf((1 - confidence) / 2, n, 0.5))
+    k = place_of_bound(n, confidence)
     if k == 0:
         return np.nan, np.nan
     place = k if n == len(y) else max(1, k * len(y) // n)

@@ -12,6 +12,7 @@ import pandas as pd
 from ..analysis.sentences import rounded
 from ..layout import fitted, table
 from ..results.consistency import COVARIANCES
+from ..results.definitions import LOST
 from ..results.responses import RESPONSES, readable, unit_of
 from .evaluation import ALL, PERCENTILE
 from .statistics import ALPHA, SHARE, least_runs
@@ -27,8 +28,8 @@ _NOTES = (
     "A difference is of the first receiver less the second: below 0 the first one is better.",
     "95 % in a run: what 95 % of the estimates of a run are within, mean over the runs. 95 % of "
     "runs: what is compared is below it in 95 % of the runs, an upper bound by order statistics.",
-    "Lost: the RMS error in the last quarter exceeds the distance to the platform. Update: time of "
-    "an update, of our receivers in their engine for one simulation; only roughly so.",
+    f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
+    "roughly so.",
 )
 
 

@@ -11,6 +11,7 @@ from ..analysis import general_figures as plots
 from ..analysis import general_sentences as sentences
 from ..analysis.general import GeneralFactorial
 from ..results.catalogue import Figure, by_name
+from ..results.definitions import LOST
 from ..study.study import Study
 from .common import DEFINITIONS
 from .factorial import factor_table
@@ -83,7 +84,7 @@ def _means(a: GeneralFactorial) -> Table:
         for _, row in a.own_means.iterrows()
     ]  # fmt: skip
     head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
-    return Table("Means of the levels", head, rows, (1,), sentences.LOST)
+    return Table("Means of the levels", head, rows, (1,), LOST)
 
 
 def _medians(a: GeneralFactorial) -> Table:

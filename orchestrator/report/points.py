@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from ..analysis.sentences import percent, quantity
+from ..results.definitions import LOST
 from ..study.study import Study
 from .formats import number
 from .page import Block, Table
@@ -19,8 +20,8 @@ COLUMNS = {
 """Responses of a run whose means are shown, and their words."""
 _NOTE = (
     "RMS: of the total error, in the world, after the settling time. Inconsistent: share of the "
-    "runs whose mean NEES lies above its 95 % band, so that they claim too much. Lost: share of "
-    "the runs whose RMS error in the last quarter exceeds the distance to the platform."
+    "runs whose mean NEES lies above its 95 % band, so that they claim too much. "
+    f"{LOST}"
 )
 
 

@@ -180,10 +180,20 @@ def _far_above(values: NDArray[np.float64]) -> int:
     return int((values > limit).sum())
 
 
+def place_of_bound(n: int, confidence: float) -> int:
+    """Place k, from either end, of the order statistics that enclose the median of n runs.
+
+    Of independent runs the number below the median is binomial: k is the largest with
+    P(Binomial(n, ½) < k) below half the risk (Thompson, Annals of Mathematical Statistics 7, 1936,
+    122–128; Conover, Practical Nonparametric Statistics, 3rd edition, 1999, section 3.2). 0 if n is
+    too small: for 95 % it takes 6.
+    """
+    return int((special.bdtr(np.arange(n), n, 0.5) < (1 - confidence) / 2).sum())
+
+
 def _by_median(values: NDArray[np.float64], mean: float, far: int) -> Verdict:
     n, median = len(values), float(np.median(values))
-    # The largest k with P(x₍k₎ > median) = P(Binomial(n, ½) < k) below 2.5 %.
-    k = int((special.bdtr(np.arange(n), n, 0.5) < (1 - CONFIDENCE) / 2).sum())
+    k = place_of_bound(n, CONFIDENCE)
     if k < 1:
         return Verdict(
             "unknown", math.nan, n, mean, "median", median, math.nan, math.nan, runs_far_above=far

@@ -57,6 +57,12 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Nanoseconds = NDArray[np.int64]
 
+LOST = (
+    "Lost is judged in the last quarter of a run alone: off by more than the diver is from the "
+    "platform, or without an estimate. A run that ends well is not lost, whatever was before."
+)
+"""What the share of lost runs counts, for people."""
+
 AXES = ("x", "y", "z")
 FRAMES = ("absolute", "relative", "own_relative")
 PREFIXES = {"absolute": "", "relative": "relative_", "own_relative": "own_relative_"}

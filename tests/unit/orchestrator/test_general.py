@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from itertools import combinations
 from typing import Any
@@ -286,6 +287,9 @@ def test_heavy_tails_are_recognised_and_said() -> None:
     assert "Heavy tails: 5.6% of the runs lie more than 5 robust standard deviations" in \
         found["bad"].text().replace(f"{(bad > 0).mean():.1%}", "5.6%")
     assert "transform log compares typical runs" in found["skewed"].text()
+    assert "replay" not in found["bad"].text()
+    named = dataclasses.replace(found["bad"], worst_run="0123456789abcdef").text()
+    assert "of run 0123456789abcdef: sblcosim replay RESULTS 0123456789abcdef." in named
     assert "transform log" not in found["bad"].text()
     assert "Skewed runs" not in found["clean"].text()
     needed = runs_for_t(found["skewed"].skewness)
