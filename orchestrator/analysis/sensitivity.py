@@ -227,8 +227,8 @@ def of_table(
     Returns
     -------
     tuple
-        The indices of the response and, if some runs of the receiver are lost and some are not,
-        those of ``RECEIVER.lost``.
+        The indices of the response and, if some of the independent runs of the receiver are lost
+        and some are not, those of ``RECEIVER.lost``.
 
     Raises
     ------
@@ -259,7 +259,10 @@ def of_table(
         return (main,)
     share = float(np.nanmean(values(lost)))
     main = replace(main, lost=share)
-    return (main, replace(found(lost, "none"), lost=share)) if 0 < share < 1 else (main,)
+    try:
+        return (main, replace(found(lost, "none"), lost=share))
+    except ConfigurationError:  # none of the independent runs is lost, or all of them
+        return (main,)
 
 
 def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:

@@ -281,6 +281,19 @@ def test_without_lost_runs_there_is_nothing_to_say_of_them_but_that() -> None:
     assert "lost" not in found.text()
 
 
+@pytest.mark.parametrize("place", [0, 1, -1])
+def test_a_single_lost_run_does_not_take_the_answer_along(place: int) -> None:
+    """Also if it is none of the independent runs."""
+    drawn = sample(TWO, 64)
+    table = table_of(drawn)
+    lost = np.zeros((drawn.base_rows, len(table) // drawn.base_rows))
+    lost[3, place] = 1
+    table["ekf.lost"] = lost.ravel()[table["point"].to_numpy() - 1]
+    main, *beside = of_table(drawn, table, "ekf.absolute_total_rms_m")
+    assert main.lost == 1 / len(table)
+    assert len(beside) == (place != 1)
+
+
 def test_few_lost_runs_are_too_few() -> None:
     drawn = sample(TWO, 64)
     y = np.zeros(len(drawn))
