@@ -98,12 +98,16 @@ def carried_out(definition: Definition, out: Path, there: Parts) -> study_docume
     runs = parts.table(there, _needed)
     runs = runs[runs["replicate"] <= definition.replicates]
     failed = runs["error"].dropna()
+    failure = None
+    if len(failed):
+        ids = parts.table(there, lambda names: ["run_id"])["run_id"]
+        failure = f"{ids[failed.index[0]]}: {failed.iloc[0]}"
     return study(
         definition,
         out,
         finished=len(runs),
         failed=len(failed),
-        failure=f"{runs.loc[failed.index[0], 'run_id']}: {failed.iloc[0]}" if len(failed) else None,
+        failure=failure,
         receivers=_receivers(runs),
     )
 
@@ -112,7 +116,7 @@ def _needed(names: Sequence[str]) -> list[str]:
     """The columns of the table of runs that are looked at."""
     from ..results.consistency import NEES_COLUMNS
 
-    own = ("point", "replicate", "error", "run_id")
+    own = ("point", "replicate", "error")
     responses = (*NEES_COLUMNS.values(), "absolute_total_rms_m", "inconsistent", "lost")
     return [name for name in names if name in own or name.partition(".")[2] in responses]
 
