@@ -46,7 +46,7 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
                range(2, 7)),
         "",
         f"Medians of {a.response}{f' [{a.measured_in}]' if a.measured_in else ''}, {level} "
-        "intervals by order statistics:",
+        "intervals by order statistics, of each level alone:",
         *table(_median_rows(a), width, ("factor", "level", "median", "low", "high"), range(2, 5)),
         *(["", LOST] if a.means["lost"].notna().any() else []),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else

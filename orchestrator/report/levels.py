@@ -95,8 +95,9 @@ def _medians(a: GeneralFactorial) -> Table:
     ]  # fmt: skip
     unit = f" [{a.measured_in}]" if a.measured_in else ""
     head = ("Factor", "Level", f"Median {a.response}{unit}", "Interval")
-    note = ("Of all runs at the level; intervals of order statistics, which suppose nothing of the "
-            "runs' distribution.")
+    note = ("Of all runs at the level; intervals of order statistics, each of its level alone, "
+            "which suppose nothing of the runs' distribution. The answer has wider ones, which "
+            "hold for all levels of a factor at once.")
     return Table("Medians of the levels", head, rows, (1,), note)
 
 

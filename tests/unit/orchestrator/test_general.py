@@ -455,6 +455,11 @@ def test_medians_lead_where_a_run_ran_away_and_no_bound_is_negative() -> None:
     found = analyse(table, ["a"], "y", unit="m")
     first, *_ = found.text().splitlines()
     assert first.startswith("The means rest on few runs, so the medians first. The median y falls")
+    assert "intervals by order statistics, of each level alone:" in found.text()
+    alone, together = (found.medians[[low, high]].to_numpy() for low, high in
+                       (("low", "high"), ("all_low", "all_high")))
+    assert (together[:, 0] < alone[:, 0]).all()
+    assert (together[:, 1] > alone[:, 1]).all()
     assert "a from y, 7" in first
     assert "to x, " in first
     mean: Any = found.means.set_index("level").loc["x"]
