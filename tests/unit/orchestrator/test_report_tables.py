@@ -45,6 +45,9 @@ def invented(table: pd.DataFrame, kind: str) -> pd.DataFrame:
     for name in table:
         if name.endswith(".lost") or name.endswith(".inconsistent"):
             table[name] = (rng.random(len(table)) < 0.3).astype(float)
+        elif "nees" in name:  # points that claim too little, right, and too much
+            scale = np.array([0.1, 1.0, 10.0])[table["point"].to_numpy(int) % 3]
+            table[name] = 3.0 * scale * rng.chisquare(300, len(table)) / 300
         elif name.endswith("_m"):
             level = table["noise"].astype(float) if "noise" in table else 1.0
             table[name] = np.exp(rng.normal(0.0, 0.4, len(table))) * (1.0 + level)
