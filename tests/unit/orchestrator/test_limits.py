@@ -408,7 +408,7 @@ def test_numbers_that_overflow_are_no_verdict() -> None:
     scenario = load("realistic-dive", {"platform.gps_horizontal_std_m": 1e200})
     with np.errstate(all="ignore"):
         found = limits.reference(a_record(20), scenario).verdict()
-    assert found is None or isfinite(found.absolute_rms)
+    assert found is None
 
 
 def test_without_any_epoch_there_is_no_verdict() -> None:
