@@ -136,6 +136,40 @@ def test_beacons_are_mounted_anew_for_each_run() -> None:
     assert_independent(*drawn.T)
 
 
+@pytest.mark.parametrize("shared", [True, False], ids=["one GPS", "buoys"])
+def test_bias_wander_and_first_draw_of_a_gps_are_independent(shared: bool) -> None:
+    """Parts that are alone, on the same seeds: each as large as configured, none like another.
+
+    Of buoys, each has its own, so none is like that of another buoy or axis either.
+    """
+    where = "reported_position" if shared else "reported_beacon_position"
+    true = "position" if shared else "beacon_position"
+    samples: list[Floats] = []
+    for part, (horizontal, vertical) in {
+        "bias_std": (0.7, 1.3), "std": (0.5, 2.0), "markov_std": (1.1, 0.3),
+    }.items():
+        values = records(
+            {
+                "platform.gps_shared": shared, "platform.gps_horizontal_std_m": 0.0,
+                "platform.gps_vertical_std_m": 0.0,
+                f"platform.gps_horizontal_{part}_m": horizontal,
+                f"platform.gps_vertical_{part}_m": vertical,
+            },
+            f"platform.{where}", f"platform.{true}",
+        )
+        error = (values[f"platform.{where}"] - values[f"platform.{true}"]).reshape(RUNS, 22, -1, 3)
+        for beacon in range(error.shape[2]):
+            for axis, std in enumerate((horizontal, horizontal, vertical)):
+                mine = error[:, :, beacon, axis]
+                assert_normal(mine[:, 0], std)
+                samples.append(mine[:, 0])
+                if part == "bias_std":
+                    np.testing.assert_allclose(mine, mine[:, :1] + 0 * mine, atol=1e-12)
+                if part == "std":
+                    samples.append(mine[:, 5])
+    assert_independent(*samples)
+
+
 @pytest.mark.parametrize("grade", gps.GRADES)
 def test_a_position_is_as_good_as_its_grade(grade: str) -> None:
     values = records({"platform.gps_grade": grade}, "platform.position",

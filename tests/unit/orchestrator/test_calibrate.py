@@ -111,6 +111,36 @@ def test_uncertainty_of_the_distance_counts():
     assert result.known_distance.std == pytest.approx(15.3)
 
 
+@pytest.mark.parametrize(("distance", "distance_std"), [(4.0, 0.02), (25.0, 0.3), (100.0, 2.0)])
+def test_errors_of_distance_and_ranges_add_as_squares(distance, distance_std):
+    result = calibrate(distance=distance, distance_std=distance_std, range_std=0.4, pings=30)
+    exact = calibrate(distance=distance, range_std=0.4, pings=30)
+    assert result.known_distance.value == exact.known_distance.value
+    of_distance = result.known_distance.value * distance_std / distance
+    of_ranges = exact.per_ping_m_s / np.sqrt(30)
+    assert exact.known_distance.std == pytest.approx(of_ranges)
+    assert result.known_distance.std == pytest.approx(np.hypot(of_distance, of_ranges))
+    assert result.per_ping_m_s == exact.per_ping_m_s  # a property of the ranges alone
+
+
+def test_a_wrong_distance_is_within_its_uncertainty_as_often_as_that_says():
+    # A distance that is 1 m too long by the tape gives a speed that is too high by the same share.
+    true, by_tape = 20.0, 21.0
+    ranges = 1500.0 / 1530.0 * true
+    assert 1500.0 * by_tape / ranges == pytest.approx(1530.0 * by_tape / true)
+    result = calibrate(distance=true, range_std=0.0, pings=2, distance_std=by_tape - true)
+    assert result.known_distance.std == pytest.approx(1530.0 * by_tape / true - 1530.0)
+
+
+def test_the_error_of_the_range_test_is_mean_less_distance():
+    result = calibrate(clock_offset=1e-3, range_std=0.0, sound_speed=1500.0, pings=2)
+    np.testing.assert_allclose(result.table["error_m"], 1.5, rtol=1e-9)  # too long: above zero
+    slow = calibrate(range_std=0.0, sound_speed=1530.0, pings=2).table
+    np.testing.assert_allclose(
+        slow["error_m"], slow["distance_m"] * (1500.0 / 1530.0 - 1.0), atol=1e-9
+    )
+
+
 def test_corrected_processing_delay_leaves_no_trace():
     delays = {"range_std": 0.0, "pings": 2, "processing_delay": 2e-3}
     assert calibrate(**delays).intercept_m == pytest.approx(3.0)
