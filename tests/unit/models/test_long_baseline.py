@@ -1,0 +1,141 @@
+"""The receiver `long_baseline`: against a second implementation, and in cases by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Array, Dive, dive, simultaneous, straight
+from long_baseline_reference import FIRST, Reference, X
+from sblcosim.models.receiver import field
+
+BOTTOM = np.array([[40.0, 40.0, 14.0], [-40.0, 40.0, 12.5], [-40.0, -40.0, 13.0],
+                   [40.0, -40.0, 14.5]])
+LINE = straight((-20.0, 5.0, 6.0), (0.5, -0.2, 0.02))
+ROUGH = {
+    "clock_std": 0.3, "sound_speed_std": 0.004, "depth_bias_std": 0.1, "beacon_error_std": 0.5,
+    "beacon_vertical_error_std": 0.9, "beacon_error_time": 200.0, "beacon_noise_std": 0.05,
+    "beacon_vertical_noise_std": 0.2, "clock_walk_psd": 1e-4, "range_std": 0.05,
+    "depth_std": 0.05, "prior_velocity_std": 0.7, "acceleration_psd": 0.01,
+}
+PRIOR = {"initialisation": 2, "prior_position": (-19.0, 4.0, 6.0), "prior_position_std": 1.5}
+NOISY = {"range_std": 0.05, "loss_probability": 0.2}
+LATE = {"outlier_probability": 0.1, "outlier_mean": 4.0}
+
+def covariance(found: Dive) -> Array:
+    n = field.states(4)
+    P = np.zeros((n, n))
+    P[np.triu_indices(n)] = found.receiver.state("covariance")
+    return P + np.triu(P, 1).T
+
+def follow(parameters: Mapping[str, Any], path: Any = LINE, **settings: Any) -> Reference:
+    """A dive by both, compared at each estimate."""
+    settings = {"steps": 160, "sampling_time": 0.5, "depth_std": 0.05,
+                "beacons": lambda t: BOTTOM, "acoustics": NOISY, **settings}
+    found = dive("long_baseline", path, parameters={**ROUGH, **parameters}, **settings)
+    reference = Reference(found.receiver.p)
+    rows = {round(epoch, 6): row for row, epoch in enumerate(found.epoch)}
+    for u in found.inputs:
+        before = reference.updates
+        reference.tick(u)
+        if reference.updates == before:
+            continue
+        row, expected = rows.pop(round(reference.epoch, 6)), reference.output()
+        for name in ("position", "velocity", "covariance", "nis", "nis_degrees"):
+            np.testing.assert_allclose(
+                getattr(found, name)[row], expected[name], rtol=2e-6, atol=2e-6, err_msg=name,
+            )
+    assert not rows
+    assert len(found.epoch) > 20
+    np.testing.assert_allclose(covariance(found), reference.P, rtol=2e-6, atol=1e-6)
+    assert found.receiver.y["restart_count"] == reference.restarts
+    return reference
+
+@pytest.mark.parametrize("ratio", [1, 4])
+@pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
+def test_it_equals_full_matrices(ratio: int, start: Mapping[str, Any]) -> None:
+    follow(start, ratio=ratio, steps=120 * (1 + ratio // 4))
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_late_ranges_are_weighed_as_with_the_exact_densities(seed: int) -> None:
+    follow(LATE, acoustics=NOISY | LATE, seed=seed)
+
+def test_beacons_that_all_ping_at_once() -> None:
+    follow({**LATE, **PRIOR}, acoustics=NOISY | {"schedule": 2}, steps=60)
+
+def test_beacons_whose_reports_wander() -> None:
+    """Buoys: each reading has noise of its own, more of it up and down."""
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=(1000, 4, 3)) * [0.05, 0.05, 0.2]
+    follow({}, reported=lambda t: BOTTOM + noise[round(2 * t)])
+
+def test_a_beacon_that_has_moved_is_known_where_it_is_now() -> None:
+    """Towed by 15 m: derivatives are no longer about where it was said to be at first."""
+    def at(t: float) -> Array:
+        return BOTTOM + (t > 40.0) * np.array([[15.0, -4.0, 0.0], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+    reference = follow({}, beacons=at)
+    np.testing.assert_array_equal(reference.anchor[0], at(60.0)[0])
+    np.testing.assert_array_equal(reference.anchor[1], BOTTOM[1])
+
+def test_a_small_drift_leaves_the_derivatives_where_they_were() -> None:
+    reference = follow({}, beacons=lambda t: BOTTOM + 0.01 * t)
+    assert all(np.linalg.norm(a - b) < 0.1 for a, b in
+               zip(reference.anchor.values(), BOTTOM[list(reference.anchor)], strict=True))
+
+@pytest.mark.parametrize("off", [(25.0, 5.0), (-12.0, 30.0)])
+def test_a_wrong_start_ends_in_the_same_restart(off: tuple[float, float]) -> None:
+    wrong = {**PRIOR, "prior_position": (-20.0 + off[0], 5.0 + off[1], 6.0)}
+    reference = follow({**wrong, **LATE}, steps=240)
+
+    assert reference.restarts == 1
+
+def test_a_diver_who_turns() -> None:
+    def corner(t: float) -> tuple[Array, Array]:
+        start, there, then = np.array([[-20.0, 5.0, 6.0], [1.0, 0, 0], [0, 1.0, 0]])
+        if t < 30.0:
+            return start + there * t, there
+        return start + there * 30.0 + then * (t - 30.0), then
+
+    reference = follow({**LATE, "acceleration_psd": 1e-4, **PRIOR}, corner, steps=140)
+    assert reference.turns
+
+# --- By hand -------------------------------------------------------------------------------------
+
+def test_the_covariance_of_a_fix_is_that_of_its_ranges() -> None:
+    """Right below the middle of a square: every range weighs alike, north and east are apart."""
+    known = {"range_std": 0.2, "depth_std": 0.1, "clock_std": 0.3, "beacon_error_std": 0.4,
+             "beacon_noise_std": 0.5, "sound_speed_std": 0.01, "depth_bias_std": 0.7,
+             "beacon_vertical_error_std": 9.0, "beacon_vertical_noise_std": 9.0,
+             "prior_velocity_std": 0.6}
+    square = np.array([[30.0, 0, 0], [0, 30.0, 0], [-30.0, 0, 0], [0, -30.0, 0]])
+    box = simultaneous("long_baseline", np.array([0.0, 0.0, 40.0]), known, beacons=square)
+    P = np.zeros((field.states(4),) * 2)
+    P[np.triu_indices(len(P))] = box.state("covariance")
+    far = 50.0
+    R = 0.2**2 + 0.3**2 + 0.4**2 + 0.5**2 + (0.01 * far) ** 2
+    # two beacons are along each axis, at an angle whose cosine is 30/50; down adds 40/50 of all
+    assert P[X, X] == pytest.approx([
+        R / (2 * 0.6**2), R / (2 * 0.6**2), 1 / (4 * 0.8**2 / R + 1 / (0.1**2 + 0.7**2)),
+    ], rel=1e-6)
+    assert P[X[0], X[1]] == pytest.approx(0.0, abs=1e-9)
+    own = [0.4**2, 0.4**2, 9.0**2] * 4
+    assert np.diag(P)[FIRST:] == pytest.approx(own)
+    assert np.diag(P)[[1, 3, 5]] == pytest.approx([0.36] * 3)
+
+def test_noise_of_a_beacon_counts_along_the_range() -> None:
+    """Level ranges have the horizontal noise only, ranges from right above the vertical one."""
+    p = SimpleNamespace(beacons=4, range_std=0.1, beacon_noise_std=0.3,
+                        beacon_vertical_noise_std=0.7)
+    which = [1, 0, 0, 0]
+    for place, expected in (
+        ((10.0, 0, 0), 0.3**2), ((0, -10.0, 0), 0.3**2), ((0, 0, 10.0), 0.7**2),
+        ((6.0, 0, 8.0), 0.36 * 0.3**2 + 0.64 * 0.7**2),
+    ):
+        x = np.zeros(field.states(4))
+        x[list(field.POSITION)] = place
+        found = field.range_(np, p, x, [0.0, 0.0, 0.0], which)
+        assert found.variance == pytest.approx(0.1**2 + expected), place
