@@ -25,11 +25,13 @@ PRIOR = {"initialisation": 2, "prior_position": (-19.0, 4.0, 6.0), "prior_positi
 NOISY = {"range_std": 0.05, "loss_probability": 0.2}
 LATE = {"outlier_probability": 0.1, "outlier_mean": 4.0}
 
+
 def covariance(found: Dive) -> Array:
     n = field.states(4)
     P = np.zeros((n, n))
     P[np.triu_indices(n)] = found.receiver.state("covariance")
     return P + np.triu(P, 1).T
+
 
 def follow(parameters: Mapping[str, Any], path: Any = LINE, **settings: Any) -> Reference:
     """A dive by both, compared at each estimate."""
@@ -54,23 +56,28 @@ def follow(parameters: Mapping[str, Any], path: Any = LINE, **settings: Any) -> 
     assert found.receiver.y["restart_count"] == reference.restarts
     return reference
 
+
 @pytest.mark.parametrize("ratio", [1, 4])
 @pytest.mark.parametrize("start", [{}, PRIOR], ids=["first receptions", "prior"])
 def test_it_equals_full_matrices(ratio: int, start: Mapping[str, Any]) -> None:
     follow(start, ratio=ratio, steps=120 * (1 + ratio // 4))
 
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_late_ranges_are_weighed_as_with_the_exact_densities(seed: int) -> None:
     follow(LATE, acoustics=NOISY | LATE, seed=seed)
 
+
 def test_beacons_that_all_ping_at_once() -> None:
     follow({**LATE, **PRIOR}, acoustics=NOISY | {"schedule": 2}, steps=60)
+
 
 def test_beacons_whose_reports_wander() -> None:
     """Buoys: each reading has noise of its own, more of it up and down."""
     rng = np.random.default_rng(5)
     noise = rng.normal(size=(1000, 4, 3)) * [0.05, 0.05, 0.2]
     follow({}, reported=lambda t: BOTTOM + noise[round(2 * t)])
+
 
 def test_a_beacon_that_has_moved_is_known_where_it_is_now() -> None:
     """Towed by 15 m: derivatives are no longer about where it was said to be at first."""
@@ -81,10 +88,21 @@ def test_a_beacon_that_has_moved_is_known_where_it_is_now() -> None:
     np.testing.assert_array_equal(reference.anchor[0], at(60.0)[0])
     np.testing.assert_array_equal(reference.anchor[1], BOTTOM[1])
 
+
+@pytest.mark.parametrize(("metres", "moved"), [(5.0, False), (6.0, True)])
+def test_moved_means_by_more_than_a_tenth_of_the_distance(metres: float, moved: bool) -> None:
+    """At 40 s the diver is 55 m from the third beacon, and it is heard again within seconds."""
+    step = np.zeros((4, 3))
+    step[2, 0] = -metres
+    reference = follow({}, beacons=lambda t: BOTTOM + (t > 40.0) * step)
+    np.testing.assert_array_equal(reference.anchor[2], (BOTTOM + moved * step)[2])
+
+
 def test_a_small_drift_leaves_the_derivatives_where_they_were() -> None:
     reference = follow({}, beacons=lambda t: BOTTOM + 0.01 * t)
     assert all(np.linalg.norm(a - b) < 0.1 for a, b in
                zip(reference.anchor.values(), BOTTOM[list(reference.anchor)], strict=True))
+
 
 @pytest.mark.parametrize("off", [(25.0, 5.0), (-12.0, 30.0)])
 def test_a_wrong_start_ends_in_the_same_restart(off: tuple[float, float]) -> None:
@@ -92,6 +110,7 @@ def test_a_wrong_start_ends_in_the_same_restart(off: tuple[float, float]) -> Non
     reference = follow({**wrong, **LATE}, steps=240)
 
     assert reference.restarts == 1
+
 
 def test_a_diver_who_turns() -> None:
     def corner(t: float) -> tuple[Array, Array]:
@@ -103,7 +122,9 @@ def test_a_diver_who_turns() -> None:
     reference = follow({**LATE, "acceleration_psd": 1e-4, **PRIOR}, corner, steps=140)
     assert reference.turns
 
+
 # --- By hand -------------------------------------------------------------------------------------
+
 
 def test_the_covariance_of_a_fix_is_that_of_its_ranges() -> None:
     """Right below the middle of a square: every range weighs alike, north and east are apart."""
@@ -125,6 +146,7 @@ def test_the_covariance_of_a_fix_is_that_of_its_ranges() -> None:
     own = [0.4**2, 0.4**2, 9.0**2] * 4
     assert np.diag(P)[FIRST:] == pytest.approx(own)
     assert np.diag(P)[[1, 3, 5]] == pytest.approx([0.36] * 3)
+
 
 def test_noise_of_a_beacon_counts_along_the_range() -> None:
     """Level ranges have the horizontal noise only, ranges from right above the vertical one."""
