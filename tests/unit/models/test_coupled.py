@@ -314,6 +314,27 @@ def test_the_first_fix_waits_for_the_platform() -> None:
     assert result.receiver.y["restart_count"] == 0
 
 
+def test_it_waits_for_a_heading_as_long_as_that_needs() -> None:
+    """Own positions with more noise tell the heading later, and never after the twelfth packet."""
+    first = []
+    for std in (0.3, 1.4, 1.7, 2.0, 2.3, 3.5):
+        raft = Raft(gps_std=std)
+        settings: dict[str, Any] = {"acoustics": {"range_std": 0.1}, "steps": 40}
+        result = raft.dive(LINE, {"pose_source": 3, "gps_markov_std": 0.0}, **settings)
+        reference = Reference(result.receiver.p)
+        heard = 0
+        for u in result.inputs:
+            reference.tick(u)
+            heard += 1
+            if reference.updates:
+                break
+        assert result.epoch[0] == pytest.approx(reference.epoch), std
+        first.append(heard)
+    assert first == sorted(first)
+    assert len(set(first)) > 2
+    assert first[-1] == 13  # ticks: the first one hears nothing yet
+
+
 def test_a_doubted_fix_has_a_covariance() -> None:
     """Late by up to 10 m: the fix is bad, and so is its depth, of which a part is the bias."""
     box = receiver(depth_bias_std=0.2, depth_std=0.02, **SINKING)

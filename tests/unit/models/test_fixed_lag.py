@@ -107,14 +107,22 @@ def follow(raft: Raft, parameters: Mapping[str, Any], **settings: Any) -> tuple[
     interval = result.receiver.interval_ns
     assert interval is not None
     rows, compared = {round(epoch, 6): row for row, epoch in enumerate(result.epoch)}, 0
+    since = np.zeros(2)  # the last estimate: NIS and its degrees of freedom of all samples
     for k, u in enumerate(result.inputs, start=1):
+        updates, restarts = reference.updates, reference.restarts
         reference.tick(u)
+        if reference.restarts > restarts:
+            since[:] = 0.0
+        if reference.updates > updates:
+            since += reference.nis, reference.degrees
         estimate = reference.give(k * interval / NS)
         if estimate is None:
             continue
         expected = outputs_of(reference, estimate)
+        expected |= dict(zip(("nis", "nis_degrees"), since, strict=True))
+        since[:] = 0.0
         row = rows.pop(round(expected["epoch"], 6))
-        for name in ("position", "velocity", "covariance"):
+        for name in ("position", "velocity", "covariance", "nis", "nis_degrees"):
             np.testing.assert_allclose(
                 getattr(result, name)[row], expected[name], rtol=1e-5, atol=2e-6, err_msg=name
             )
@@ -161,6 +169,17 @@ def test_a_filter_that_starts_anew_forgets() -> None:
     compared, reference = follow(Raft(), {"lag": 1.0, **wrong}, acoustics=NOISY, steps=200)
     assert reference.restarts >= 1
     assert compared > 30
+
+
+@pytest.mark.parametrize("ratio", [1, 3])
+def test_every_sample_is_in_the_nis_of_one_estimate(ratio: int) -> None:
+    """In all it is that of `coupled` on the same samples, up to those since the last estimate."""
+    settings: dict[str, Any] = {"acoustics": NOISY, "steps": 150, "ratio": ratio}
+    own = Raft().dive(LINE, {**SINKING, "lag": 1.5}, receiver="fixed_lag", **settings)
+    other = Raft().dive(LINE, SINKING, receiver="coupled", **settings)
+    for name in ("nis", "nis_degrees"):
+        until = [getattr(other, name)[other.t <= t + 1e-9].sum() for t in own.t]
+        np.testing.assert_allclose(np.cumsum(getattr(own, name)), until, rtol=1e-9)
 
 
 def test_an_estimate_is_as_old_as_the_lag() -> None:
