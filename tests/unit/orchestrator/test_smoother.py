@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from model_dive import dive, parameters, without
-from sblcosim.estimation import late, linear, model, smoother
+from sblcosim.estimation import late, linear, model, outcome, smoother
 from sblcosim.estimation.samples import Samples, pose_of
 from sblcosim.models.receiver import lateness
 from sblcosim.models.receiver.surroundings import STATES
@@ -292,6 +292,73 @@ def test_smoothing_again_gives_equal_bits() -> None:
     assert np.array_equal(one.mean, two.mean)
     assert np.array_equal(one.covariance, two.covariance)
     assert one.steps_m == two.steps_m
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["prior", "first receptions"])
+def test_every_state_has_its_own_prior(known: bool) -> None:
+    keys = {
+        "prior_position": np.array([1.0, 2.0, 3.0]), "prior_velocity": np.array([0.4, -0.5, 0.6]),
+        "prior_position_std": 0.7, "prior_velocity_std": 0.8, "platform_velocity_std": 0.9,
+        "gps_markov_std": 1.1, "heading_rate_std": 0.12, "imu_heading_error_std": 0.13,
+        "clock_std": 1.4, "sound_speed_std": 0.15, "depth_bias_std": 1.6,
+        "gps_vertical_error_std": 1.7,
+    }
+    p = parameters(initialisation="prior" if known else "first_receptions")
+    vars(p).update(keys)
+    begin = 100.0 + np.arange(float(STATES))
+    mean, std = model.prior(p, begin)
+    place = [1.0, 2.0, 3.0] if known else [100.0, 101.0, 102.0]
+    velocity = [0.4, -0.5, 0.6] if known else [0.0] * 3
+    np.testing.assert_array_equal(
+        mean, [*place, *velocity, 106.0, 107.0, 0, 0, 0, 0, 112.0, 0, 0, 0, 0, 0, 0]
+    )
+    np.testing.assert_array_equal(std, [
+        *([0.7] * 3 if known else [30.0] * 3), *[0.8] * 3, 30.0, 30.0, 0.9, 0.9, 1.1, 1.1, 10.0,
+        0.12, 0.13, 1.4, 0.15, 1.6, 1.7,
+    ])
+
+
+def test_a_velocity_that_is_known_before_is_that_of_the_track() -> None:
+    """And the track follows it: 0.3 m/s north is 9 m in half a minute that nobody hears."""
+    p = parameters()
+    p.prior_velocity, p.prior_velocity_std = np.array([0.3, -0.2, 0.0]), 1e-4
+    p.prior_position_std, p.acceleration_psd = 0.01, 1e-8
+    samples, truth = dive(p, 3, 30, late=0.0)
+    deaf = replace(without(samples, samples.range_ns < 29 * 10**9), depth=samples.depth)
+    track = smoothed(p, deaf, truth, 30)
+    expected = p.prior_position + np.outer(samples.epochs_ns / 1e9, p.prior_velocity)
+    np.testing.assert_allclose(track.mean[:, 3:5], [[0.3, -0.2]] * 30, atol=5e-3)
+    np.testing.assert_allclose(track.mean[:, :2], expected[:, :2], atol=0.15)
+
+
+def test_the_covariance_of_an_estimate_is_in_the_paper_s_order() -> None:
+    """x, vx, y, vy, z, vz; relative to the platform as that of the difference."""
+    p = parameters()
+    p.gps_bias_std, p.gps_vertical_std = 0.5, 0.3
+    samples, truth = dive(p, 4, 20, late=0.0)
+    rng = np.random.default_rng(2)
+    root = 1e-3 * rng.normal(size=(20, STATES, STATES))  # so small that nothing bends
+    P = root @ root.transpose(0, 2, 1)
+    found = outcome.of_states(p, samples, truth, P)
+    assert len(found) == 20
+    names = ["x", "y", "z", "vx", "vy", "vz"]
+    order = [names.index(name) for name in ("x", "vx", "y", "vy", "z", "vz")]
+    expected = P[:, order][:, :, order].copy()
+    expected[:, 0, 0] += 0.5**2  # the bias of the GPS is in no state: north and east only
+    expected[:, 2, 2] += 0.5**2
+    np.testing.assert_allclose(found.covariance, expected, rtol=0, atol=2e-9)
+    np.testing.assert_array_equal(found.position, truth[:, :3])
+    np.testing.assert_array_equal(found.velocity, truth[:, 3:6])
+    draws = np.einsum("kij,nj->nki", root, rng.standard_normal((4000, STATES)))
+    apart = draws[:, :, :3] - np.stack(
+        [draws[:, :, 6], draws[:, :, 7], -draws[:, :, 18]], axis=2
+    )  # the platform is as deep as it says, less the slow error of that
+    sampled = np.einsum("nki,nkj->kij", apart, apart) / len(draws)
+    sampled[:, 2, 2] += 0.3**2
+    np.testing.assert_allclose(found.relative_covariance, sampled, rtol=0.05, atol=6e-6)
+    column = outcome._columns(found)["position_std"]
+    np.testing.assert_allclose(column**2, np.stack([expected[:, i, i] for i in (0, 2, 4)], axis=1),
+                               rtol=1e-5)
 
 
 def test_the_pose_that_positions_of_beacons_tell() -> None:
