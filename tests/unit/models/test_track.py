@@ -12,6 +12,7 @@ from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
 from sblcosim.models.target import track
 from sblcosim.models.target.variables import TRACK_POINTS, TRAJECTORIES
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from stepper import Stepper, no_noise
 
 SECOND = 10**9
@@ -67,6 +68,23 @@ def test_velocity_is_continuous_and_the_derivative_of_position() -> None:
     derivative = (record["position"][2:] - record["position"][:-2]) / (2 * h / SECOND)
     np.testing.assert_allclose(record["velocity"][1:-1], derivative, atol=0.02)
     assert np.abs(np.diff(record["velocity"], axis=0)).max() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_it_is_the_cubic_of_scipy_through_the_same_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = 3 + 2 * seed
+    times = np.round(np.append(0.0, np.cumsum(rng.uniform(0.5, 9.0, count - 1))), 3)
+    points = np.cumsum(rng.normal(0, 4.0, (count, 3)), axis=0)
+    points[count // 2] = points[count // 2 - 1]  # a stop
+    slopes = np.zeros_like(points)  # at rest at both ends
+    slopes[1:-1] = PchipInterpolator(times, points, axis=0).derivative()(times)[1:-1]
+    path = CubicHermiteSpline(times, points, slopes, axis=0)
+    record = diver(times, points).run(round((times[-1] - 0.1) * SECOND), SECOND // 16)
+    np.testing.assert_allclose(record["position"], path(record["t"]), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        record["velocity"], path.derivative()(record["t"]), rtol=0, atol=1e-9
+    )
 
 
 def test_no_coordinate_leaves_the_range_of_its_two_points() -> None:

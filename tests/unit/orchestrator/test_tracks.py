@@ -12,7 +12,8 @@ from sblcosim.scenario.scenario import load
 from sblcosim.tracks import resample
 from sblcosim.tracks.place import Origin
 from sblcosim.tracks.read import read
-from sblcosim.tracks.resample import MOST, TooFewError, fitted, motion
+from sblcosim.tracks.resample import MOST, TooFewError, fitted
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 NED = "time_s,north_m,east_m,down_m"
 GEO = "time_s,latitude_deg,longitude_deg,depth_m"
@@ -52,6 +53,15 @@ def dive(points: int, step: float = 1.0, seed: int = 1) -> tuple[Any, Any]:
         velocity[first : first + 60] = 0
     path = np.cumsum(velocity * step, axis=0)
     return np.arange(points) * step, path + np.array([5.0, -3.0, 10.0])
+
+
+def motion(times: Any, points: Any, at: Any) -> tuple[Any, Any]:
+    """Position and velocity through points, by SciPy: its limited slopes are the same inside."""
+    slopes = np.zeros_like(points)  # at rest at both ends
+    if len(times) > 2:
+        slopes[1:-1] = PchipInterpolator(times, points, axis=0).derivative()(times)[1:-1]
+    path = CubicHermiteSpline(times, points, slopes, axis=0)
+    return path(np.clip(at, times[0], times[-1])), path.derivative()(at)
 
 
 def largest(kept: Any, times: Any, points: Any) -> float:
