@@ -91,7 +91,7 @@ STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
     [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
 )
-SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy(), resamples=100)
+SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy())
 PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
 
 
