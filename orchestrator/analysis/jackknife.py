@@ -37,8 +37,14 @@ class Estimate(NamedTuple):
         """The same without what no index can be: below 0 or above 1."""
         return Estimate(*(np.clip(ends, 0.0, 1.0) for ends in self))
 
+    def within(self, low: Floats, high: Floats) -> Estimate:
+        """The values, moved into another interval."""
+        return Estimate(np.clip(self.value, low, high), low, high)
 
-def indices(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
+
+def indices(
+    y: Floats, confidence: float, *, rare: bool = False
+) -> tuple[Estimate, Estimate]:
     """First-order and total indices with intervals, none of them below 0 or above 1.
 
     Parameters
@@ -46,6 +52,9 @@ def indices(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
     y
         Responses, which vary over the runs at A and B; shape (…, rows, columns + 2): at A, with each
         column alone from B, at B.
+    rare
+        Whether most responses are alike, and few rows make all of the products b (m − a) of a
+        first-order index. Its interval is one less that of the differences (m − b)²/2, then.
     """
     y = y - y.mean(axis=(-2, -1), keepdims=True)
     y /= y.std(axis=(-2, -1), keepdims=True)
@@ -61,10 +70,15 @@ def indices(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
         step, step_left = _means(change)
         half, half_left = _means(change * change / 2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            first.append(_interval(
+            alone = _interval(
                 (product - mean * step) / variance,
                 (product_left - mean_left * step_left) / variance_left, confidence,
-            ))  # fmt: skip
+            )  # fmt: skip
+            if rare:
+                other, other_left = _means((y[..., i] - b) ** 2 / 2)
+                rest = _of_logarithm(other / variance, other_left / variance_left, confidence)
+                alone = alone.within(1 - rest.high, 1 - rest.low)
+            first.append(alone)
             total.append(_of_logarithm(half / variance, half_left / variance_left, confidence))
     return _columns(first).inside(), _columns(total).inside()
 

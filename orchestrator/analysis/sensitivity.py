@@ -176,15 +176,13 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
 
 def _table(sample: Sample, used: Flags, y: Floats, confidence: float) -> pd.DataFrame:
     """The indices of all columns with their intervals, none of them below 0 or above 1."""
-    first, total = jackknife.indices(y, confidence)
+    independent = y[:, [0, -1]]
+    off = sobol.events(independent)
+    first, total = jackknife.indices(y, confidence, rare=off < independent.size / 2)
     if np.isin(y, (y.min(), y.max())).all():
-        first, total = (
-            Estimate(np.clip(plain.value, pairs.low, pairs.high), pairs.low, pairs.high)
-            for plain, pairs in zip(
-                (first, total), two_values.intervals((y == y.max()) * 1.0, confidence), strict=True
-            )
-        )
-    elif sobol.events(y[:, [0, -1]]) < sobol.LEAST_EVENTS:
+        pairs = two_values.intervals((y == y.max()) * 1.0, confidence)
+        first, total = first.within(*pairs[0][1:]), total.within(*pairs[1][1:])
+    elif off < sobol.LEAST_EVENTS:
         for found in (first, total):
             found.low[:], found.high[:] = 0.0, 1.0
     else:
@@ -212,7 +210,7 @@ def _bound_the_unchanged(
     share = share_bound(0, len(y), (1 - confidence) / 2)
     most = share * change[change > 0].mean() / (2 * y[:, [0, -1]].var())
     for one in found:
-        one.high[still] = min(1.0, most)
+        one.value[still], one.low[still], one.high[still] = 0.0, 0.0, min(1.0, most)
 
 
 def _swapped(sample: Sample) -> Flags:
@@ -308,4 +306,14 @@ def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
             f"seed: must be that of the sample, {sample.seeds[at[first]]} at point "
             f"{at[first] + 1}, got {table[SEED_FACTOR].iloc[first]}"
         )
+    for factor in sample.factors:
+        if factor.numeric and factor.name in table:
+            expected = sample.values[factor.name].to_numpy(np.float64)[at]
+            got = table[factor.name].to_numpy(np.float64)
+            if not np.allclose(got, expected, rtol=1e-12, atol=0):
+                first = int((~np.isclose(got, expected, rtol=1e-12, atol=0)).argmax())
+                raise ConfigurationError(
+                    f"{factor.name}: must be that of the sample, {expected[first]:g} at point "
+                    f"{at[first] + 1}, got {got[first]:g}; is it another version of the sample?"
+                )
     return at

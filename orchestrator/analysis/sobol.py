@@ -20,6 +20,8 @@ Flags = NDArray[np.bool_]
 Scale = Literal["none", "log"]
 WIDEST = 0.2
 """Width of an interval from which on more base rows are advised."""
+WHOLE = 0.9
+"""Width from which on an interval may be as wide for half as many base rows."""
 NEGLIGIBLE = 0.05
 """Total index below which a factor is not named in the answer."""
 LEAST_EVENTS = 20
@@ -86,6 +88,11 @@ class SobolIndices:
     def left_out(self) -> int:
         """Base rows without a response in all of their runs."""
         return int((self.done & ~self.used).sum())
+
+    @property
+    def share_left_out(self) -> float:
+        """Share of the base rows that are left out, of those that are done."""
+        return self.left_out / int(self.done.sum())
 
     @property
     def dropped(self) -> int:
@@ -175,7 +182,7 @@ def _without(found: SobolIndices, sentence: str) -> str:
     if not gone:
         return sentence
     return (
-        f"Without {percent(gone / rows)} of the base rows ({gone} of {rows}), where a run has no "
+        f"Without {percent(found.share_left_out)} of the base rows ({gone} of {rows}), where a run has no "
         f"response: {sentence[0].lower()}{sentence[1:]}"
     )
 
@@ -255,8 +262,9 @@ def _notes(found: SobolIndices) -> Iterator[str]:
     needed = found.base_rows_needed
     if needed > sample.base_rows:
         more = (needed - sample.base_rows) * sample.runs_per_row
+        about = "about" if found.widest < WHOLE else "at least"
         yield (
-            f"The widest interval is {found.widest:.2f} wide: for {WIDEST} about {needed} base "
+            f"The widest interval is {found.widest:.2f} wide: for {WIDEST} {about} {needed} base "
             f"rows are needed, {more} more runs."
         )
 

@@ -19,7 +19,7 @@ from scipy import special
 
 from .jackknife import Estimate, Floats
 
-_HALVINGS = 50  # of a range of 1: to the last digits
+_HALVINGS = 34  # of a range of 1: to 1e-10
 
 
 def intervals(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
