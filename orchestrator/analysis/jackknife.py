@@ -1,18 +1,18 @@
 """First-order and total indices of base rows, and their intervals by the jackknife over rows.
 
 Estimators are Saltelli's of 2010 and Jansen's (A. Saltelli et al., Comput. Phys. Commun. 181, 2010,
-259–270, Table 2 (b) and (f)), with the responses less the mean of all, for otherwise Saltelli's
-scatters the more, the farther they are from zero.
+259–270, Table 2 (b) and (f)). The mean of all responses is taken off first: Saltelli's estimator
+scatters more, the farther the responses are from zero.
 
-An interval is the estimate ± t·s, with the jackknife's standard error s over base rows (B. Efron,
-The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3) and Student's t; for totals
-on the logarithmic scale, as they are positive and skewed. With few rows, or few that matter, s is
-uncertain itself, so t has Satterthwaite's degrees of freedom (Biometrics Bull. 2, 1946, 110–114),
-2/Var(s²)·E(s²)² = 2 n/(κ − 1 + 2/(n − 1)) with the kurtosis κ of the rows' shares in s², and at most
-n − 1. How often such intervals hold the index is measured in
-`tests/unit/orchestrator/test_coverage.py`.
+An interval is the estimate ± t·s. The standard error s is the jackknife's over base rows (B.
+Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3). Totals are
+positive and skewed, so their interval is that of the logarithm. With few rows, or few that matter, s is
+uncertain too. Student's t therefore has Satterthwaite's degrees of freedom (Biometrics Bull. 2,
+1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1; κ is the kurtosis
+of the n values without a row. `tests/unit/orchestrator/test_coverage.py` measures how often such
+intervals hold the index.
 
-All functions take further leading axes, so that many samples can be looked at at once.
+The functions take further leading axes, for many samples at once.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ def indices(
     Parameters
     ----------
     y
-        Responses, which vary over the runs at A and B; shape (…, rows, columns + 2): at A, with each
-        column alone from B, at B.
+        Responses, which vary over the runs at A and B; shape (…, rows, columns + 2): at A, with
+        each column alone from B, at B.
     rare
-        Whether most responses are alike, and few rows make all of the products b (m − a) of a
-        first-order index. Its interval is one less that of the differences (m − b)²/2, then.
+        Whether most responses are alike, so that few rows make a first-order index. Its interval
+        is then one less that of the differences between B and the runs with the column from B.
     """
     y = y - y.mean(axis=(-2, -1), keepdims=True)
     y /= y.std(axis=(-2, -1), keepdims=True)

@@ -3,9 +3,11 @@
 The first-order index of a factor is the share of the variance that its value alone explains; the
 total index is the share that would be left if all others were known, its interactions with them
 included. The seed is a factor like the others (`sblcosim.study.space`): its indices are the share
-of chance. Estimates and intervals are those of `jackknife`, and of `two_values` for a response that
-has but two. In simulations of 95 % intervals (`tests/unit/orchestrator/test_coverage.py`) each holds
-its true index in at least 90 % of the samples from 16 base rows on, and in 92 % from 64 on.
+of chance.
+
+Estimates and intervals are those of `jackknife`, or of `two_values` for a response with two values.
+In simulations of 95 % intervals (`tests/unit/orchestrator/test_coverage.py`), each holds its index
+in at least 90 % of the samples with 16 base rows, and in 92 % with 64 or more.
 
 Errors of position have long tails, and a few runs would make all of the variance: the indices are
 those of the logarithm, beside those of whether a run is lost.
@@ -37,11 +39,11 @@ if TYPE_CHECKING:
     from ..style import ThemeName
 
 MOST_LEFT_OUT = 0.2
-"""Share of base rows without a response from which on there are no indices.
+"""Share of base rows without a response above which there are no indices.
 
-The rows that are left have factors that depend on each other, unless those without a response fill
-a box. For y = a, whose indices are 1, over ten shapes of what is left out, they are at most 0.03 too
-low where 15 % of the rows are left out, 0.05 at 20 %, 0.09 at 35 % and 0.2 at 50 %.
+Factors depend on each other in the rows that are left, unless those without a response fill a box.
+For y = a, whose indices are 1, the estimates come out too low: by at most 0.03 where 15 % of the
+rows are left out, 0.05 at 20 %, 0.13 at 35 % and 0.22 at 50 %, over ten shapes of what is left out.
 """
 
 
@@ -157,9 +159,10 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
     if rows < (1 - MOST_LEFT_OUT) * done:
         raise ConfigurationError(
             f"{response}: must be finite in all {runs} runs of at least "
-            f"{100 * (1 - MOST_LEFT_OUT):.0f} % of the base rows, got {sobol.percent(rows / done)}: "
-            f"{done - rows} of {done} are left out, and the others do not stand for the space; give "
-            "a response that every run has, or narrower ranges"
+            f"{100 * (1 - MOST_LEFT_OUT):.0f} % of the base rows, got "
+            f"{sobol.percent(rows / done)}: {done - rows} of {done} are left out, and the others "
+            "do not stand for the space; analyse a response that every run has, or narrow the "
+            "ranges"
         )
     if transform == "log":
         if (y <= 0).any():
@@ -187,7 +190,7 @@ def _table(sample: Sample, used: Flags, y: Floats, confidence: float) -> pd.Data
             found.low[:], found.high[:] = 0.0, 1.0
     else:
         _bound_the_unchanged(sample, used, y, (first, total), confidence)
-    columns = {}
+    columns: dict[str, Floats] = {}
     for name, found in (("first", first), ("total", total)):
         columns |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
     return pd.DataFrame(columns, index=pd.Index(sample.columns, name="factor"))

@@ -182,8 +182,8 @@ def _without(found: SobolIndices, sentence: str) -> str:
     if not gone:
         return sentence
     return (
-        f"Without {percent(found.share_left_out)} of the base rows ({gone} of {rows}), where a run has no "
-        f"response: {sentence[0].lower()}{sentence[1:]}"
+        f"Without {percent(found.share_left_out)} of the base rows ({gone} of {rows}), where a run "
+        f"has no response: {sentence[0].lower()}{sentence[1:]}"
     )
 
 
@@ -241,8 +241,8 @@ def _notes(found: SobolIndices) -> Iterator[str]:
         )
     if sample.version == 1:
         yield (
-            "This study was begun with an earlier version's sample, whose intervals are too narrow "
-            "where there are few base rows; in another folder, the study begins with a new one."
+            "This study was begun with the sample of an earlier version, whose indices can be off "
+            "by more than their intervals; in another folder, the study begins with a new sample."
         )
     if found.lost is not None:
         yield f"{percent(found.lost)} of the runs are lost."

@@ -1,15 +1,16 @@
 """Intervals of the indices of a response that has two values, such as ``lost``.
 
-The runs at A and with one column from B, and those with that column from B and at B, are pairs with
-equal distributions: an index is the correlation of a pair, or one less it. A pair of two values has
-three outcomes, both rare, both frequent, or one of each, with probabilities
+Take the run with one column from B, and pair it with the run at A, or with the run at B. Both runs
+of a pair have the same distribution. A total index is one less the correlation of the first pair; a
+first-order index is the correlation of the second. A pair has both values rare, both frequent, or
+one of each, with probabilities
 
 p² + ρ p q,    q² + ρ p q,    2 p q (1 − ρ),        q = 1 − p.
 
-Rows are drawn independently, so the three counts are multinomial. An interval has the correlations
-0 ≤ ρ ≤ 1 that the ratio of likelihoods does not exclude, whatever p is (that of the common
-correlation model: A. Donner, M. Eliasziw, Stat. Med. 11, 1992, 1511–1519, have a test of the same
-model). It is the whole range where no pair has the rarer value, and never leaves it.
+The counts of the three over the base rows are multinomial. An interval has the correlations
+0 ≤ ρ ≤ 1 that the ratio of likelihoods does not exclude, with the best p for each (the common
+correlation model of A. Donner, M. Eliasziw, Stat. Med. 11, 1992, 1511–1519). It is the whole range
+where no pair has the rare value.
 """
 
 from __future__ import annotations

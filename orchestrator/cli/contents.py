@@ -199,8 +199,8 @@ def analysis(
 
     content: dict[str, Any] = {
         "folder": str(folder), "report": str(report), "transform": "none", "method": None,
-        "confidence": 0.95, "dropped": 0, "left_out": None, "r2": None, "effects": [], "means": [], "levels": [],
-        "medians": [], "pairs": [], "indices": [], "notes": [],
+        "confidence": 0.95, "dropped": 0, "left_out": None, "r2": None, "effects": [],
+        "means": [], "levels": [], "medians": [], "pairs": [], "indices": [], "notes": [],
     }  # fmt: skip
     if isinstance(found, GeneralFactorial):
         content |= _of_levels(found)

@@ -182,7 +182,7 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         for key in now["study"]
         if before["study"].get(key) != now["study"][key]
     ]
-    parts += [key for key in ("scenario", "fmus") if before.get(key) != now[key]]
+    parts += [key for key in ("scenario", "fmus") if before.get(key) != now.get(key)]
     return ", ".join(parts).replace("fmus", "FMUs") or "contents"
 
 

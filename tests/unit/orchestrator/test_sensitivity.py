@@ -139,7 +139,7 @@ def test_intervals_are_those_of_the_jackknife_by_hand() -> None:
                                    ("total", total, reach[1], np.exp)):  # fmt: skip
         expected = np.clip(back(np.array([value, value - far, value + far])), 0, 1)
         columns = [kind, f"{kind}_low", f"{kind}_high"]
-        assert found[columns].to_numpy().T == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        np.testing.assert_allclose(found[columns].to_numpy().T, expected, rtol=1e-9, atol=1e-12)
 
 
 # --- Logarithms, tails and lost runs -------------------------------------------------------------
