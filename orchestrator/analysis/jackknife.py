@@ -6,9 +6,9 @@ scatters more, the farther the responses are from zero.
 
 An interval is the estimate ± t·s. The standard error s is the jackknife's over base rows (B.
 Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3). Totals are
-positive and skewed, so their interval is that of the logarithm. With few rows, or few that matter, s is
-uncertain too. Student's t therefore has Satterthwaite's degrees of freedom (Biometrics Bull. 2,
-1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1; κ is the kurtosis
+positive and skewed, so their interval is that of the logarithm. With few rows, or few that matter,
+s is uncertain too. Student's t therefore has Satterthwaite's degrees of freedom (Biometrics Bull.
+2, 1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1; κ is the kurtosis
 of the n values without a row. `tests/unit/orchestrator/test_coverage.py` measures how often such
 intervals hold the index.
 
