@@ -13,14 +13,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from sblcosim import cli
 from sblcosim.analysis import sensitivity, sobol, workflow
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.report.space import Indices
-from sblcosim.study import again, campaign, study
+from sblcosim.study import again, campaign, runner, store, study
 from sblcosim.study.study import study_of
+from typer.testing import CliRunner
 
 AROUND = {"distribution": "uniform", "range": [-pi, pi]}
 GPS = {"keys": ["platform.gps_horizontal_markov_std_m"], "distribution": "log-uniform",
@@ -115,7 +117,7 @@ def test_a_space_is_run_with_the_seed_as_a_factor(tmp_path: Path) -> None:
 
 
 def test_a_study_that_was_begun_with_the_old_sample_is_finished_and_read_with_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
 ) -> None:
     """Its folder names no version, as none of its time does."""
     old = of_function(design={"kind": "space", "base_rows": 16, "sample": 1})
@@ -134,6 +136,8 @@ def test_a_study_that_was_begun_with_the_old_sample_is_finished_and_read_with_it
     assert not np.array_equal(fresh.sample.values["x1"], table["x1"])
     for file in ("runs.parquet", "study.json"):
         assert (begun / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+    prepared = campaign.prepare(store.as_begun(fresh, begun))
+    assert runner.missing(prepared, begun).runs == 0  # as a dry run asks
     read = study_of(begun)
     assert read.sample is not None
     assert read.sample.version == 1
@@ -153,6 +157,19 @@ def test_a_study_that_was_begun_with_the_old_sample_is_finished_and_read_with_it
     assert read.sample is not None
     assert read.sample.version == 2
     assert "earlier version" not in workflow.of_space(read, fresh.run(new), "value")[0].text()
+
+
+def test_a_dry_run_knows_the_sample_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text("def f(x):\n    return x\n")
+    space = '{keys}[design]\nkind = "space"\nbase_rows = 16\n{sample}[factors.x]\n' \
+        'distribution = "uniform"\nrange = [0, 1]\n'
+    file = tmp_path / "old.toml"
+    file.write_text(space.format(keys='model = "model.py:f"\n', sample="sample = 1\n"))
+    out = ["--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(cli.app, ["study", str(file), *out]).exit_code == 0
+    file.write_text(space.format(keys='model = "model.py:f"\n', sample=""))
+    said = CliRunner().invoke(cli.app, ["study", str(file), *out, "--dry-run"])
+    assert "64 runs are in" in said.stdout, said.output
 
 
 def partly(x1: float, x2: float, x3: float, far: float = 0.0) -> float:
