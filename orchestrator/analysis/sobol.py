@@ -16,13 +16,16 @@ from ..study.space import SEED_FACTOR, Sample
 from .sentences import minus
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Scale = Literal["none", "log"]
 WIDEST = 0.2
 """Width of an interval from which on more base rows are advised."""
+WHOLE = 0.9
+"""Width from which on an interval may be as wide for half as many base rows."""
 NEGLIGIBLE = 0.05
 """Total index below which a factor is not named in the answer."""
 LEAST_EVENTS = 20
-"""Runs of the rarer of two values that indices can be made of."""
+"""Independent runs off the commonest value that indices can be made of."""
 TAIL, HEAVY = 0.01, 0.5
 """Tails are heavy if this share of the runs, the farthest, has so much of the variance."""
 CHANCE = "chance (the seed)"
@@ -40,12 +43,15 @@ class SobolIndices:
         The runs that were analysed.
     values
         The response of each run, not transformed; shape (rows,).
+    done
+        Whether all runs of a base row were made; shape (base rows,).
     used
         Whether a base row counts; shape (base rows,). Those with a run without a finite response do
         not.
     indices
         One row per factor, the last for the seed: ``first``, ``first_low``, ``first_high``,
-        ``total``, ``total_low``, ``total_high``: the indices and their confidence intervals.
+        ``total``, ``total_low``, ``total_high``: the indices and their confidence intervals, all of
+        them from 0 to 1.
     tail
         Share of the variance that the farthest 1 % of the runs make.
     confidence
@@ -60,7 +66,8 @@ class SobolIndices:
     transform: Scale
     sample: Sample
     values: Floats
-    used: NDArray[np.bool_]
+    done: Flags
+    used: Flags
     indices: pd.DataFrame
     tail: float
     confidence: float
@@ -76,6 +83,28 @@ class SobolIndices:
     def runs(self) -> int:
         """Runs that were analysed."""
         return int(self.used.sum()) * self.sample.runs_per_row
+
+    @property
+    def left_out(self) -> int:
+        """Base rows without a response in all of their runs."""
+        return int((self.done & ~self.used).sum())
+
+    @property
+    def share_left_out(self) -> float:
+        """Share of the base rows that are left out, of those that are done."""
+        return self.left_out / int(self.done.sum())
+
+    @property
+    def dropped(self) -> int:
+        """Runs without a finite response."""
+        rows = self.values.reshape(self.sample.base_rows, -1)[self.done]
+        return int((~np.isfinite(rows)).sum())
+
+    @property
+    def few(self) -> int | None:
+        """Independent runs that differ from the others, if indices of so few say little."""
+        number = events(self.independent)
+        return number if number < LEAST_EVENTS else None
 
     @property
     def independent_runs(self) -> NDArray[np.int64]:
@@ -131,15 +160,31 @@ def answer(found: SobolIndices, most: int = 2) -> str:
     ranked = found.ranked().drop(index=SEED_FACTOR)
     named = [str(name) for name in ranked.index[ranked["total"] >= NEGLIGIBLE][:most]]
     of = f"of the variance of {found.quantity}, interactions included"
+    if found.few is not None:
+        text = f"Too few runs differ to say what explains the variance of {found.quantity}: "
+        return _without(found, f"{text}{found.few} of {found.independent.size} independent ones.")
     if named:
         text = f"{_total(found, named[0])} {of}, is explained by {found.name_of(named[0])}"
         text += "".join(f", {_total(found, name)} by {found.name_of(name)}" for name in named[1:])
     else:
-        text = f"No factor explains as much as {_percent(NEGLIGIBLE)} {of}"
+        text = f"No factor explains as much as {percent(NEGLIGIBLE)} {of}"
     nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
     chance = "nothing" if nothing else _total(found, SEED_FACTOR)
-    text = f"Roughly {text[0].lower()}{text[1:]}" if named and found.widest > WIDEST else text
-    return f"{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}."
+    rough = "Roughly " if named and found.widest > WIDEST else ""
+    return _without(
+        found, f"{rough}{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}."
+    )
+
+
+def _without(found: SobolIndices, sentence: str) -> str:
+    """The sentence; it begins with the base rows that are left out, if there are any."""
+    gone, rows = found.left_out, int(found.done.sum())
+    if not gone:
+        return sentence
+    return (
+        f"Without {percent(found.share_left_out)} of the base rows ({gone} of {rows}), where a run "
+        f"has no response: {sentence[0].lower()}{sentence[1:]}"
+    )
 
 
 def summary(found: SobolIndices, width: int | None = None) -> str:
@@ -183,44 +228,57 @@ def _notes(found: SobolIndices) -> Iterator[str]:
             "Totals add up to more than 100 %: an interaction counts for each of its inputs, and "
             "estimates scatter."
         )
-    gone = sample.base_rows - rows
+    unfinished = int((~found.done).sum())
+    if unfinished:
+        yield f"{unfinished} of {sample.base_rows} base rows have runs that are not done yet."
+    gone = found.left_out
     if gone:
-        without = int((~np.isfinite(found.values)).sum())
+        without = found.dropped
         yield (
-            f"{gone} of {sample.base_rows} base rows {'is' if gone == 1 else 'are'} left out, for "
+            f"{gone} of {rows + gone} base rows {'is' if gone == 1 else 'are'} left out, for "
             f"{without} of their runs {'has' if without == 1 else 'have'} no finite response: the "
-            "indices are those of the part of the space where there is one."
+            "others need not stand for the space, and their factors may depend on each other."
+        )
+    if sample.version == 1:
+        yield (
+            "This study was begun with the sample of an earlier version, whose indices can be off "
+            "by more than their intervals; in another folder, the study begins with a new sample."
         )
     if found.lost is not None:
-        yield f"{_percent(found.lost)} of the runs are lost."
-    if found.is_flag:
-        count = int(min(found.independent.sum(), (1 - found.independent).sum()))
-        if count < LEAST_EVENTS:
-            yield (
-                f"Only {count} of the {2 * rows} independent runs "
-                f"{'differs' if count == 1 else 'differ'} from the others: indices of so few say "
-                f"little; {LEAST_EVENTS} or more are needed."
-            )
+        yield f"{percent(found.lost)} of the runs are lost."
+    if found.few is not None:
+        yield (
+            f"Only {found.few} of the {2 * rows} independent runs "
+            f"{'differs' if found.few == 1 else 'differ'} from the others: indices of so few say "
+            f"little; {LEAST_EVENTS} or more are needed."
+        )
     if found.heavy:
         positive = bool((found.values[np.isfinite(found.values)] > 0).all())
         yield (
-            f"Heavy tails: {_percent(TAIL)} of the runs make {_percent(found.tail)} of the "
+            f"Heavy tails: {percent(TAIL)} of the runs make {percent(found.tail)} of the "
             "variance, and the indices are those of these few"
             + ("; analyse the logarithm." if positive else ".")
         )
     needed = found.base_rows_needed
     if needed > sample.base_rows:
         more = (needed - sample.base_rows) * sample.runs_per_row
+        about = "about" if found.widest < WHOLE else "at least"
         yield (
-            f"The widest interval is {found.widest:.2f} wide: for {WIDEST} about {needed} base "
+            f"The widest interval is {found.widest:.2f} wide: for {WIDEST} {about} {needed} base "
             f"rows are needed, {more} more runs."
         )
 
 
+def events(independent: Floats) -> int:
+    """Independent runs that do not have the commonest value."""
+    return independent.size - int(np.unique(independent, return_counts=True)[1].max())
+
+
 def _total(found: SobolIndices, name: str) -> str:
-    """The total index of a factor in per cent; no estimate is below 0 or above all."""
-    return _percent(min(1.0, max(0.0, float(found.indices["total"][name]))))
+    """The total index of a factor in per cent."""
+    return percent(float(found.indices["total"][name]))
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """A share in per cent, small ones with two digits."""
     return f"{100 * share:.0f} %" if share >= 0.0995 or share == 0 else f"{100 * share:.2g} %"

@@ -199,8 +199,8 @@ def analysis(
 
     content: dict[str, Any] = {
         "folder": str(folder), "report": str(report), "transform": "none", "method": None,
-        "confidence": 0.95, "dropped": 0, "r2": None, "effects": [], "means": [], "levels": [],
-        "medians": [], "pairs": [], "indices": [], "notes": [],
+        "confidence": 0.95, "dropped": 0, "left_out": None, "r2": None, "effects": [],
+        "means": [], "levels": [], "medians": [], "pairs": [], "indices": [], "notes": [],
     }  # fmt: skip
     if isinstance(found, GeneralFactorial):
         content |= _of_levels(found)
@@ -251,6 +251,7 @@ def _of_space(found: Indices) -> dict[str, Any]:
     return {
         "response": main.response, "unit": "", "answer": sobol.answer(main),
         "transform": main.transform, "confidence": main.confidence, "runs": main.runs,
+        "dropped": main.dropped, "left_out": main.share_left_out,
         "indices": [
             row for one in found.of
             for row in _rows(one.indices.reset_index().assign(response=one.response),

@@ -185,10 +185,10 @@ def _what_would_run(
     definition: Study, out: Path, workers: int | None, master: str | None,
     step_timeout: float | None,
 ) -> StudyDocument:  # fmt: skip
-    from ..study import campaign, runner
+    from ..study import campaign, runner, store
     from . import contents
 
-    prepared = campaign.prepare(definition, master, step_timeout)
+    prepared = campaign.prepare(store.as_begun(definition, out), master, step_timeout)
     missing = runner.missing(prepared, out, tell=True)
     seconds = runner.estimate(prepared, missing, workers, master) if missing.runs else (None, None)
     return contents.study(

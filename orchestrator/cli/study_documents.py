@@ -196,6 +196,8 @@ class Analysis(Document):
     """That were analysed."""
     dropped: int
     """Runs without a finite response."""
+    left_out: Number
+    """Share of the base rows of a space that a run without a response leaves out, else null."""
     r2: Number
     effects: list[Effect]
     """Of a two-level design."""

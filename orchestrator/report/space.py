@@ -24,7 +24,9 @@ METHOD = (
     "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
     "alone explains, the total index that which would be left if all others were known. The seed "
     "is a factor of the design: its index is the share of chance. Estimators of Saltelli (2010) "
-    "and Jansen; intervals are percentiles over bootstrap resamples of whole base rows."
+    "and Jansen; Student's t intervals by the jackknife over base rows, of totals on the "
+    "logarithmic scale. A response of two values, such as lost, has intervals of the likelihood of "
+    "its pairs of runs."
 )
 
 

@@ -115,6 +115,9 @@ class Campaign:
             del study["conditions"]
         if study["design"]["base_rows"] is None:
             del study["design"]["base_rows"]
+        del study["design"]["sample"]
+        if self.study.sample is not None and self.study.sample.version > 1:
+            study["design"]["sample"] = self.study.sample.version  # folders from before have none
         model = study.pop("model")
         if model is not None:
             study["model"] = {"from": model.origin, "sha256": model.sha256}

@@ -222,8 +222,9 @@ def _design_problems(study: Definition) -> Iterator[str]:
             study.design.kind
         )
     kind = toml(study.design.kind)
-    if study.design.kind != "space" and study.design.base_rows is not None:
-        yield f"[design] kind: must be 'space' with base_rows, got {kind}"
+    for key in ("base_rows", "sample") if study.design.kind != "space" else ():
+        if getattr(study.design, key) is not None:
+            yield f"[design] kind: must be 'space' with {key}, got {kind}"
     if study.design.kind == "space" and (study.replicates > 1 or study.seeding == "common"):
         what = "replicates" if study.replicates > 1 else "seeding"
         yield f"{what}: must be left out in a space, where the seed is a factor"

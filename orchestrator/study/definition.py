@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
@@ -22,7 +22,7 @@ from . import design as designs
 from . import drawn
 from .design import Design, Factor, Number
 from .grid import crossed, grid
-from .space import Sample
+from .space import NEWEST, Sample, Version
 from .space import sample as draw
 from .stand_in import StandIn
 from .tables import (
@@ -141,7 +141,15 @@ class Definition(Table):
             )
             for name, factor in self.varied_factors.items()
         ]
-        return draw(factors, self.design.base_rows or BASE_ROWS, self.seed)
+        return draw(
+            factors, self.design.base_rows or BASE_ROWS, self.seed, self.design.sample or NEWEST
+        )
+
+    def with_sample(self, version: Version) -> Self:
+        """A copy, of a space, with another version of its sample."""
+        given = {name: getattr(self, name) for name in self.model_fields_set}
+        design = self.design.model_copy(update={"sample": version})
+        return self.model_construct(**given | {"design": design})
 
     @property
     def _chosen(self) -> Design:

@@ -25,7 +25,7 @@ from .campaign import (
 )
 from .definition import Definition
 from .parts import Finished, Parts
-from .store import at_work, check_folder, finished, open_folder, save
+from .store import as_begun, at_work, check_folder, finished, open_folder, save
 
 BATCH = 2048
 """Runs per batch, rounded to whole replicates."""
@@ -111,7 +111,7 @@ def carry_out(
 ) -> Parts:
     """As `run`, for whoever does not need the whole table; return where it is."""
     folder = Path(out).resolve()
-    campaign = prepare(study, master, step_timeout)
+    campaign = prepare(as_begun(study, folder), master, step_timeout)
     weight = campaign.weights
     check_folder(folder, campaign)
     with (

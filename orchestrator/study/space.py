@@ -2,8 +2,15 @@
 
 A sample has n base rows. For k factors and the seed, each base row is k + 3 runs: one at a point A,
 one for each of the k + 1 columns with that column alone taken from another point B, and one at B
-(the radial design of A. Saltelli et al., Comput. Phys. Commun. 181, 2010, 259–270). A and B are the
-two halves of a scrambled Sobol' sequence in 2 (k + 1) dimensions.
+(the radial design of A. Saltelli et al., Comput. Phys. Commun. 181, 2010, 259–270).
+
+A and B are Sobol' sequences in k + 1 dimensions with a scramble each. Every column is permuted
+within blocks of 16, 16, 32, 64, … rows: it has a value in each of n equal cells, and more rows
+continue a sample. Without the permutations, some columns of few rows nearly repeat others, and the
+indices are wrong beyond their intervals: of the wing weight function at 16 rows, intervals held the
+worst index in 37 % of the samples where A and B were halves of one sequence (version 1), and do in
+95 % now. Permuting costs accuracy where factors only add up: of a sum of 4 at 64 rows, the standard
+deviation of a total index was 4 % of the index, and is 18 % now.
 
 The simulator is stochastic, and the seed is a column like the others: the runs of a base row share
 the seed of A, but for the one that swaps the seed and the one at B. So the differences between two
@@ -17,20 +24,26 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..errors import ConfigurationError, instance, quoted, shortened
+from ..errors import ConfigurationError, check_choice, instance, quoted, shortened
 from ..scenario.schema import SEED
 from ..shown import Shown
 from .distributions import Distribution, Floats, is_number, problems
 
+if TYPE_CHECKING:
+    from scipy.stats import qmc
+
 SEED_FACTOR = "seed"
 """Name of the column of seeds, the last one that is swapped."""
 LEAST_BASE_ROWS, MOST_BASE_ROWS = 16, 2**20
+Version = Literal[1, 2]
+"""Of the sample: 1 has A and B from one sequence, whose columns are not permuted."""
+NEWEST: Version = 2
 _CELL = 2.0**-30  # of the Sobol' sequence; values are taken in the middle of a cell
 _ENDS = np.array([_CELL / 2, 1 - _CELL / 2])
 _SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
@@ -143,12 +156,15 @@ class Sample(Shown):
         Physical values; shape (rows, factors), a column for each factor by its name.
     seeds
         Seed of each run; shape (rows,).
+    version
+        How it was drawn.
     """
 
     factors: tuple[Factor, ...]
     base_rows: int
     values: pd.DataFrame
     seeds: NDArray[np.int64]
+    version: Version = NEWEST
 
     def _gist(self) -> str:
         return f"of {len(self.factors)} factors, {self.base_rows} base rows, {len(self)} runs"
@@ -173,7 +189,9 @@ class Sample(Shown):
         )
 
 
-def sample(factors: Sequence[Factor], base_rows: int, seed: int = 1) -> Sample:
+def sample(
+    factors: Sequence[Factor], base_rows: int, seed: int = 1, version: Version = NEWEST
+) -> Sample:
     """Sample a space for first-order and total Sobol' indices; see the module.
 
     Equal arguments give equal bits. More base rows continue a sample: its first runs are the same.
@@ -183,28 +201,53 @@ def sample(factors: Sequence[Factor], base_rows: int, seed: int = 1) -> Sample:
     base_rows
         A power of 2: so many points of a Sobol' sequence are balanced.
     seed
-        The sequence is scrambled by it, and it is the seed of the first run; the others follow: 2 n
-        different ones.
+        The sequences are scrambled and permuted by it, and it is the seed of the first run; the
+        others follow: 2 n different ones.
+    version
+        1 draws the sample of studies that were begun with it.
 
     Raises
     ------
     ConfigurationError
-        There is no factor, two have the same name, the number of base rows is no power of 2, or
-        there are not enough seeds.
+        There is no factor, two have the same name, the number of base rows is no power of 2, there
+        are not enough seeds, or there is no such version.
     """
-    from SALib.sample import sobol  # only where something is drawn
-
+    check_choice("version", version, get_args(Version))
     _check(factors, base_rows, seed)
     k = len(factors) + 1
-    problem = {"num_vars": k, "names": [str(i) for i in range(k)], "bounds": [[0.0, 1.0]] * k}
-    u = sobol.sample(
-        problem, base_rows, calc_second_order=False, seed=np.random.default_rng(seed)
-    ) + _CELL / 2
+    a, b = (_joint if version == 1 else _permuted)(k, base_rows, seed)
+    from_b = np.vstack([np.zeros(k), np.eye(k), np.ones(k)]) == 1  # runs of a row, columns
+    u = np.where(from_b, b[:, None], a[:, None]).reshape(-1, k)
     values = pd.DataFrame({f.name: f.values(u[:, i]) for i, f in enumerate(factors)})
     # The last two runs of a base row are the one that swaps the seed, and B.
     at_b = np.arange(k + 2) >= k
     seeds = seed + 2 * np.arange(base_rows)[:, None] + at_b
-    return Sample(tuple(factors), base_rows, values, seeds.ravel().astype(np.int64))
+    return Sample(tuple(factors), base_rows, values, seeds.ravel().astype(np.int64), version)
+
+
+def _permuted(columns: int, rows: int, seed: int) -> tuple[Floats, Floats]:
+    """A and B from two scrambled sequences with permuted columns; shape of each (rows, columns)."""
+    rng = np.random.default_rng(seed)
+    both = np.stack([sequence.random(rows) for sequence in [_sequence(columns, rng) for _ in "AB"]])
+    start, end = 0, LEAST_BASE_ROWS
+    while start < rows:
+        order = np.argsort(rng.random((2, end - start, columns)), axis=1)
+        both[:, start:end] = np.take_along_axis(both[:, start:end], order, axis=1)
+        start, end = end, 2 * end
+    a, b = both + _CELL / 2
+    return a, b
+
+
+def _joint(columns: int, rows: int, seed: int) -> tuple[Floats, Floats]:
+    """A and B as the halves of one scrambled sequence, as in version 1."""
+    both = _sequence(2 * columns, np.random.default_rng(seed)).random(rows) + _CELL / 2
+    return both[:, :columns], both[:, columns:]
+
+
+def _sequence(columns: int, rng: np.random.Generator) -> qmc.Sobol:
+    from scipy.stats import qmc  # only where something is drawn
+
+    return qmc.Sobol(columns, scramble=True, seed=rng)
 
 
 def _check(factors: Sequence[Factor], base_rows: int, seed: int) -> None:

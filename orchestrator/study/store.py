@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 from sblcosim.fmus import files
@@ -27,7 +27,11 @@ from .. import artifacts
 from ..errors import ConfigurationError, ConfigurationWarning, DamageWarning, one_line
 from . import parts
 from .campaign import Campaign
+from .definition import Definition
 from .parts import PARTS, RUNS, Finished, Parts, Wanted, looked_through, refusal, write_file
+from .space import Version
+
+Space = TypeVar("Space", bound=Definition)
 
 STUDY = "study.json"
 DAMAGED = "damaged"
@@ -62,6 +66,29 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
                 f"{folder}: must be empty or hold results of this study, got {name!r} in it"
             )
     return 0
+
+
+def as_begun(study: Space, folder: Path) -> Space:
+    """The study with the sample that its folder was begun with, if it is a space that names none.
+
+    Raises
+    ------
+    ConfigurationError
+        The description of the folder is damaged.
+    """
+    free = study.design.kind == "space" and study.design.sample is None
+    if not free or not (folder / STUDY).exists():
+        return study
+    before = described(folder)["definition"]
+    if before["study"]["design"]["kind"] != "space":
+        return study
+    return study.with_sample(version_of_sample(before))
+
+
+def version_of_sample(definition: Mapping[str, Any]) -> Version:
+    """Of a space as its folder describes it; folders from before there were versions name none."""
+    version: Version = definition["study"]["design"].get("sample", 1)
+    return version
 
 
 def _replicates(folder: Path, campaign: Campaign) -> int:
@@ -155,7 +182,7 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         for key in now["study"]
         if before["study"].get(key) != now["study"][key]
     ]
-    parts += [key for key in ("scenario", "fmus") if before.get(key) != now[key]]
+    parts += [key for key in ("scenario", "fmus") if before.get(key) != now.get(key)]
     return ", ".join(parts).replace("fmus", "FMUs") or "contents"
 
 

@@ -228,6 +228,8 @@ def study_of(results: str | Path) -> Study:
     if "model" in tables:
         tables["model"] = stand_in_of(tables["model"]["from"], tables["model"]["sha256"])
     tables["design"] = {k: v for k, v in tables["design"].items() if v is not None}
+    if tables["design"]["kind"] == "space":
+        tables["design"].setdefault("sample", store.version_of_sample(definition))
     names = content.get("names", {})
     for table in VARIED:
         tables[table] = {k: v | names.get(k, {}) for k, v in tables.get(table, {}).items()}

@@ -13,7 +13,7 @@ from ..errors import shortened
 from ..scenario.schema import Table
 from .design import Level
 from .distributions import Distribution, Kind, Numbers
-from .space import LEAST_BASE_ROWS, MOST_BASE_ROWS
+from .space import LEAST_BASE_ROWS, MOST_BASE_ROWS, NEWEST, Version
 
 RESERVED = (
     "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
@@ -166,6 +166,9 @@ class DesignTable(Table):
         Of a grid: so many combinations, drawn with the study's seed; default: all.
     base_rows
         Of a space: a power of 2; for k factors each is k + 3 runs.
+    sample
+        Of a space: version of its sample, see `sblcosim.study.space.sample`; default: that of the
+        folder of results if it has runs, else the newest.
     """
 
     kind: Literal["full", "fraction", "sweep", "grid", "space", "single"] = Field(
@@ -188,4 +191,8 @@ class DesignTable(Table):
     )
     base_rows: Annotated[int, Field(ge=LEAST_BASE_ROWS, le=MOST_BASE_ROWS)] | None = Field(
         default=None, description=f"Of a space: a power of 2; default: {BASE_ROWS}"
+    )
+    sample: Version | None = Field(
+        default=None,
+        description=f"Of a space: version of its sample; default: that of the folder, or {NEWEST}",
     )

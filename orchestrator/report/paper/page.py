@@ -122,7 +122,10 @@ def run(
     seconds = {} if started is None else {"start-up": time.perf_counter() - started}
     tell = progress or _silently
     with painters(workers) as pool:
-        studies = all_campaigns(quick)
+        studies = {
+            name: store.as_begun(study, folder / RUNS / name)
+            for name, study in all_campaigns(quick).items()
+        }
         with _clock(seconds, "simulations"):
             tables = simulate(folder / RUNS, studies, workers, tell)
         with _clock(seconds, "statistics"):

@@ -91,7 +91,7 @@ STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
     [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
 )
-SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy(), resamples=100)
+SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy())
 PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
 
 
@@ -178,6 +178,7 @@ CALLS |= {
 }
 CALLS |= {
     "study.distributions.distribution_of distribution": distributions.distribution_of,
+    "study.space.sample version": partial(space.sample, DRAWN.factors, 16, 1),
     "analysis.sensitivity.indices transform": partial(sensitivity.indices, DRAWN, SHARES.values),
     "analysis.sensitivity.Sensitivity.plot_indices theme": SHARES.plot_indices,
     "analysis.sensitivity.Sensitivity.plot_scatter theme": SHARES.plot_scatter,
@@ -200,6 +201,7 @@ CALLS |= {
 }
 ELSEWHERE = {
     "areas.figures.plot_narrow theme": "areas.figures.plot_map",
+    "study.definition.Definition.with_sample version": "study.space.sample",
     "analysis.sensitivity.of_table transform": "analysis.sensitivity.indices",
     "estimation.after.Smoothed.save other": "results.result.Result.save",
     "analysis.workflow.of_study error": "analysis.workflow.of_table",

@@ -12,6 +12,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.study.distributions import Distribution, Kind, distribution_of
 from sblcosim.study.space import Factor, sample
 from scipy import stats
+from scipy.stats import qmc
 
 U = (np.arange(200_000) + 0.5) / 200_000
 
@@ -282,6 +283,40 @@ def test_equal_arguments_give_equal_bits_and_more_rows_continue() -> None:
     assert one.table().equals(same.table())
     assert more.table()[: len(one)].equals(one.table())
     assert not other.values.equals(one.values)
+
+
+def test_no_column_goes_with_another_one() -> None:
+    """Over many samples of 16 rows, pairs of columns of A and B are as independent ones."""
+    factors = [Factor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(6)]
+    spread = {}
+    for version in (1, 2):
+        found = []
+        for seed in range(60):
+            u = sample(factors, 16, seed, version).values.to_numpy().reshape(16, -1, 6)
+            both = np.corrcoef(np.hstack([u[:, 0], u[:, -1]]).T)
+            found.append(both[np.triu_indices(12, 1)])
+        spread[version] = np.sqrt(np.mean(np.square(found), axis=0))
+    # of independent columns 1/√15; a Sobol' sequence has pairs that nearly are each other
+    assert spread[2] == pytest.approx(np.full(66, 1 / np.sqrt(15)), abs=0.09)
+    assert spread[1].max() > 0.45
+
+
+def test_the_sample_of_before_is_drawn_as_it_was() -> None:
+    """Numbers from before there were versions; A and B are from one sequence."""
+    drawn = sample(FACTORS, 64, 7, 1)
+    assert drawn.version == 1
+    assert sample(FACTORS, 64, 7).version == 2
+    row = drawn.values.iloc[[0, 5, 200]]
+    assert row["gps"].tolist() == pytest.approx(
+        [1.2736664575072862, 1.619534453747907, 0.3389542945908972], rel=1e-12
+    )
+    assert row["T"].tolist() == [1.843, 0.491, 0.843]
+    assert row["receiver"].tolist() == ["ekf", "ukf", "ekf"]
+    u = qmc.Sobol(8, scramble=True, seed=np.random.default_rng(7)).random(64)
+    gps = FACTORS[0].values(u + 2.0**-31)
+    assert np.array_equal(drawn.values["gps"].to_numpy().reshape(64, 6)[:, [0, 5]], gps[:, [0, 4]])
+    with pytest.raises(ConfigurationError, match="version: must be 1 or 2, got 3"):
+        sample(FACTORS, 64, 7, 3)  # type: ignore[arg-type]
 
 
 def test_a_sample_is_more_even_than_independent_points() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from math import pi, sin
+import json
+import re
+import shutil
+from math import nan, pi, sin
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +13,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.analysis import sensitivity, workflow
+from sblcosim import cli
+from sblcosim.analysis import sensitivity, sobol, workflow
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
 from sblcosim.report.space import Indices
-from sblcosim.study import again, campaign, study
+from sblcosim.study import again, campaign, runner, store, study
 from sblcosim.study.study import study_of
+from typer.testing import CliRunner
 
 AROUND = {"distribution": "uniform", "range": [-pi, pi]}
 GPS = {"keys": ["platform.gps_horizontal_markov_std_m"], "distribution": "log-uniform",
@@ -26,6 +31,7 @@ TICK = {"keys": ["time.sampling_time_s"], "distribution": "uniform", "range": [0
 GRADE = {"keys": ["platform.imu_grade"], "distribution": "choice",
          "levels": ["consumer", "tactical"]}  # fmt: skip
 FACTORS = {"gps": GPS, "tick": TICK, "imu": GRADE}
+SPACE = {"kind": "space"}
 
 
 def ishigami(x1: float, x2: float, x3: float, a: float = 7.0, b: float = 0.1) -> float:
@@ -91,7 +97,7 @@ def test_a_space_is_run_with_the_seed_as_a_factor(tmp_path: Path) -> None:
     assert np.array_equal(table["tick"] * 1e3, np.rint(table["tick"] * 1e3))
     assert set(table["imu"]) == {"consumer", "tactical"}
     groups = campaign.prepare(made).groups  # rows that share a sampling time share lanes
-    assert len(groups) == table["tick"].nunique() < len(table) / 3
+    assert len(groups) == table["tick"].nunique() <= len(table) / 3
     row = table.iloc[7]
     direct = sblcosim.run("realistic-dive", overrides={
         "time.duration_s": 12.0, "time.sampling_time_s": row["tick"], "seed": int(row["seed"]),
@@ -110,6 +116,94 @@ def test_a_space_is_run_with_the_seed_as_a_factor(tmp_path: Path) -> None:
     assert study.load(tmp_path / "again.toml").points == made.points
 
 
+def test_a_study_that_was_begun_with_the_old_sample_is_finished_and_read_with_it(
+    tmp_path: Path,
+) -> None:
+    """Its folder names no version, as none of its time does."""
+    old = of_function(design={"kind": "space", "base_rows": 16, "sample": 1})
+    whole = old.run(tmp_path / "whole")
+    begun = tmp_path / "begun"
+    shutil.copytree(tmp_path / "whole", begun)
+    assert "sample" not in json.loads((begun / "study.json").read_text())["definition"]["study"][
+        "design"
+    ]
+    for file in (begun / "runs.parquet", *(begun / "parts").iterdir()):
+        file.unlink()
+    fresh = of_function(design={"kind": "space", "base_rows": 16})
+    table = fresh.run(begun)
+    pd.testing.assert_frame_equal(table, whole)
+    assert fresh.sample is not None
+    assert not np.array_equal(fresh.sample.values["x1"], table["x1"])
+    for file in ("runs.parquet", "study.json"):
+        assert (begun / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+    prepared = campaign.prepare(store.as_begun(fresh, begun))
+    assert runner.missing(prepared, begun).runs == 0  # as a dry run asks
+    read = study_of(begun)
+    assert read.sample is not None
+    assert read.sample.version == 1
+    (found,) = workflow.of_space(read, table, "value")
+    assert found.text().count("This study was begun with the sample of an earlier version") == 1
+    assert "sample = 1" in as_toml(read.tables())
+    with pytest.raises(ConfigurationError, match="is it another version of the sample"):
+        workflow.of_space(fresh, table, "value")
+    with pytest.raises(ConfigurationError, match="must be empty or hold results of this study"):
+        of_function(design={"kind": "space", "base_rows": 16, "sample": 2}).run(begun)
+    new = tmp_path / "new"
+    fresh.run(new)
+    assert json.loads((new / "study.json").read_text())["definition"]["study"]["design"][
+        "sample"
+    ] == 2
+    read = study_of(new)
+    assert read.sample is not None
+    assert read.sample.version == 2
+    assert "earlier version" not in workflow.of_space(read, fresh.run(new), "value")[0].text()
+
+
+def test_a_dry_run_knows_the_sample_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text("def f(x):\n    return x\n")
+    space = '{keys}[design]\nkind = "space"\nbase_rows = 16\n{sample}[factors.x]\n' \
+        'distribution = "uniform"\nrange = [0, 1]\n'
+    file = tmp_path / "old.toml"
+    file.write_text(space.format(keys='model = "model.py:f"\n', sample="sample = 1\n"))
+    out = ["--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(cli.app, ["study", str(file), *out]).exit_code == 0
+    file.write_text(space.format(keys='model = "model.py:f"\n', sample=""))
+    said = CliRunner().invoke(cli.app, ["study", str(file), *out, "--dry-run"])
+    assert "64 runs are in" in said.stdout, said.output
+
+
+def partly(x1: float, x2: float, x3: float, far: float = 0.0) -> float:
+    return x1 if x1 + x2 < far else nan
+
+
+@pytest.mark.parametrize(("far", "refused"), [(5.3, False), (3.0, True)])
+def test_reports_and_documents_say_which_rows_are_left_out(
+    tmp_path: Path, far: float, refused: bool
+) -> None:
+    made = of_function(
+        model=lambda x1, x2, x3: partly(x1, x2, x3, far),
+        design={"kind": "space", "base_rows": 256},
+    )
+    made.run(tmp_path / "out")
+    if refused:
+        with pytest.raises(ConfigurationError, match="of at least 80 % of the base rows, got "):
+            reports.save(tmp_path / "out", tmp_path / "page")
+        assert not (tmp_path / "page").exists()
+        return
+    found = reports.save(tmp_path / "out", tmp_path / "page")
+    assert isinstance(found, Indices)
+    assert 0 < found.main.left_out < 0.2 * 256
+    sentence = sobol.answer(found.main)
+    assert sentence.startswith("Without ")
+    document = contents.analysis(found, tmp_path, tmp_path)
+    assert document.answer == sentence
+    assert document.left_out == found.main.left_out / 256
+    assert document.dropped == found.main.dropped >= found.main.left_out
+    page = re.sub(r"\s+", " ", (tmp_path / "page" / "report.html").read_text())
+    assert sentence.replace("'", "&#39;") in page
+    assert f"{found.main.left_out} of 256 base rows are left out" in page
+
+
 PROBLEMS = [
     ({"factors": {"gps": {"keys": GPS["keys"], "levels": [1, 2]}}}, "did you mean distribution = "),
     ({"factors": {"gps": {**GPS, "range": None}}}, "range: must be given for the distribution"),
@@ -123,6 +217,8 @@ PROBLEMS = [
     ({"replicates": 2}, "replicates: must be left out in a space, where the seed is a factor"),
     ({"seeding": "common"}, "seeding: must be left out in a space"),
     ({"design": {"kind": "space", "base_rows": 100}}, "base_rows: must be a power of 2"),
+    ({"design": {"kind": "space", "sample": 3}}, r"\[design\] sample: must be 1 or 2"),
+    ({"design": {"kind": "full", "sample": 1}}, "kind: must be 'space' with sample, got .full."),
     ({"design": {"kind": "grid"}}, "distribution: must be left out, but in a space"),
     ({"scenario": ""}, "scenario: must be given"),
     ({"model": ishigami}, "scenario: must be left out with a model"),
@@ -133,7 +229,7 @@ PROBLEMS = [
 def test_what_is_wrong_with_a_space_is_said(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message) as caught:
         dive(**changes)
-    if "model" not in changes and changes != {"design": {"kind": "grid"}}:
+    if "model" not in changes and changes.get("design", SPACE)["kind"] == "space":
         assert "\n" not in str(caught.value)
 
 
