@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from sblcosim.fmus import files
@@ -45,6 +46,7 @@ class Kept:
         path = Path(result).resolve()
         self.folder = path.with_name(f"{path.name}{UNFINISHED}")
         self._used: dict[Path, None] = {}
+        self._above = [it for it in self.folder.parents if not it.exists()]
 
     def of(self, *identity: object) -> Path | None:
         """The folder for some runs; None, and a warning, if there can be none.
@@ -84,6 +86,9 @@ class Kept:
             files.remove(folder)
         if self.folder.is_dir() and {*os.listdir(self.folder)} <= {NOTE}:
             files.remove(self.folder)
+        for folder in self._above:  # if nothing came of it
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def sound(folder: Path) -> Parts:

@@ -185,8 +185,9 @@ def simulated(
             some = _missing(campaign, what, workers, size)
             whole = parts.table(_completed(campaign, there, what, made, some, progress))
         mine = whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
-        error = mine["error"].astype(object)  # as it is before it has been in a file
-        return mine.assign(error=error.where(error.notna(), None))
+        if mine["error"].isna().all():  # as it is before it has been in a file
+            mine["error"] = np.full(len(mine), None)
+        return mine
     tables: list[pd.DataFrame] = []
     passed = 0
 
