@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..errors import SblcosimError
-from .studies import stopped
 
 if TYPE_CHECKING:
     from ..study.kept import Kept
@@ -31,6 +30,8 @@ def keeping(result: Path) -> Iterator[Kept]:
         if not runs:
             kept.remove()
             raise
+        from .studies import stopped  # here, as help lists commands in the order of their import
+
         command = shlex.join(["sblcosim", *sys.argv[1:]])
         typer.echo(
             f"interrupted; {runs} runs are in {kept.folder}; go on with: {command}", err=True

@@ -46,7 +46,7 @@ class Kept:
         path = Path(result).resolve()
         self.folder = path.with_name(f"{path.name}{UNFINISHED}")
         self._used: dict[Path, None] = {}
-        self._above = [it for it in self.folder.parents if not it.exists()]
+        self._above = [it for it in self.folder.parents if not os.path.exists(it)]
 
     def of(self, *identity: object) -> Path | None:
         """The folder for some runs; None, and a warning, if there can be none.
@@ -63,6 +63,9 @@ class Kept:
             if not note.exists():
                 files.write_file(note, _TOLD.encode(), durable=False)
         except OSError as error:
+            for empty in (folder, self.folder):
+                with suppress(OSError):
+                    empty.rmdir()
             warnings.warn(
                 f"{self.folder}: must be a folder that can be made, to keep finished runs, got "
                 f"{error.strerror or error}; if this is interrupted, it begins anew",
@@ -81,10 +84,10 @@ class Kept:
         """Remove what this command has used, and the folder if no other one has something there."""
         for folder in self._used:
             files.sweep(folder)
-            if not folder.is_dir() or any(map(files.is_hidden, os.listdir(folder))):
+            if not os.path.isdir(folder) or any(map(files.is_hidden, os.listdir(folder))):
                 continue  # another process is at work there
             files.remove(folder)
-        if self.folder.is_dir() and {*os.listdir(self.folder)} <= {NOTE}:
+        if os.path.isdir(self.folder) and {*os.listdir(self.folder)} <= {NOTE}:
             files.remove(self.folder)
         for folder in self._above:  # if nothing came of it
             with suppress(OSError):
