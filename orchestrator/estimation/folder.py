@@ -114,8 +114,8 @@ def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
     """Files that are not as they were written, a damaged record being refused."""
     if HASHES not in about:
         warnings.warn(
-            f"{shown(path)}: was written before folders of runs had hashes of their files: that "
-            "nothing in it is damaged is not known", ConfigurationWarning, stacklevel=4
+            f"{shown(path)}: must have hashes of its files in {MANIFEST}, got none, as in folders "
+            "of earlier versions; damaged files go unnoticed", ConfigurationWarning, stacklevel=4
         )
     changed = manifests.changed(path, about)
     if RECORD in changed:

@@ -25,7 +25,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
                 "--receiver", "ekf", "--receiver", "coupled"),
     "budget": ("budget", PAPER, *SHORT, "--runs", "30"),
     "runs": ("run", PAPER, *SHORT, "--runs", "30", "--receiver", "ekf", "--receiver", "coupled"),
-    "map": ("map", PAPER, "--area", "30x30", "--depth", "5", "--cells", "6", "--runs", "4",
+    "map": ("map", PAPER, "--area", "30x30", "--depth", "5", "--cells", "4", "--runs", "4",
             "--limit", "0.5", "--duration", "6", "--settling", "2", "--no-figures"),
 }  # fmt: skip
 @pytest.fixture(autouse=True)
