@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -61,6 +61,8 @@ def of_folder(folder: Path) -> dict[str, Any] | None:
         It is not as it was written.
     """
     path = folder / MANIFEST
+    if not path.is_file():  # who reads from a pipe may wait for ever
+        return None
     try:
         text = path.read_text("utf-8")
         content: Any = json.loads(text)
@@ -89,16 +91,21 @@ def _damage(path: Path, got: str) -> DamagedManifestError:
 
 def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of what is in a folder, by name."""
-    names = sorted(file.name for file in folder.iterdir() if file.name != MANIFEST)
+    return _sha256s(folder, sorted(f.name for f in folder.iterdir() if f.name != MANIFEST))
+
+
+def _sha256s(folder: Path, names: Sequence[str]) -> dict[str, str]:
     with ThreadPoolExecutor() as pool:
         return dict(zip(names, pool.map(partial(_sha256, folder), names), strict=True))
 
 
 def _sha256(folder: Path, name: str) -> str:
     """Of a file, or of the manifest of a result within the result; nothing if there is none."""
-    path = folder / name
+    path = folder / name / MANIFEST if (folder / name).is_dir() else folder / name
+    if not path.is_file():
+        return ""
     try:
-        with (path / MANIFEST if path.is_dir() else path).open("rb") as file:
+        with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
@@ -107,11 +114,11 @@ def _sha256(folder: Path, name: str) -> str:
 def changed(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
     """Files in a folder that are not as they were written, those that are gone left out."""
     known: Mapping[str, str] = manifest.get(HASHES, {})
-    now = hashes(folder) if known else {}
     found = []
-    for name, digest in now.items():
+    there = [name for name in known if os.path.lexists(folder / name)]
+    for name, digest in _sha256s(folder, there).items():
         within = folder / name
-        if digest != known.get(name, digest):
+        if digest != known[name]:
             found.append(f"{name}/{MANIFEST}" if within.is_dir() else name)
         elif within.is_dir() and (inner := of_folder(within)) is not None:
             found += [f"{name}/{other}" for other in changed(within, inner)]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import artifacts
+from sblcosim import artifacts, manifests
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import files
 
@@ -251,7 +251,7 @@ def test_an_empty_folder_that_another_process_has_filled_is_not_filled_twice(tmp
 
 KILLED = """
 import os, pathlib, signal, sys
-from sblcosim import artifacts
+from sblcosim import artifacts, manifests
 path, number = pathlib.Path(sys.argv[1]), int(sys.argv[2])
 rename = pathlib.Path.rename
 count = 0
@@ -311,6 +311,21 @@ def test_a_damaged_manifest_is_named_and_nothing_is_removed(tmp_path, text):
     assert str(caught.value).startswith(f"{path}: must be as it was written, got ")
     assert "\n" not in str(caught.value)
     assert (tmp_path / "run" / "one.txt").is_file()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes")
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(tmp_path):
+    write(tmp_path / "run")
+    text = str(tmp_path / "run" / "one.txt")
+    for name, told in (("one.txt", [text]), ("manifest.json", [])):
+        (tmp_path / "run" / name).unlink()
+        os.mkfifo(tmp_path / "run" / name)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            manifests.tell(tmp_path / "run", "it is written anew")
+        assert [str(w.message).partition(": ")[0] for w in caught] == told
+    with pytest.raises(ConfigurationError, match="must be empty or hold nothing but an earlier"):
+        write(tmp_path / "run")
 
 
 def test_a_result_within_a_result_is_of_its_hashes(tmp_path):
