@@ -13,7 +13,7 @@ import sblcosim
 from sblcosim.cli.base import app
 from sblcosim.comparison import cost
 from sblcosim.simulation.masters import lanes
-from sblcosim.study import runner
+from sblcosim.study import runner, store
 from sblcosim.study.kept import Kept
 from sblcosim.study.study import load
 from typer.testing import CliRunner
@@ -220,6 +220,19 @@ def test_python_keeps_nothing_unless_it_is_told_where(runs: Runs, tmp_path: Path
     assert runs.done == 0
     kept.remove()
     assert os.listdir() == []
+
+
+def test_what_another_process_is_at_work_with_stays(tmp_path: Path) -> None:
+    one, other = Kept("here"), Kept("here")
+    folder = one.of("runs")
+    assert folder is not None
+    assert folder == other.of("runs") != other.of("more")
+    with store.at_work(folder):
+        one.remove()
+        assert folder.is_dir()
+    other.remove()
+    assert os.listdir() == []
+    other.remove()  # nothing is there any more
 
 
 def test_runs_that_go_one_by_one_and_fail_come_back_as_they_were(
