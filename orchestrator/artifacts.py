@@ -7,7 +7,8 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,9 +21,12 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 from sblcosim.fmus import files
 
-from .errors import ConfigurationError, check_choice
+from . import manifests
+from .errors import ConfigurationError, DamageWarning, check_choice
+from .manifests import FILES, HASHES, MANIFEST
 
-MANIFEST = "manifest.json"
+UNFINISHED, NOTE = "-unfinished", "unfinished.txt"
+"""End of the name of a folder with runs of an unfinished command, and the file that says so."""
 PACKAGES = ("sblcosim", "numpy", "casadi", "fmpy", "pandas", "matplotlib")
 
 
@@ -104,10 +108,9 @@ def draft(
 
 def _finish(part: Path, manifest: Mapping[str, Any]) -> None:
     """Add the manifest, and flush all files to disk."""
-    names = sorted(file.name for file in part.iterdir())
-    content = {**manifest, "software": software(), "files": names}
-    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    (part / MANIFEST).write_text(text, "utf-8")
+    hashes = manifests.hashes(part)
+    content = {**manifest, "software": software(), FILES: [*hashes], HASHES: hashes}
+    (part / MANIFEST).write_bytes(manifests.sealed(content))
     with ThreadPoolExecutor() as pool:  # a disk syncs many files as fast as one
         list(pool.map(files.sync_file, (file for file in part.rglob("*") if file.is_file())))
 
@@ -139,6 +142,7 @@ def _name(path: Path, part: Path, manifest: Mapping[str, Any], other: Other) -> 
             if not os.path.lexists(target):
                 part.rename(target)
             else:
+                manifests.tell(target, "it is written anew")
                 shutil.copymode(target, part)
                 with files.unfinished(target.parent, instead=target.name) as old:
                     target.rename(old)
@@ -172,12 +176,15 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
     """Whether a path may be replaced: it is empty or holds an equal result."""
     try:
         _refuse_foreign(path)
+    except manifests.DamagedManifestError as error:
+        warnings.warn(str(error), DamageWarning, stacklevel=2)
+        return False
     except ConfigurationError:
         return False
-    before = _manifest_of(path)
+    before = manifests.of_folder(path)
     if before is None:
         return True
-    outcome = ("software", "files", "failures")
+    outcome = ("software", FILES, HASHES, "failures")
     kept, new = (
         {key: value for key, value in content.items() if key not in outcome}
         for content in (before, json.loads(json.dumps(manifest)))
@@ -187,10 +194,13 @@ def _may_go(path: Path, manifest: Mapping[str, Any]) -> bool:
 
 def _empty(path: Path) -> None:
     """Remove the files that a killed process had moved into an empty folder."""
-    before = _manifest_of(path)
-    if before is None or all((path / name).exists() for name in before["files"]):
+    try:
+        before = manifests.of_folder(path)
+    except manifests.DamagedManifestError:  # it does not say what may go
         return
-    for name in (*before["files"], MANIFEST):
+    if before is None or all((path / name).exists() for name in before[FILES]):
+        return
+    for name in (*before[FILES], MANIFEST):
         files.remove(path / name)
 
 
@@ -253,29 +263,23 @@ def _refuse_foreign(path: Path) -> None:
         present = {file.name for file in path.iterdir() if not files.is_hidden(file.name)}
     except OSError as error:
         raise _refusal(path, error) from error
-    before = _manifest_of(path)
-    foreign = sorted(present if before is None else present - {*before["files"], MANIFEST})
+    before = manifests.of_folder(path)
+    foreign = sorted(present if before is None else present - {*before[FILES], MANIFEST})
     if foreign:
         raise ConfigurationError(
-            f"{path}: must be empty or hold nothing but an earlier result, got {foreign[0]!r} in it"
+            f"{path}: must be empty or hold nothing but an earlier result, got {what(foreign)} "
+            "in it"
         )
     for name in present - {MANIFEST}:
         if os.path.isdir(path / name):  # a result within a result
             _refuse_foreign(path / name)
 
 
-def _manifest_of(path: Path) -> dict[str, Any] | None:
-    """The manifest in a folder; None if there is none that we wrote."""
-    try:
-        content: Any = json.loads((path / MANIFEST).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    if not isinstance(content, dict):
-        return None
-    names = content.get("files")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        return None
-    return content
+def what(names: Sequence[str]) -> str:
+    """What is in a folder, for a message: what some names are together, or one of them."""
+    if NOTE in names:
+        return "runs of a command that was interrupted"
+    return repr(MANIFEST if MANIFEST in names else names[0])
 
 
 def software() -> dict[str, str]:

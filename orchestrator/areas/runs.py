@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
@@ -16,10 +19,13 @@ from ..results.sums import responses
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import SEED
 from ..simulation.isolation import Children
-from ..study import study
+from ..study import parts, study
 from ..study.batch import reduced
 from ..study.campaign import Campaign, Run, prepare
 from ..study.groups import Point
+from ..study.kept import Kept, sound
+from ..study.runner import kept_together
+from ..study.store import at_work
 from .grid import Grid
 
 Floats = NDArray[np.float64]
@@ -28,6 +34,7 @@ Flags = NDArray[np.bool_]
 
 PERCENTAGES = tuple(range(5, 100, 10))
 """Of the order statistics that stand for a run's errors: the middles of ten parts of equal size."""
+_LENGTHS = tuple(f"p{p}" for p in PERCENTAGES)
 _TOGETHER = 100_000
 """Runs whose sums are in memory at a time."""
 
@@ -130,28 +137,45 @@ class Simulator:
         replicate: Integers,
         workers: int | None,
         progress: Callable[[float], None],
+        keep: Kept | None = None,
     ) -> Sample:
         """Simulate runs; the result depends neither on their order nor on the workers.
+
+        Parameters
+        ----------
+        keep
+            Where finished runs are kept, which are not done again; None: nothing is written.
 
         Raises
         ------
         ConfigurationError
             All of them have failed.
         """
-        sample: Sample | None = None
-        total = len(cell)
-        with Children(patience_s=self.campaign.step_timeout) as children:
-            for first in range(0, total, _TOGETHER):
-                some = slice(first, first + _TOGETHER)
-                share = len(cell[some]) / total
+        seeds = self.seeds(cell, replicate)
+        folder = None if keep is None else keep.of(*self._identity())
+        with (
+            Children(patience_s=self.campaign.step_timeout) as children,
+            nullcontext() if folder is None else at_work(folder),
+        ):
+            tables = [] if folder is None else _kept(folder, seeds)
+            missing = np.flatnonzero(~np.isin(seeds, tables[0]["seed"] if tables else ()))
+            size = min(_TOGETHER, kept_together(self.campaign, workers))
+            for first in range(0, len(missing), size):
+                some = missing[first : first + size]
 
-                def told(part: float, done: float = first / total, share: float = share) -> None:
-                    progress(done + part * share)
+                def told(part: float, done: int = first, count: int = len(some)) -> None:
+                    progress((done + part * count) / len(missing))
 
-                more = self._part(cell[some], replicate[some], workers, told, children)
-                sample = more if sample is None else sample + more
-        assert sample is not None
-        return sample
+                rows = self._part(cell[some], replicate[some], workers, told, children)
+                if folder is not None:
+                    parts.write(folder, self.campaign, _runs(seeds[some]), rows)
+                tables.append(rows)
+        return self._sample(pd.concat(tables, ignore_index=True).set_index("seed").loc[seeds])
+
+    def _identity(self) -> tuple[object, ...]:
+        """All that makes a run but its cell and its number."""
+        grid = self.grid
+        return (self.campaign.digest, self.base.seed, grid.north, grid.east, grid.shape, grid.depth)
 
     def _part(
         self,
@@ -160,7 +184,8 @@ class Simulator:
         workers: int | None,
         progress: Callable[[float], None],
         children: Children,
-    ) -> Sample:
+    ) -> pd.DataFrame:
+        """A row for each run."""
         values: dict[str, Floats] = {
             "target.center": self.grid.centres[cell, :2],
             "target.heading": self.bearings(cell, replicate),
@@ -170,17 +195,45 @@ class Simulator:
         )
         points = _Points(self.campaign.points[0], values)
         campaign: Campaign = replace(self.campaign, points=points, groups=(group,))
-        runs = [Run(i, 1, seed, "") for i, seed in enumerate(self.seeds(cell, replicate).tolist())]
+        seeds = self.seeds(cell, replicate)
+        runs = _runs(seeds)
         sums, extra, errors = reduced(campaign, group, runs, workers, None, progress, children)
-        failed = [error for error in errors if error is not None]
-        for message in failed:
-            self.failures[message] = self.failures.get(message, 0) + 1
-        if len(failed) == len(runs):
-            raise ConfigurationError(f"map: a run must not fail, got in all of them: {failed[0]}")
         judged = responses(sums[:, 0], group.plan.stop_ns - group.plan.start_ns)
         lost = (judged["lost"] | judged["broken"] | (judged["estimates"] == 0)).to_numpy(bool)
         lengths = np.where(np.isnan(extra[:, 0]), np.inf, extra[:, 0])
-        return Sample(cell, lengths, lost, judged["availability"].to_numpy(float))
+        return pd.DataFrame({
+            "point": cell + 1, "replicate": replicate + 1, "seed": seeds,
+            "run_id": [run.run_id for run in runs], "error": np.array(errors, object),
+            "lost": lost, "availability": judged["availability"].to_numpy(float),
+            **dict(zip(_LENGTHS, lengths.T, strict=True)),
+        })  # fmt: skip
+
+    def _sample(self, rows: pd.DataFrame) -> Sample:
+        """What is kept of some runs, and the messages of those that have failed."""
+        failed = rows["error"].dropna()
+        for message in failed:
+            self.failures[message] = self.failures.get(message, 0) + 1
+        if len(failed) == len(rows):
+            raise ConfigurationError(
+                f"map: a run must not fail, got in all of them: {failed.iloc[0]}"
+            )
+        return Sample(
+            rows["point"].to_numpy() - 1, rows[[*_LENGTHS]].to_numpy(),
+            rows["lost"].to_numpy(bool), rows["availability"].to_numpy(),
+        )  # fmt: skip
+
+
+def _runs(seeds: Integers) -> list[Run]:
+    """Runs of a part, by their seeds."""
+    return [Run(i, 1, seed, f"{seed:016x}") for i, seed in enumerate(seeds.tolist())]
+
+
+def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
+    """A table of those runs that are there, if there are any."""
+    there = sound(folder)
+    rows = parts.table(there) if there.paths else pd.DataFrame({"seed": ()})
+    mine = rows[rows["seed"].isin(seeds)]
+    return [mine] if len(mine) else []
 
 
 class _Points(Sequence[Point]):

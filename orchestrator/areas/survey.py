@@ -18,6 +18,7 @@ from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.tracks import origin_of
 from ..simulation.masters.lanes_driver import LENGTHS
+from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, circle_of, circling
 from .pooling import Pooled, pooled
@@ -56,6 +57,7 @@ def map_area(
     speed_m_s: float | None = None,
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
+    keep: Kept | None = None,
 ) -> AreaMap:
     """The 95 % error of a receiver over an area, beside what is possible there.
 
@@ -94,6 +96,8 @@ def map_area(
         Threads; the result does not depend on them. None: all cores.
     progress
         Called with the completed share, 0 to 1.
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
 
     Raises
     ------
@@ -115,7 +119,7 @@ def map_area(
     span_s = (settling_s, duration_s)
     best = possible(moving, grid, circle, error, span_s, workers)
     told(_FIRST_PART)
-    sample, found = _surveyed(simulator, best, runs, limit_m, workers, told)
+    sample, found = _surveyed(simulator, best, runs, limit_m, workers, told, keep)
     settings = {
         "area_m": [*grid.north, *grid.east], "depth_m": grid.depth, "cells": [*grid.shape],
         "runs": runs, "error": error, "limit_m": limit_m, "duration_s": duration_s,
@@ -137,6 +141,7 @@ def _surveyed(
     limit_m: float | None,
     workers: int | None,
     told: Callable[[float], None],
+    keep: Kept | None,
 ) -> tuple[Sample, Pooled]:
     """The runs of both rounds, and what they say."""
     grid, seed = simulator.grid, simulator.base.seed
@@ -149,14 +154,16 @@ def _surveyed(
 
     every = np.arange(first)
     sample = simulator.run(
-        every % grid.count, every // grid.count, workers, lambda share: part(share, first)
+        every % grid.count, every // grid.count, workers, lambda share: part(share, first), keep
     )
     found = pooled(sample, best.percentile, grid.shape, seed, workers)
     if limit_m is not None:
         cell, replicate = _more(found, limit_m, runs, first // _EXTRA)
         if len(cell):
             done = first
-            more = simulator.run(cell, replicate, workers, lambda share: part(share, len(cell)))
+            more = simulator.run(
+                cell, replicate, workers, lambda share: part(share, len(cell)), keep
+            )
             sample += more
             found = pooled(sample, best.percentile, grid.shape, seed, workers)
     return sample, found

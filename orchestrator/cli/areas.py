@@ -28,6 +28,7 @@ from .base import (
     waiting,
     where,
 )
+from .keeping import keeping
 
 _ERRORS = ("absolute_total", "absolute_horizontal", "relative_total", "relative_horizontal")
 
@@ -98,7 +99,7 @@ def map_(
 
     In each cell a diver circles about its middle. The errors of all epochs and runs are pooled with
     those of neighbouring cells. Cells as a table, figures, and, where the scenario has a place on
-    Earth, contours as GeoJSON go to a folder.
+    Earth, contours as GeoJSON go to a folder. After Ctrl-C or a crash the same command goes on.
     """
     # What a user's code prints is no part of the result.
     with waiting() as progress, redirect_stdout(sys.stderr):
@@ -109,12 +110,13 @@ def map_(
         given = load(scenario, overrides(set_, seed))
         wanted, other = destination(out, Path("runs", f"{given.name}-map"), force)
         artifacts.check(wanted, other=other)
-        found = map_area(
-            given, area, depth, one_receiver(receiver), limit_m=limit, cells=cells, runs=runs,
-            error=error, duration_s=duration, settling_s=settling, radius_m=radius,
-            speed_m_s=speed, workers=workers, progress=progress,
-        )
-        folder = found.save(wanted, figures=not no_figures, other=other)
+        with keeping(wanted) as keep:
+            found = map_area(
+                given, area, depth, one_receiver(receiver), limit_m=limit, cells=cells, runs=runs,
+                error=error, duration_s=duration, settling_s=settling, radius_m=radius,
+                speed_m_s=speed, workers=workers, progress=progress, keep=keep,
+            )
+            folder = found.save(wanted, figures=not no_figures, other=other)
     if as_json:
         from .documents import DOCUMENTS
 

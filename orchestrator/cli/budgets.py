@@ -29,6 +29,7 @@ from .base import (
     where,
     width,
 )
+from .keeping import keeping
 
 
 def _sources(incomplete: str) -> completion.Offers:
@@ -95,7 +96,7 @@ def budget(
 
     Switches each error of a scenario off alone, and on alone, in many runs with the same noise, and
     does the same with the bound. Shares are of the mean square; what does not add up is printed.
-    The folder gets budget.csv and a bar chart.
+    The folder gets budget.csv and a bar chart. After Ctrl-C or a crash the same command goes on.
     """
     with waiting("simulating", remaining=True) as progress:
         from .. import artifacts
@@ -108,18 +109,20 @@ def budget(
         settled = load(scenario, overrides(set_, seed))
         wanted, other = destination(out, Path("runs", f"{settled.name}-budget"), force)
         artifacts.check(wanted, other=other)
-        found = budgets.budget(
-            settled,
-            chosen,
-            better=better,
-            together=together or (),
-            untold=untold,
-            runs=budgets.RUNS if runs is None else runs,
-            workers=workers,
-            progress=progress,
-        )
-        text = found.text(frame, verbose=verbose, width=width())
-        folder = found.save(wanted, figures=not no_figures, other=other)
+        with keeping(wanted) as keep:
+            found = budgets.budget(
+                settled,
+                chosen,
+                better=better,
+                together=together or (),
+                untold=untold,
+                runs=budgets.RUNS if runs is None else runs,
+                workers=workers,
+                progress=progress,
+                keep=keep,
+            )
+            text = found.text(frame, verbose=verbose, width=width())
+            folder = found.save(wanted, figures=not no_figures, other=other)
     if as_json:
         from .budget_documents import Budget
 

@@ -40,6 +40,7 @@ from .base import (
     where,
     width,
 )
+from .keeping import keeping
 
 
 @app.command()
@@ -88,7 +89,8 @@ def run(
     the folder has the record and the manifest.
 
     With --runs N, prints how each receiver does in N runs, and mean and spread; the folder has
-    their tables, and a typical and the worst run in folders of their own.
+    their tables, and a typical and the worst run in folders of their own. After Ctrl-C or a crash
+    the same command goes on, and also one with more runs.
     """
     from ..results.artist import forked_artist
 
@@ -100,11 +102,12 @@ def run(
             from ..comparison.many import run_many
 
             artifacts.check(wanted, other=other)
-            many = run_many(
-                settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
-                master=master, step_timeout=step_timeout, progress=progress,
-            )  # fmt: skip
-            folder = many.save(wanted, drawn=not no_figures, other=other)
+            with keeping(out or Path("runs", f"{name}-runs")) as keep:
+                many = run_many(
+                    settled, receiver or (), () if fmi is None else (f"fmi={fmi}",), runs=runs,
+                    master=master, step_timeout=step_timeout, progress=progress, keep=keep,
+                )  # fmt: skip
+                folder = many.save(wanted, drawn=not no_figures, other=other)
         report(many, folder, wanted, "runs", as_json, verbose)
         refuse_silence(many)
         return

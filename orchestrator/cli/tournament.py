@@ -27,6 +27,7 @@ from .base import (
     report,
     waiting,
 )
+from .keeping import keeping
 from .studies import ContaminationOption, MasterOption, WorkersOption
 
 ScenariosArgument = Annotated[
@@ -85,8 +86,9 @@ def compare(
 
     Prints the answer, then for each scenario and over all of them the error, lost runs, covariance
     and time of each receiver, and the paired differences, whose intervals all hold at once. Equal
-    is said only with --practical. The folder has the tables and a figure. The exit code is 1 if a
-    receiver has given no estimate in any run of a scenario.
+    is said only with --practical. The folder has the tables and a figure. After Ctrl-C or a crash
+    the same command goes on. The exit code is 1 if a receiver has given no estimate in any run of a
+    scenario.
     """
     # What a user's code prints is no part of the result.
     with waiting(remaining=True) as progress, redirect_stdout(sys.stderr):
@@ -95,21 +97,23 @@ def compare(
 
         wanted, other = destination(out, Path("runs", "comparison"), force)
         artifacts.check(wanted, other=other)
-        found = tournament.compare(
-            scenarios,
-            receiver or (),
-            runs=runs,
-            response=response or tournament.RESPONSE,
-            settling_s=settling,
-            practical=practical,
-            overrides=overrides(set_, None),
-            seed=seed,
-            contamination=contamination,
-            workers=workers,
-            master=master,
-            step_timeout=step_timeout,
-            progress=progress,
-        )
-        folder = found.save(wanted, drawn=not no_figures, other=other)
+        with keeping(wanted) as keep:
+            found = tournament.compare(
+                scenarios,
+                receiver or (),
+                runs=runs,
+                response=response or tournament.RESPONSE,
+                settling_s=settling,
+                practical=practical,
+                overrides=overrides(set_, None),
+                seed=seed,
+                contamination=contamination,
+                workers=workers,
+                master=master,
+                step_timeout=step_timeout,
+                progress=progress,
+                keep=keep,
+            )
+            folder = found.save(wanted, drawn=not no_figures, other=other)
     report(found, folder, wanted, "compare", as_json, verbose)
     refuse_silence(found)

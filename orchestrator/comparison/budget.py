@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import default
 from ..study import runner, study
+from ..study.kept import Kept
 from . import sources
 from .budget_bound import BOUND_RUNS, Bound, bounds
 from .budget_result import ALL, FRAMES, NONE, REMAINDER, Budget
@@ -59,6 +61,7 @@ def budget(
     acceleration_psd: float | None = None,
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
+    keep: Kept | None = None,
 ) -> Budget:
     """Find out where the error of a receiver comes from.
 
@@ -90,6 +93,8 @@ def budget(
         Threads; None: all cores.
     progress
         Called with the completed share, 0 to 1.
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
 
     Raises
     ------
@@ -119,7 +124,8 @@ def budget(
             progress(0.9 * share)
 
     chosen = () if receiver is None else (receiver,)
-    label, squares, lost, dropped = _simulated(base, chosen, told, runs, seed, workers, done)
+    simulated = partial(runner.simulated, workers=workers, keep=keep)
+    label, squares, lost, dropped = _simulated(base, chosen, told, runs, seed, simulated, done)
     if acceleration_psd is None and "acceleration_psd_m2_s3" in base.receiver.model_fields_set:
         acceleration_psd = base.receiver.acceleration_psd_m2_s3
     possible = bounds(base, switches, seed, acceleration_psd)
@@ -183,7 +189,7 @@ def _simulated(
     switches: Mapping[str, Overrides],
     runs: int,
     seed: int,
-    workers: int | None,
+    simulated: Callable[..., pd.DataFrame],
     progress: Callable[[float], None],
 ) -> tuple[str, dict[str, Floats], float, int]:
     """The receiver, squares of its errors, (runs, frames) by switch, share lost, runs left out."""
@@ -207,7 +213,7 @@ def _simulated(
         with warnings.catch_warnings():
             if overrides:  # what it says of the scenario has been said
                 warnings.simplefilter("ignore")
-            known[key] = runner.simulated(definition, workers=workers, progress=part)
+            known[key] = simulated(definition, progress=part)
         if not label:
             column = next(c for c in known[key].columns if c.endswith(f".absolute{_RMS}"))
             label = column.partition(".")[0]

@@ -17,6 +17,7 @@ from ..packages.read import is_package
 from ..results.result import Result
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
+from ..study.kept import Kept
 from . import tournament_words
 from .evaluation import PERCENTILE, receivers_in
 from .tournament import RESPONSE, Tournament, compare, figures
@@ -178,6 +179,7 @@ def run_many(
     master: str | None = None,
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
+    keep: Kept | None = None,
 ) -> Many:
     """Simulate a scenario many times, each with a seed of its own, that of the scenario first.
 
@@ -191,6 +193,8 @@ def run_many(
         Threads; default: all cores.
     progress
         Called at intervals with the completed share, 0 to 1.
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
 
     Raises
     ------
@@ -207,7 +211,7 @@ def run_many(
     settled = load(scenario, overrides)
     comparison = compare(
         settled, receiver, runs=runs, seed=settled.seed,
-        workers=workers, master=master, step_timeout=step_timeout, timed=False,
+        workers=workers, master=master, step_timeout=step_timeout, timed=False, keep=keep,
         progress=None if progress is None else lambda share, _: progress(0.9 * share),
     )  # fmt: skip
     seeds = _chosen(comparison.table, receivers_in(comparison.table)[0])

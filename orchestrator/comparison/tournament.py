@@ -32,6 +32,7 @@ from ..scenario.sources import file_of, known_source, named
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.user_code import PythonSource
 from ..study import runner
+from ..study.kept import Kept
 from ..study.study import Study
 from ..study.study import load as load_study
 from . import cost
@@ -205,6 +206,7 @@ def compare(
     step_timeout: float | None = None,
     timed: bool = True,
     progress: Callable[[float, str], None] | None = None,
+    keep: Kept | None = None,
 ) -> Tournament:
     """Let receivers run on the same noise, and say which is better.
 
@@ -235,6 +237,8 @@ def compare(
         Measure the time of an update, too.
     progress
         Called with the completed share, 0 to 1, and what is being done.
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
 
     Raises
     ------
@@ -267,7 +271,8 @@ def compare(
                 progress((i + share) / len(studies), f"simulating {names[i]}")
 
         tables.append(runner.simulated(
-            study, workers=workers, master=master, step_timeout=step_timeout, progress=told
+            study, workers=workers, master=master, step_timeout=step_timeout, progress=told,
+            keep=keep,
         ))  # fmt: skip
     settings = {
         "scenarios": [study.base.given() for study in studies],

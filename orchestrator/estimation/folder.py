@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
+import tomllib
+import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,9 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
-from ..artifacts import MANIFEST
-from ..errors import ConfigurationError, one_line, shortened
+from .. import manifests
+from ..errors import ConfigurationError, ConfigurationWarning, one_line, shortened
+from ..manifests import HASHES, MANIFEST, OTHER
 from ..results.definitions import TRUTH
 from ..results.description import RunDescription
 from ..results.result import Result
@@ -25,6 +28,8 @@ from ..simulation.record import Record
 
 RECORD = "record.parquet"
 SCENARIO = "scenario.toml"
+_LONGEST = 300
+"""Characters of what is said of a scenario that was edited."""
 _COLUMN = re.compile(r"([^.\[\]]+\.[^\[\]]+)(?:\[(\d{1,3}(?:,\d{1,3})*)\])?")
 
 
@@ -43,14 +48,15 @@ def read_run(folder: str | Path) -> Result:
         raise ConfigurationError(f"{shown(path)}: {what}, got {got}")
     for name in (MANIFEST, RECORD, SCENARIO):
         if not (path / name).is_file():
-            if name == SCENARIO and _is_of_package(path / MANIFEST):
+            if name == SCENARIO and _is_of_package(path):
                 raise ConfigurationError(
                     f"{shown(path)}: a run of a package cannot be smoothed, as a package does not "
                     f"say what its errors are (there is no {SCENARIO}); run and smooth the scenario"
                 )
             raise ConfigurationError(f"{shown(path)}: {what}, got no {name} in it")
-    scenario = load(path / SCENARIO)
-    about = _manifest(path / MANIFEST)
+    about = _manifest(path)
+    changed = _changed(path, about)
+    scenario = _scenario(path / SCENARIO, about["scenario"], SCENARIO in changed)
     time_ns, values = _columns(path / RECORD)
     labels = [str(receiver["label"]) for receiver in about["receivers"]]
     missing = [name for name in TRUTH if name not in values]
@@ -84,30 +90,79 @@ def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
 
 
 def _is_of_package(path: Path) -> bool:
-    """Whether a manifest is that of a run of a package."""
-    try:
-        scenario = json.loads(path.read_text("utf-8"))["scenario"]
-    except (ValueError, RecursionError, KeyError, TypeError, OSError):
-        return False
+    """Whether a folder is that of a run of a package."""
+    scenario = (manifests.of_folder(path) or {}).get("scenario")
     return isinstance(scenario, dict) and "package" in scenario
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a run."""
-    where = shown(path)
-    kinds = {"scenario_name": str, "receivers": list, "fmus": dict, "seeds": dict, "remarks": list}
-    try:
-        content: Any = json.loads(path.read_text("utf-8"))
-    except (ValueError, RecursionError) as error:
-        got = shortened(one_line(error))
-        raise ConfigurationError(f"{where}: must be JSON, got {got}") from None
+    """The manifest of a run, from its folder."""
+    content = manifests.of_folder(path) or {}
+    where = shown(path / MANIFEST)
+    kinds = {"scenario_name": str, "receivers": list, "fmus": dict, "seeds": dict, "remarks": list,
+             "scenario": dict}
     for key, kind in kinds.items():
-        if not isinstance(content, dict) or not isinstance(content.get(key), kind):
+        if not isinstance(content.get(key), kind):
             raise ConfigurationError(f"{where}: must be the manifest of a run, got no {key} in it")
     if not all(isinstance(r, dict) and isinstance(r.get("label"), str) for r in
                content["receivers"]) or not isinstance(content.get("failures", {}), dict):
         raise ConfigurationError(f"{where}: must be the manifest of a run, got other receivers")
-    return dict(content)
+    return content
+
+
+def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
+    """Files that are not as they were written, a damaged record being refused."""
+    if HASHES not in about:
+        warnings.warn(
+            f"{shown(path)}: must have hashes of its files in {MANIFEST}, got none, as in folders "
+            "of earlier versions; damaged files go unnoticed", ConfigurationWarning, stacklevel=4
+        )
+    changed = manifests.changed(path, about)
+    if RECORD in changed:
+        raise ConfigurationError(
+            f"{shown(path / RECORD)}: {OTHER}; do the run again, into another folder"
+        )
+    for name in changed:
+        if name != SCENARIO:
+            manifests.warn(path, name, "the smoother does not need it")
+    return changed
+
+
+def _scenario(path: Path, before: Mapping[str, Any], changed: bool) -> Scenario:
+    """The scenario of a run; one that is not as it was written is taken as edited."""
+    try:
+        scenario = load(path)
+    except ConfigurationError as error:
+        if not changed:
+            raise
+        raise ConfigurationError(
+            f"{shown(path)}: must be as it was written, or edited into a scenario that is right, "
+            f"got {shortened(one_line(error), _LONGEST)}"
+        ) from None
+    if changed:
+        now = ", ".join(_differences(path, scenario, before))
+        warnings.warn(
+            f"{shown(path)}: was edited or damaged after the run; the smoother goes by what it "
+            f"says now{f': {shortened(now, _LONGEST)}' if now else ''}",
+            ConfigurationWarning, stacklevel=4,
+        )
+    return scenario
+
+
+def _differences(path: Path, scenario: Scenario, before: Mapping[str, Any]) -> Iterator[str]:
+    """Keys in a file that were others in the run."""
+    after = RunDescription(scenario.name, scenario, ()).manifest()["scenario"]
+    for table, given in tomllib.loads(path.read_text("utf-8")).items():
+        inner = isinstance(given, dict) and isinstance(before.get(table), dict)
+        for key in given if inner else ("",):
+            now, was = (s.get(table) if not inner else s[table].get(key) for s in (after, before))
+            if now != was and not _is_file(now):
+                yield f"{f'{table}.{key}' if inner else table} = {now!r} (was {was!r})"
+
+
+def _is_file(value: object) -> bool:
+    """Whether a value may be a path, which differs from folder to folder."""
+    return isinstance(value, str) and bool(Path(value).suffix)
 
 
 def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generic]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from .campaign import (
     prepare,
 )
 from .definition import Definition
+from .kept import Kept, sound
 from .parts import Finished, Parts
 from .store import as_begun, at_work, check_folder, finished, open_folder, save
 
@@ -41,6 +42,8 @@ MARGIN = 1.25
 """Factor by which an estimate is widened on both sides, as samples do not represent all runs."""
 ALONE = 16
 """Runs per worker and part, if they run alone: what a kill can cost."""
+KEPT_STEPS, KEPT_ALONE = 10_000_000, 4
+"""As `BATCH_STEPS` and `ALONE`, of runs whose table is no study's: about a second."""
 
 
 def run(
@@ -112,7 +115,6 @@ def carry_out(
     """As `run`, for whoever does not need the whole table; return where it is."""
     folder = Path(out).resolve()
     campaign = prepare(as_begun(study, folder), master, step_timeout)
-    weight = campaign.weights
     check_folder(folder, campaign)
     with (
         executors.ready(
@@ -122,23 +124,37 @@ def carry_out(
     ):
         there = open_folder(folder, campaign)
         what = _missing_of(campaign, parts.finished(there))
-        passed = 0
-        written: list[Path] = []
-
-        def work(runs: Sequence[Run]) -> int:
-            return sum(weight[r.place] for r in runs)
-
-        def done(part: Sequence[Run], share: float) -> None:
-            if progress is not None:
-                progress((passed + share * work(part)) / what.steps)
-
-        for part, rows in simulated(_missing(campaign, what, workers), done):
-            written.append(parts.write(folder, campaign, part, rows))
-            passed += work(part)
-        there = save(there.added(written))
+        some = _missing(campaign, what, workers)
+        there = save(_completed(campaign, there, what, simulated, some, progress))
     if progress is not None:
         progress(1.0)
     return there
+
+
+def _completed(
+    campaign: Campaign,
+    there: Parts,
+    what: Missing,
+    simulated: executors.Simulate,
+    some: Iterable[list[Run]],
+    progress: Callable[[float], None] | None,
+) -> Parts:
+    """Do the missing runs, and write each part when it is finished."""
+    weight = campaign.weights
+    passed = 0
+    written: list[Path] = []
+
+    def work(runs: Sequence[Run]) -> int:
+        return sum(weight[r.place] for r in runs)
+
+    def done(part: Sequence[Run], share: float) -> None:
+        if progress is not None:
+            progress((passed + share * work(part)) / what.steps)
+
+    for part, rows in simulated(some, done):
+        written.append(parts.write(there.folder, campaign, part, rows))
+        passed += work(part)
+    return there.added(written)
 
 
 def simulated(
@@ -148,10 +164,31 @@ def simulated(
     master: str | None = None,
     step_timeout: float | None = None,
     progress: Callable[[float], None] | None = None,
+    keep: Kept | None = None,
 ) -> pd.DataFrame:
-    """Run all runs of a study and return its table, as `run` does; nothing is written."""
+    """Run all runs of a study and return its table, as `run` does.
+
+    Parameters
+    ----------
+    keep
+        Where finished runs are kept, which are not done again; None: nothing is written.
+    """
     campaign = prepare(study, master, step_timeout)
-    parts: list[pd.DataFrame] = []
+    folder = None if keep is None else keep.of(campaign.digest, master, step_timeout)
+    if folder is not None:
+        with (
+            executors.ready(campaign, workers=workers, master=master) as made, at_work(folder)
+        ):
+            there = sound(folder)
+            what = _missing_of(campaign, parts.finished(there))
+            size = kept_together(campaign, workers)
+            some = _missing(campaign, what, workers, size)
+            whole = parts.table(_completed(campaign, there, what, made, some, progress))
+        mine = whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
+        if mine["error"].isna().all():  # as it is before it has been in a file
+            mine["error"] = np.full(len(mine), None)
+        return mine
+    tables: list[pd.DataFrame] = []
     passed = 0
 
     def told(share: float) -> None:
@@ -161,21 +198,37 @@ def simulated(
     with Children(patience_s=step_timeout) as children:
         for part in _missing(campaign, None, workers):
             work = sum(steps_of(campaign, part))
-            parts.append(simulate(campaign, part, workers, master, told, children))
+            tables.append(simulate(campaign, part, workers, master, told, children))
             passed += work
-    table = pd.concat(parts, ignore_index=True)
+    table = pd.concat(tables, ignore_index=True)
     return table.sort_values(["replicate", "point"], ignore_index=True)
 
 
+def kept_together(campaign: Campaign, workers: int | None) -> int:
+    """Runs of a single point that are done, and kept, together: what a kill can cost."""
+    threads = workers or os.cpu_count() or 1
+    if _alone(campaign):
+        return KEPT_ALONE * threads
+    return max(SIDE_BY_SIDE * threads, KEPT_STEPS // max(campaign.weights.values()))
+
+
+def _alone(campaign: Campaign) -> bool:
+    """Whether some runs go one by one."""
+    return not all(group.in_lanes for group in campaign.groups)
+
+
 def _missing(
-    campaign: Campaign, what: Missing | None, workers: int | None
+    campaign: Campaign, what: Missing | None, workers: int | None, most: int | None = None
 ) -> Iterator[list[Run]]:
-    """All runs except finished ones, in the parts that are stored together; None: all."""
+    """All runs except finished ones, in the parts that are stored together, ``most`` at a time.
+
+    Without ``what`` these are all runs.
+    """
     everything = campaign.study.replicates
     replicates = max(
         1, min(-(-BATCH // len(campaign.points)), BATCH_STEPS * everything // campaign.steps)
     )
-    alone = not all(group.in_lanes for group in campaign.groups)
+    alone = _alone(campaign)
     for first in range(1, everything + 1, replicates):
         if what is not None and what.has_all(first, min(first + replicates, everything + 1)):
             continue
@@ -183,6 +236,7 @@ def _missing(
         if what is not None:
             runs = [r for r in runs if not what.has(r)]
         size = ALONE * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
+        size = size if most is None else min(most, size)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
 

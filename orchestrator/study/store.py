@@ -11,7 +11,6 @@ are repeated.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import warnings
@@ -25,6 +24,7 @@ from sblcosim.fmus import files
 
 from .. import artifacts
 from ..errors import ConfigurationError, ConfigurationWarning, DamageWarning, one_line
+from ..manifests import OTHER, sealed, unsealed
 from . import parts
 from .campaign import Campaign
 from .definition import Definition
@@ -61,9 +61,10 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
         names = sorted(f.name for f in folder.iterdir() if not files.is_hidden(f.name))
         if PARTS in names and set(names) <= {PARTS, RUNS}:
             return _replicates(folder, campaign)
-        for name in names:
+        if names:
             raise ConfigurationError(
-                f"{folder}: must be empty or hold results of this study, got {name!r} in it"
+                f"{folder}: must be empty or hold results of this study, got "
+                f"{artifacts.what(names)} in it"
             )
     return 0
 
@@ -143,16 +144,6 @@ def save(there: Parts) -> Parts:
     return Parts(there.folder, there.paths, frozenset(said["parts"]))
 
 
-def sealed(content: Mapping[str, Any]) -> bytes:
-    """The description of a folder as JSON text, with its own SHA-256."""
-    whole = {**content, "sha256": _digest(content)}
-    return (json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
 @contextmanager
 def at_work(folder: Path) -> Iterator[None]:
     """Mark a folder as in use by this process, and warn if another one uses it."""
@@ -190,7 +181,8 @@ def described(folder: Path) -> dict[str, Any]:
     """Read the description of a folder."""
     path = folder / STUDY
     try:
-        content = json.loads(path.read_text("utf-8"))
+        text = path.read_text("utf-8")
+        content = json.loads(text)
     except FileNotFoundError:
         raise ConfigurationError(
             f"{folder}: must be a folder of a study's results, got no {STUDY} in it"
@@ -201,20 +193,20 @@ def described(folder: Path) -> dict[str, Any]:
         raise ConfigurationError(
             f"{path}: must have format {FORMAT}, got another, of another version of sblcosim"
         )
-    if content.pop("sha256", None) != _digest(content):
+    known = unsealed(text, content)
+    if known is None:
         raise ConfigurationError(
             f"{path}: must be as it was written, got other content; delete it, and 'sblcosim "
             "study' with the same study and folder writes it again"
         )
-    return content
-
-
-_OTHER = "must be as it was written, got other bytes"
+    return known
 
 
 def _set_aside(folder: Path) -> Parts:
     """Move damaged parts away, and warn about each; the parts that stay."""
-    there, damaged = looked_through(folder, _table_of(folder))
+    said = _table_of(folder)
+    there, damaged = looked_through(folder, said)
+    _tell_of_table(there, said, "it is made of the parts again")
     for path in damaged:
         target = path.parent / DAMAGED / path.name
         try:
@@ -222,8 +214,16 @@ def _set_aside(folder: Path) -> Parts:
             path.replace(target)
         except OSError as error:
             raise refusal(target, error) from None
-        _warn(f"{path}: {_OTHER}; it is now in {DAMAGED}/, and its runs are done again")
+        _warn(f"{path}: {OTHER}; it is now in {DAMAGED}/, and its runs are done again")
     return there
+
+
+def _tell_of_table(there: Parts, said: Mapping[str, Any], then: str) -> None:
+    """Tell of a whole table that is not the one the description names."""
+    inside, path = {*said.get("parts", ())}, there.folder / RUNS
+    all_there = bool(inside) and inside <= {part.name for part in there.paths}
+    if all_there and not there.in_table and path.exists():
+        _warn(f"{path}: must be the table that {STUDY} names, got another; {then}")
 
 
 def _warn(message: str) -> None:
@@ -241,7 +241,7 @@ def finished(results: str | Path, *, tell: bool = False) -> Finished:
     folder = Path(results)
     there, damaged = looked_through(folder, _table_of(folder))
     for path in damaged if tell else ():
-        _warn(f"{path}: {_OTHER}; its runs count as missing")
+        _warn(f"{path}: {OTHER}; its runs count as missing")
     return parts.finished(there)
 
 
@@ -259,11 +259,13 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
         There are no runs, or a part is damaged.
     """
     folder = Path(results)
-    there, damaged = looked_through(folder, described(folder).get("table", {}))
+    said = described(folder).get("table", {})
+    there, damaged = looked_through(folder, said)
     for path in damaged:
         raise ConfigurationError(
-            f"{path}: {_OTHER}; 'sblcosim study' with the same study and folder does its runs again"
+            f"{path}: {OTHER}; 'sblcosim study' with the same study and folder does its runs again"
         )
     if not there.paths:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")
+    _tell_of_table(there, said, "the parts are read instead")
     return parts.table(there, wanted)

@@ -1,4 +1,4 @@
-"""Kill -9 at any moment: the same command then gives the same bytes, and leaves nothing behind.
+"""Kill -9 or SIGTERM at any moment: the same command then gives the same bytes, and leaves nothing.
 
 Half a dozen kills run with all tests, 200 with ``pytest -m slow -s`` of this file; any other
 number, and other moments, with ``SBLCOSIM_KILLS=1000 SBLCOSIM_KILLS_SEED=7`` before it.
@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +38,10 @@ keys = ["time.sampling_time_s"]
 levels = [0.1, 1.0]
 """
 # Small batches, so that there is much to interrupt.
-PROGRAM = "import sblcosim.study.runner as r; from sblcosim import cli; r.BATCH = 4; cli.main()"
+PROGRAM = (
+    "import sblcosim.study.runner as r; from sblcosim import cli; "
+    "r.BATCH, r.KEPT_STEPS = 4, 1; cli.main()"
+)
 
 
 @dataclass(frozen=True)
@@ -49,12 +54,21 @@ class Command:
     own_cache: bool = False
 
 
+OUT = ("--out", "out/made")
+DIVES = ("realistic-dive", "harbour-square")
 COMMANDS = {
     "study": Command(("study", "mine.toml", "--out", "out/made"), 0.4, 4),
     "run": Command(
         ("run", "paper-scenario-1", "--set", "time.duration_s=5", "--out", "out/made"), 0.3, 4
     ),
     "build": Command(("build", "range_model", "--fmi", "2", "--out", "out/made"), 0.25, 4, True),
+    "compare": Command(("compare", *DIVES, "--receiver", "ekf", "--receiver", "coupled",
+                        "--runs", "120", "--no-figures", *OUT), 0.1, 4),
+    "budget": Command(("budget", DIVES[0], "--set", "time.duration_s=20", "--runs", "40",
+                       *OUT), 0.1, 4),
+    "runs": Command(("run", DIVES[0], "--runs", "200", "--receiver", "coupled", *OUT), 0.1, 4),
+    "map": Command(("map", DIVES[1], "--area", "30x30", "--depth", "5", "--cells", "12",
+                    "--limit", "2", "--duration", "30", *OUT), 0.1, 4),
     "paper": Command(("paper", "--quick", "--out", "out/made"), 0.05, 2),
 }
 
@@ -93,12 +107,29 @@ class Place:
         gone(process.pid)
         return time.monotonic() - started
 
-    def kill(self, after: float) -> None:
+    def kill(self, after: float, number: int = signal.SIGKILL) -> None:
         process = self.start()
         time.sleep(after)
-        process.kill()
-        process.wait()
+        process.send_signal(number)
+        process.wait(timeout=120)
         gone(process.pid)
+        if number == signal.SIGTERM:
+            self.check_what_is_said(process.returncode)
+
+    def check_what_is_said(self, code: int) -> None:
+        """A command that is asked to end says what is kept, in a line."""
+        lines = (self.folder / "errors").read_text().splitlines()
+        lines = [line for line in lines if not line.startswith("warning: ")]
+        if code in (0, -signal.SIGTERM):  # it was over, or had not begun
+            return
+        assert code == 128 + signal.SIGTERM, lines
+        (said,) = lines
+        kept = re.fullmatch(r"interrupted; (\d+)(?: of \d+)? runs are in (.*); go on with.*", said)
+        if kept is None:
+            assert said == "terminated; nothing was written"
+        else:
+            assert int(kept[1]) > 0
+            assert (self.folder / kept[2]).is_dir()
 
     def made(self) -> dict[str, bytes]:
         return content(self.folder / "out") | content(self.folder / "cache")
@@ -127,7 +158,10 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def killed_and_finished(folder: Path, command: Command, kills: int, seed: int) -> int:
+def killed_and_finished(
+    folder: Path, command: Command, kills: int, seed: int,
+    numbers: Sequence[int] = (signal.SIGKILL,),
+) -> int:
     """Kill a command again and again, at random moments; how often it had written something."""
     rng = random.Random(seed)
     whole = Place.make(folder / "whole", command)
@@ -138,7 +172,7 @@ def killed_and_finished(folder: Path, command: Command, kills: int, seed: int) -
         place = Place.make(folder / str(first), command)
         moments = [rng.uniform(0.05, 1.0) * seconds for _ in range(command.in_a_row)]
         for moment in moments[: kills - first]:
-            place.kill(moment)
+            place.kill(moment, rng.choice(numbers))
             hits += bool(place.left()) or bool(place.made())
         place.finish()
         where = f"seed {seed}, after {first} kills, moments {moments}"
@@ -155,10 +189,18 @@ def test_some_kills(tmp_path: Path, name: str) -> None:
     killed_and_finished(tmp_path, COMMANDS[name], 2, SEED)
 
 
+@pytest.mark.parametrize("name", ["compare", *(pytest.param(n, marks=pytest.mark.slow)
+                                              for n in ("runs", "budget", "map"))])
+def test_some_ends_of_commands_with_many_runs(tmp_path: Path, name: str) -> None:
+    kills = 1 if name == "compare" else 2
+    killed_and_finished(tmp_path, COMMANDS[name], kills, SEED, (signal.SIGTERM, signal.SIGKILL))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_kills_at_many_moments(tmp_path: Path, name: str) -> None:
     kills = max(1, round(COMMANDS[name].share * KILLS))
-    hits = killed_and_finished(tmp_path, COMMANDS[name], kills, SEED)
+    numbers = (signal.SIGKILL, *(() if COMMANDS[name].own_cache else (signal.SIGTERM,)))
+    hits = killed_and_finished(tmp_path, COMMANDS[name], kills, SEED, numbers)
     print(f"{name}: {kills} kills, {hits} of them with something left, seed {SEED}")
     assert hits > kills // 4

@@ -6,14 +6,16 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from sblcosim import artifacts
+from sblcosim import artifacts, manifests
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus import files
 
 
 def write(path, text="one"):
@@ -249,7 +251,7 @@ def test_an_empty_folder_that_another_process_has_filled_is_not_filled_twice(tmp
 
 KILLED = """
 import os, pathlib, signal, sys
-from sblcosim import artifacts
+from sblcosim import artifacts, manifests
 path, number = pathlib.Path(sys.argv[1]), int(sys.argv[2])
 rename = pathlib.Path.rename
 count = 0
@@ -287,13 +289,65 @@ def test_a_kill_in_the_last_moment_leaves_what_was_before(tmp_path, before, numb
 
 
 @pytest.mark.parametrize(
-    "text", ["{", "[]", '{"files": 3}', '{"files": [[1]]}', "[" * 100_000, '{"files": null}']
+    "text", ["[]", '{"files": 3}', '{"files": [[1]]}', '{"files": null}', "{}"]
 )
-def test_a_damaged_manifest_is_somebody_elses_file(tmp_path, text):
+def test_a_manifest_that_is_none_of_ours_is_somebody_elses_file(tmp_path, text):
     write(tmp_path / "run")
     (tmp_path / "run" / "manifest.json").write_text(text)
+    must = r"must be empty or hold nothing but an earlier result, got 'manifest\.json' in it"
+    with pytest.raises(ConfigurationError, match=must):
+        write(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[" * 100_000, '{"sha256": 3}', '{"files": [], "hashes": {}}', "\udcff"]
+)
+def test_a_damaged_manifest_is_named_and_nothing_is_removed(tmp_path, text):
+    write(tmp_path / "run")
+    path = tmp_path / "run" / "manifest.json"
+    path.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ConfigurationError) as caught:
+        write(tmp_path / "run")
+    assert str(caught.value).startswith(f"{path}: must be as it was written, got ")
+    assert "\n" not in str(caught.value)
+    assert (tmp_path / "run" / "one.txt").is_file()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes")
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(tmp_path):
+    write(tmp_path / "run")
+    text = str(tmp_path / "run" / "one.txt")
+    for name, told in (("one.txt", [text]), ("manifest.json", [])):
+        (tmp_path / "run" / name).unlink()
+        os.mkfifo(tmp_path / "run" / name)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            manifests.tell(tmp_path / "run", "it is written anew")
+        assert [str(w.message).partition(": ")[0] for w in caught] == told
     with pytest.raises(ConfigurationError, match="must be empty or hold nothing but an earlier"):
         write(tmp_path / "run")
+
+
+def test_a_result_within_a_result_is_of_its_hashes(tmp_path):
+    def nested(text="one"):
+        with artifacts.folder(tmp_path / "run", {}) as folder:
+            write(folder / "inner", text)
+
+    def said():
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            nested()
+        return [str(w.message).partition(": ")[0] for w in caught]
+
+    nested()
+    assert said() == []
+    inner = tmp_path / "run" / "inner"
+    (inner / "one.txt").write_text("two")
+    assert said() == [str(inner / "one.txt")]
+    assert said() == []
+    files.remove(inner)
+    write(inner, "two")  # sound, but another one
+    assert said() == [str(inner / "manifest.json")]
 
 
 def test_deep_folders_are_one_line_or_there(tmp_path):

@@ -220,9 +220,9 @@ def test_the_command_says_what_is_wrong_with_a_folder(
     (tmp_path / "empty").mkdir()
     assert f"empty: {what}, got no manifest.json in it" in lines("empty", "--out", "out")
     for name, text, why in (
-        ("manifest.json", "{", "must be JSON"),
+        ("manifest.json", "{", "manifest.json: must be as it was written, got Expecting"),
         ("manifest.json", "[]", "must be the manifest of a run"),
-        ("record.parquet", "PAR1", "must be a table of Parquet"),
+        ("record.parquet", "PAR1", "record.parquet: must be as it was written, got other bytes"),
         ("scenario.toml", "[target]\nspeed_m_s = -1", "[target] speed_m_s"),
     ):
         damaged = tmp_path / "damaged"

@@ -1,0 +1,46 @@
+"""What a command has done of its runs is kept until its result is written."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..errors import SblcosimError
+
+if TYPE_CHECKING:
+    from ..study.kept import Kept
+
+
+@contextmanager
+def keeping(result: Path) -> Iterator[Kept]:
+    """Keep finished runs beside the folder of a result until the end of the block."""
+    from ..study.kept import Kept
+
+    kept = Kept(result)
+    try:
+        yield kept
+    except KeyboardInterrupt as stop:
+        runs = kept.runs
+        if not runs:
+            kept.remove()
+            raise
+        from .studies import stopped  # here, as help lists commands in the order of their import
+
+        command = shlex.join(["sblcosim", *sys.argv[1:]])
+        typer.echo(
+            f"interrupted; {runs} runs are in {kept.folder}; go on with: {command}", err=True
+        )
+        raise typer.Exit(stopped(stop)) from None
+    except SblcosimError as error:
+        if runs := kept.runs:
+            error.args = (f"{error}; {runs} finished runs are kept in {kept.folder}",)
+        else:
+            kept.remove()
+        raise
+    kept.remove()
