@@ -18,7 +18,7 @@ Groups = NDArray[np.intp]
 
 ROUNDING = 1e-12
 """Values below this fraction of the largest deviation are rounding noise."""
-DIGITS = 4 * np.finfo(np.float64).eps
+DIGITS = 2 * np.finfo(np.float64).eps
 """So are those below this fraction of the largest response, as responses are rounded themselves."""
 NEAR = 0.5
 """Relative deviation up to which the logarithm of a ratio is taken from the deviation."""

@@ -59,7 +59,7 @@ def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, floa
     n = len(values)
     if not n:
         return 0, np.nan, np.nan, np.nan, np.nan
-    y = centred(values.to_numpy(np.float64))
+    y = centred(np.asarray(values, np.float64))
     mean = y.centre + float(y.off.mean())
     std = float(y.off.std(ddof=1)) if n > 1 else np.nan
     reach = float(stats.t.ppf((1 + confidence) / 2, n - 1)) * std / n**0.5 if n > 1 else np.nan
