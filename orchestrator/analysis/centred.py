@@ -2,7 +2,7 @@
 
 Sums and squares of the runs themselves lose as many digits as the constant has before the scatter:
 of 10¹² + 0.3 nothing is left. Deviations from one of the values are exact where the values are
-within a factor of two of it (Sterbenz, Floating-Point Computation, 1974, section 4.3); elsewhere the
+within a factor of two of it (Sterbenz, Floating-Point Computation, 1974, 4.3); elsewhere the
 constant is no larger than the scatter.
 """
 

@@ -252,6 +252,6 @@ def residual_table(
     if run_order is None:
         run_order = pd.Series(np.random.default_rng(0).permutation(len(residual)) + 1)
     return pd.DataFrame(
-        {"fit": (fit.centre + fit.fitted)[fit.point_of_run], "residual": residual, "standardised": standardised,
-         "run_order": run_order}
+        {"fit": (fit.centre + fit.fitted)[fit.point_of_run], "residual": residual,
+         "standardised": standardised, "run_order": run_order}
     )

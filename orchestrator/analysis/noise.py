@@ -13,6 +13,7 @@ from ..errors import ConfigurationError
 from .centred import group_means
 from .model import Floats
 
+
 @dataclass(frozen=True, slots=True)
 class FTest:
     """An F test.
