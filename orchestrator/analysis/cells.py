@@ -126,12 +126,10 @@ def cells_of(
         A column or a level is not as it must be, or no runs are left.
     """
     numbers, known = _numbered(table, factors, response, levels, options)
-    gone = numbers[response].isna().to_numpy()
-    if lost in table:
-        gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
-    everything = pd.Series(gone).groupby([numbers[name] for name in factors], sort=True)
+    everything = _gone(table, numbers[response], lost).groupby(
+        [numbers[name] for name in factors], sort=True
+    )
     data = usable(numbers, factors, response, options)
-    dropped = len(table) - len(data)
     medians = median_table(data, known, response, options)
     logs = options.transform == "none" and bool((data[response] > 0).all())
     values = data[response].to_numpy(np.float64)
@@ -159,13 +157,21 @@ def cells_of(
         far_log=_far(centred_log(values).off, cell, runs)[0] if logs else np.nan,
         heavy=heavy,
         skewness=_skewness(y - mean[cell], cell, runs),
-        dropped=dropped,
+        dropped=len(table) - len(data),
         seen_index=_renumbered(everything.size().index.to_frame().to_numpy(), left),
         seen=np.asarray(everything.count(), np.float64),
         seen_lost=np.asarray(everything.sum(), np.float64),
         empty=empty,
         medians=medians,
     )
+
+
+def _gone(table: pd.DataFrame, response: pd.Series[float], lost: str) -> pd.Series[bool]:
+    """Which runs are lost, or have no response."""
+    gone = response.isna().to_numpy()
+    if lost in table:
+        gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
+    return pd.Series(gone)
 
 
 def _numbered(

@@ -503,9 +503,9 @@ def test_pairs_are_weighed_by_what_matters(practical: float, verdict: str) -> No
     table.loc[40:, "y"] += 1.0
     found = analyse(table, ["a"], "y", unit="m", practical=practical)
     assert found.pairs["verdict"].tolist() == [verdict]
-    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "of 1 the runs cannot"}
+    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "1 are undecided"}
     assert words[verdict] in found.text()
-    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "cannot tell"}
+    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "undecided"}
     assert shown[verdict] in found.text(verbose=True)
     ratio = analyse(table, ["a"], "y", transform="log", practical=2.0)
     assert ratio.pairs["verdict"].tolist() == ["equal"]
