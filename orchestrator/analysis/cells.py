@@ -126,20 +126,18 @@ def cells_of(
         A column or a level is not as it must be, or no runs are left.
     """
     numbers, known = _numbered(table, factors, response, levels, options)
-    everything = _gone(table, numbers[response], lost).groupby(
-        [numbers[name] for name in factors], sort=True
-    )
+    gone = _gone(table, numbers[response], lost)
+    everything = gone.groupby([numbers[name] for name in factors], sort=True)
     data = usable(numbers, factors, response, options)
     medians = median_table(data, known, response, options)
     logs = options.transform == "none" and bool((data[response] > 0).all())
     values = data[response].to_numpy(np.float64)
     data, analysed = transformed(data, factors, response, options)
     left, empty = _with_runs(data, known)
-    y = analysed.off
     groups = data.groupby(list(factors), sort=True)
     cell = np.asarray(groups.ngroup(), np.intp)
     runs = np.bincount(cell).astype(np.float64)
-    mean = group_means(cell, y)
+    y, mean = analysed.off, group_means(cell, analysed.off)
     far, heavy = _far(y, cell, runs)
     renumbered = [np.searchsorted(kept, groups.size().index.get_level_values(i))
                   for i, kept in enumerate(left)]

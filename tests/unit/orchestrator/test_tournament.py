@@ -252,7 +252,7 @@ def test_columns_of_which_nothing_is_known_are_left_away() -> None:
 def test_runs_that_would_decide_are_those_of_each_pair() -> None:
     """Of the largest number, if it is said for all; what any verdict takes is said once."""
     common = noise(1, 1.0, 0.3)
-    near = {"a": common, "b": common + noise(2, 0.012), "c": common + noise(3, 0.012)}
+    near = {"a": common, "b": common + noise(2, 0.008), "c": common + noise(3, 0.008)}
     it = evaluate({"x": runs_of(near)}, SETTINGS)
     mine = it.differences.query("response == @RESPONSE and one == 'a'").set_index("other")
     needed = mine["runs_needed"].to_dict()
