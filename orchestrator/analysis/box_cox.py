@@ -8,10 +8,10 @@ from math import log
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from ..errors import ConfigurationError
+from .centred import centred_log, group_means
 from .model import Floats, coded_points, design_matrix
 from .tables import Analysis
 
@@ -52,16 +52,16 @@ def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.Da
         )
     runs = np.bincount(of_run)
     q = np.linalg.qr(np.sqrt(runs)[:, None] * x)[0]
-    logs = np.log(y)
+    logs = centred_log(y).off
     logs -= logs.mean()  # scaled by the geometric mean, so that no power overflows
 
     @cache
     def height(power: float) -> float:
         z = np.expm1(power * logs) / power if abs(power) > 1e-12 else logs
-        means = _means(of_run, z)
+        means = group_means(of_run, z)
         within = z - means[of_run]
         if blocks is not None:  # replicates are complete: their means and the terms are orthogonal
-            within -= _means(blocks, within)[blocks]
+            within -= group_means(blocks, within)[blocks]
         between = np.sqrt(runs) * means
         left = float((within**2).sum() + ((between - q @ (q.T @ between)) ** 2).sum())
         return -len(y) / 2 * log(left / len(y)) if left > 0 else np.inf
@@ -74,11 +74,6 @@ def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.Da
         value = np.array([height(power) for power in grid])
     inside = value >= value.max() - depth - 1e-6
     return pd.DataFrame({"lambda": grid, "log_likelihood": value, "inside": inside})
-
-
-def _means(group: NDArray[np.intp], values: Floats) -> Floats:
-    means: Floats = np.bincount(group, values) / np.bincount(group)
-    return means
 
 
 def _summit(

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest, quoted
+from .centred import centred_log, group_means
 from .medians import median_table
 from .model import Floats
 from .options import Options
@@ -45,10 +46,13 @@ class Cells:
         Levels of each factor that have runs, in their order.
     index
         Number of each factor's level; shape (cells, factors).
+    centre, least
+        What all responses have in common, and below what deviations are rounding noise; see
+        `sblcosim.analysis.centred`.
     runs, mean, squares
-        Of each cell: number of runs, their mean, sum of squares about it.
+        Of each cell: number of runs, their mean less the centre, sum of squares about it.
     values
-        With common random numbers the runs themselves; shape (replicates, cells).
+        With common random numbers the runs less the centre; shape (replicates, cells).
     far
         Share of the runs that lie more than `FAR` robust standard deviations from their cell's
         median; NaN if no cell has `TAIL_RUNS`.
@@ -71,6 +75,8 @@ class Cells:
 
     levels: Mapping[str, tuple[Level, ...]]
     index: Indices
+    centre: float
+    least: float
     runs: Floats
     mean: Floats
     squares: Floats
@@ -120,21 +126,18 @@ def cells_of(
         A column or a level is not as it must be, or no runs are left.
     """
     numbers, known = _numbered(table, factors, response, levels, options)
-    gone = numbers[response].isna().to_numpy()
-    if lost in table:
-        gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
-    everything = pd.Series(gone).groupby([numbers[name] for name in factors], sort=True)
+    gone = _gone(table, numbers[response], lost)
+    everything = gone.groupby([numbers[name] for name in factors], sort=True)
     data = usable(numbers, factors, response, options)
-    dropped = len(table) - len(data)
     medians = median_table(data, known, response, options)
     logs = options.transform == "none" and bool((data[response] > 0).all())
-    data = transformed(data, factors, response, options)
+    values = data[response].to_numpy(np.float64)
+    data, analysed = transformed(data, factors, response, options)
     left, empty = _with_runs(data, known)
-    y = data[response].to_numpy(np.float64)
     groups = data.groupby(list(factors), sort=True)
     cell = np.asarray(groups.ngroup(), np.intp)
     runs = np.bincount(cell).astype(np.float64)
-    mean = np.bincount(cell, y) / runs
+    y, mean = analysed.off, group_means(cell, analysed.off)
     far, heavy = _far(y, cell, runs)
     renumbered = [np.searchsorted(kept, groups.size().index.get_level_values(i))
                   for i, kept in enumerate(left)]
@@ -142,21 +145,31 @@ def cells_of(
         levels={name: tuple(known[name][i] for i in kept)
                 for name, kept in zip(factors, left, strict=True)},
         index=np.column_stack(renumbered),
+        centre=analysed.centre,
+        least=analysed.least,
         runs=runs,
         mean=mean,
         squares=np.bincount(cell, (y - mean[cell]) ** 2).astype(np.float64),
         values=_by_replicate(data, cell, y, options) if options.seeding == "common" else None,
         far=far,
-        far_log=_far(np.log(y), cell, runs)[0] if logs else np.nan,
+        far_log=_far(centred_log(values).off, cell, runs)[0] if logs else np.nan,
         heavy=heavy,
         skewness=_skewness(y - mean[cell], cell, runs),
-        dropped=dropped,
+        dropped=len(table) - len(data),
         seen_index=_renumbered(everything.size().index.to_frame().to_numpy(), left),
         seen=np.asarray(everything.count(), np.float64),
         seen_lost=np.asarray(everything.sum(), np.float64),
         empty=empty,
         medians=medians,
     )
+
+
+def _gone(table: pd.DataFrame, response: pd.Series[float], lost: str) -> pd.Series[bool]:
+    """Which runs are lost, or have no response."""
+    gone = response.isna().to_numpy()
+    if lost in table:
+        gone = gone | (table[lost].to_numpy(np.float64, na_value=0.0) != 0)
+    return pd.Series(gone)
 
 
 def _numbered(

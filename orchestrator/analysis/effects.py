@@ -71,20 +71,21 @@ def anova_table(
     p = effects["p"] if method != "lenth" else np.nan
     table = pd.DataFrame({"ss": ss, "df": 1.0, "ms": ss, "f": f, "p": p})
     nan = np.nan
-    ssr = float(fit.ssr)
     within = float((uncertainty.residual**2).sum())  # less the replicates' means, too
     spare = fit.spare - blocks
     rows: dict[str, tuple[float, float, float, float]] = {}
     if curvature is not None:
         rows[CURVATURE] = (curvature.ss, 1.0, curvature.f, curvature.p)
     if method == "replicates":
-        rows["replicates"] = (ssr - within, blocks, nan, nan)
+        between = float(((fit.residual - uncertainty.residual) ** 2).sum())
+        rows["replicates"] = (between, blocks, nan, nan)
     if spare:
         rows["residual"] = (within, spare, nan, nan)
     if lack is not None:
         lack_df = len(model.points) - model.x.shape[1]
         rows["lack of fit"] = (lack.ss, lack_df, lack.f, lack.p)
-        rows["pure error"] = (within - lack.ss, spare - lack_df, nan, nan)
+        pure = within - lack.ss if method == "replicates" else fit.pure
+        rows["pure error"] = (pure, spare - lack_df, nan, nan)
     rows["total"] = (fit.total, len(fit.y) - 1, nan, nan)
     rest = pd.DataFrame.from_dict(rows, orient="index", columns=["ss", "df", "f", "p"])
     rest.insert(2, "ms", rest["ss"] / rest["df"])
@@ -102,7 +103,8 @@ def point_table(fit: LeastSquares, model: Model) -> pd.DataFrame:
     table = pd.DataFrame(values, columns=list(model.levels))
     groups = pd.Series(fit.y).groupby(of_run)
     table["runs"], table["mean"], table["std"] = groups.size(), groups.mean(), groups.std()
-    table["fit"] = fit.fitted
+    table["mean"] += fit.centre
+    table["fit"] = fit.centre + fit.fitted
     return table
 
 

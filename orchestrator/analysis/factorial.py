@@ -193,10 +193,10 @@ def analyse(
     chosen = chosen_terms(factors, order, terms)
     data = usable(table, factors, response, options)
     dropped = len(table) - len(data)
-    data = transformed(data, factors, response, options)
+    data, analysed = transformed(data, factors, response, options)
     bounds = checked_levels(data, factors, levels)
     model = estimable(data, bounds, chosen, order, reducible=order is None and terms is None)
-    fit = least_squares(data[response].to_numpy(np.float64), model)
+    fit = least_squares(analysed, model)
     if seeding == "common":
         uncertainty = from_replicates(fit, model, data[replicate])
     else:
@@ -237,7 +237,7 @@ def _assembled(
         dropped=dropped,
         df=uncertainty.df,
         rmse=fit.rmse,
-        r2=1 - float(fit.ssr) / total,
+        r2=1 - fit.ssr / total,
         r2_adjusted=1 - (fit.ssr / spare) / (total / (len(data) - 1)) if spare else np.nan,
         r2_predicted=1 - uncertainty.press / total,
         press=uncertainty.press,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..errors import ConfigurationError
+from .centred import Centred, group_means
 from .model import Floats, Model
 from .noise import (
-    ROUNDING,
     FTest,
     Lenth,
     cleared,
@@ -38,19 +38,21 @@ class LeastSquares:
     Attributes
     ----------
     y
-        Response of each run.
+        Response of each run, less its centre.
+    centre
+        What all responses have in common; see `sblcosim.analysis.centred`.
     point_of_run
         Index of each run's point.
     fitted
-        At each point.
+        At each point, less the centre.
     coefficients
-        Of the mean, the terms, and the centre points if there are any.
+        Of the mean (less the centre), the terms, and the centre points if there are any.
     variances
         Of the coefficients, for runs with a variance of 1.
     leverage
         Of a run of each point: the diagonal of the hat matrix.
-    ssr
-        Sum of squares about the model.
+    pure, lack
+        Sums of squares of the runs about their points' means, and of these about the model.
     spare
         Degrees of freedom about the model.
     least
@@ -58,14 +60,21 @@ class LeastSquares:
     """
 
     y: Floats
+    centre: float
     point_of_run: NDArray[np.intp]
     fitted: Floats
     coefficients: Floats
     variances: Floats
     leverage: Floats
-    ssr: float
+    pure: float
+    lack: float
     spare: int
     least: float
+
+    @property
+    def ssr(self) -> float:
+        """Sum of squares about the model."""
+        return self.pure + self.lack
 
     @property
     def residual(self) -> Floats:
@@ -114,7 +123,7 @@ class Uncertainty:
     replicate_effects: pd.DataFrame | None = None
 
 
-def least_squares(y: Floats, model: Model) -> LeastSquares:
+def least_squares(response: Centred, model: Model) -> LeastSquares:
     """Fit a model to the response.
 
     The means of the points, weighted by their numbers of runs, have the coefficients of the runs
@@ -122,29 +131,30 @@ def least_squares(y: Floats, model: Model) -> LeastSquares:
     """
     from statsmodels.regression.linear_model import OLS  # slow to import
 
-    of_run = model.point_of_run
-    runs = np.bincount(of_run)
+    of_run, y = model.point_of_run, response.off
+    runs, means = np.bincount(of_run), group_means(of_run, y)
     weight = np.sqrt(runs)
-    fit = OLS(np.bincount(of_run, y) / runs * weight, model.x * weight[:, None]).fit()
-    least = ROUNDING * float(np.abs(y).max())
+    fit = OLS(means * weight, model.x * weight[:, None]).fit()
     fitted = model.x @ fit.params
     return LeastSquares(
         y=y,
+        centre=response.centre,
         point_of_run=of_run,
         fitted=fitted,
-        coefficients=cleared(fit.params, least),
+        coefficients=cleared(fit.params, response.least),
         variances=np.diag(fit.normalized_cov_params),
         leverage=fit.get_influence().hat_matrix_diag / runs,
-        ssr=float(((y - fitted[of_run]) ** 2).sum()),
+        pure=pure_error(y, of_run),
+        lack=float((runs * (means - fitted) ** 2).sum()),
         spare=len(y) - model.x.shape[1],
-        least=least,
+        least=response.least,
     )
 
 
 def from_runs(fit: LeastSquares, model: Model, options: Options) -> Uncertainty:
     """From runs that each have noise of their own."""
     y, least = fit.y, fit.least
-    pure, pure_df = pure_error(y, model.point_of_run), len(y) - len(model.points)
+    pure, pure_df = fit.pure, len(y) - len(model.points)
     error: Error = "pure" if options.error == "pure" and pure_df else "residual"
     df = float(pure_df if error == "pure" else fit.spare)
     sigma = fit.rmse if error == "residual" else float(cleared(np.sqrt(pure / df), least))
@@ -161,7 +171,7 @@ def from_runs(fit: LeastSquares, model: Model, options: Options) -> Uncertainty:
         errors=sigma * np.sqrt(fit.variances),
         residual=residual,
         press=np.nan if alone.any() else float((left_out**2).sum()),
-        lack_of_fit=lack_of_fit(pure, pure_df, lack_df, fit.ssr, len(y) * least**2),
+        lack_of_fit=lack_of_fit(pure, pure_df, lack_df, fit.lack, len(y) * least**2),
     )
     if fit.spare:
         return uncertainty
@@ -242,6 +252,6 @@ def residual_table(
     if run_order is None:
         run_order = pd.Series(np.random.default_rng(0).permutation(len(residual)) + 1)
     return pd.DataFrame(
-        {"fit": fit.fitted[fit.point_of_run], "residual": residual, "standardised": standardised,
-         "run_order": run_order}
+        {"fit": (fit.centre + fit.fitted)[fit.point_of_run], "residual": residual,
+         "standardised": standardised, "run_order": run_order}
     )

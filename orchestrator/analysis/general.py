@@ -23,6 +23,7 @@ from .bounds import runs_to_see
 from .cells import Cells, Level, cells_of
 from .general_tables import GeneralAnalysis
 from .linear import LinearModel, Type, fitted_model
+from .medians import median_pairs
 from .model import term_name
 from .options import Options, Seeding, Transform
 from .variance import Errors, anova_table, cell_table, means_table, pair_table
@@ -137,7 +138,8 @@ def analyse(
         Column that is not zero for lost runs, if the table has it: their share stands beside every
         mean.
     practical
-        Smallest difference of two levels that matters; with ``log`` a ratio, above 1.
+        Smallest difference of two levels that matters; with ``log`` a ratio, above 1. It is of
+        means, or of medians where means cannot be trusted.
     labels, label, units, unit
         For texts: names of the factors and of the response, and their units.
 
@@ -173,7 +175,23 @@ def analyse(
     y = y[np.isfinite(y)]
     found = _assembled(response, options, typ, model, label, names)
     found = replace(found, largest=float(y.max()), median=float(np.median(y)))
-    return _without_negative(found) if transform == "none" and y.min() >= 0 else found
+    if transform == "none" and y.min() >= 0:
+        found = _without_negative(found)
+    return replace(found, pairs=_judged(found, model, options.limit))
+
+
+def _judged(found: GeneralFactorial, model: LinearModel, limit: float | None) -> pd.DataFrame:
+    """The pairs with the differences of their medians, judged by these where they stand first."""
+    pairs, values = found.pairs, model.cells.values
+    each = None if values is None or found.transform != "none" else {
+        name: values @ model.marginal((i,)).T for i, name in enumerate(model.cells.factors)
+    }
+    medians = median_pairs(pairs, found.medians, each, found.confidence)
+    by = medians if found.by_medians else pairs
+    pairs = pairs.assign(differs=(by["low"] > 0) | (by["high"] < 0), **{
+        f"median_{name}": medians[name] for name in medians
+    })  # fmt: skip
+    return pairs if limit is None else pairs.assign(verdict=_verdicts(by, limit))
 
 
 def _without_negative(found: GeneralFactorial) -> GeneralFactorial:
@@ -200,8 +218,6 @@ def _assembled(
     anova = anova_table(model, typ)
     means = means_table(model, errors, confidence)
     pairs = pair_table(model, errors, confidence, options.is_ratio)
-    if options.limit is not None:
-        pairs["verdict"] = _verdicts(pairs, options.limit)
     total: Any = anova.loc["total"]
     residual: Any = anova.loc["residual"]
     return GeneralFactorial(

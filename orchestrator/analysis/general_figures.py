@@ -69,11 +69,14 @@ def plot_means(
 def plot_pairs(
     analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """The largest differences of each factor's levels, with intervals that hold all at once."""
+    """The largest differences of each factor's levels, with intervals that hold all at once.
+
+    They are of medians where means cannot be trusted.
+    """
     with use(theme) as look:
         tables = [
             own.sort_values("difference", key=np.abs, ascending=False, kind="stable")
-            for _, own in analysis.pairs.groupby("factor", sort=False)
+            for _, own in analysis.judged_pairs.groupby("factor", sort=False)
         ]
         shown = [own.head(MOST_PAIRS) for own in tables]
         rows = [[_pair(*pair_texts(row, analysis)) for row in own.itertuples()]
@@ -93,7 +96,8 @@ def plot_pairs(
                                mfc=colour if differs else look.paper)
             some = f", {len(own)} of {len(whole)} pairs" if len(own) < len(whole) else ""
             _title(panel, f"{own['factor'].iloc[0]}{some}")
-        _shared(panels, f"Difference of mean {quantity_of(analysis)}")
+        what = "median" if analysis.by_medians else "mean"
+        _shared(panels, f"Difference of {what} {quantity_of(analysis)}")
         add_legend(panels[-1], ax is None, [
             Line2D([], [], color=colour, marker=marker, ms=5, lw=1.3, label=word,
                    mfc=colour if differs else look.paper)

@@ -17,7 +17,7 @@ from .sentences import left_out, minus, p_value, percent, quantity, rounded
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
-VERDICTS = {"equal": "equal", "differs": "differs", "open": "cannot tell"}
+VERDICTS = {"equal": "equal", "differs": "differs", "open": "undecided"}
 """Of a pair of levels, with a smallest difference that matters."""
 UNEQUAL = 2.0
 """Ratio of standard deviations from which on it is said that they are not equal."""
@@ -97,9 +97,9 @@ def _practical(analysis: GeneralAnalysis) -> str:
              f"±{a.practical or 0:g} {a.unit}".rstrip())
     counts = a.pairs["verdict"].value_counts()
     found = {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}
-    return (f"Of the {len(a.pairs)} pairs of levels {found['differs']} differ by more than "
-            f"{limit}, {found['equal']} are equal within it, and of {found['open']} the runs "
-            "cannot tell.")
+    how = "Judged by medians, of" if a.by_medians else "Of"
+    return (f"{how} the {len(a.pairs)} pairs of levels {found['differs']} differ by more than "
+            f"{limit}, {found['equal']} are equal within it, and {found['open']} are undecided.")
 
 
 def _by_means(analysis: GeneralAnalysis) -> str:
@@ -193,6 +193,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
         "A mean counts each combination of the other factors' levels once, and its interval holds "
         f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
         f"{max(several)}), by Bonferroni's inequality."
+        + (" They are of medians, by order statistics." if a.by_medians else "")
     )
     if np.isnan(a.far):
         lines.append("Heavy tails cannot be told: no combination of levels has 10 runs.")
@@ -215,12 +216,17 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
 
 def _largest(analysis: GeneralAnalysis) -> dict[str, Any]:
     """The largest sure difference of each factor that has one, the largest first."""
-    sure = analysis.pairs[analysis.pairs["differs"]]
+    sure = analysis.pairs[_told_apart(analysis.pairs)]
     ranked = sure.sort_values("difference", key=np.abs, ascending=False, kind="stable")
     found: dict[str, Any] = {}
     for row in ranked.itertuples():
         found.setdefault(str(row.factor), row)
     return found
+
+
+def _told_apart(pairs: pd.DataFrame) -> pd.Series[bool]:
+    """Which pairs differ in their means."""
+    return (pairs["low"] > 0) | (pairs["high"] < 0)
 
 
 def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
@@ -233,7 +239,8 @@ def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
 def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
     """The levels that cannot be told from the better one."""
     best = row.other if row.difference > 0 else row.one
-    own = analysis.pairs[(analysis.pairs["factor"] == name) & ~analysis.pairs["differs"]]
+    pairs = analysis.pairs
+    own = pairs[(pairs["factor"] == name) & ~_told_apart(pairs)]
     unit = analysis.units.get(name, "")
     tied = [level_text(b if a == best else a, unit)
             for a, b in zip(own["one"], own["other"], strict=True) if best in (a, b)]
@@ -309,7 +316,7 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
     """The largest differences of each factor."""
     a = analysis
     rows: list[tuple[str, ...]] = []
-    for name, own in a.pairs.groupby("factor", sort=False):
+    for name, own in a.judged_pairs.groupby("factor", sort=False):
         ranked = own.sort_values("difference", key=np.abs, ascending=False, kind="stable")
         rows += [_difference_row(a, str(name), row) for row in ranked.head(most).itertuples()]
         if len(ranked) > most:
@@ -317,7 +324,7 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
                          *[""] * (4 if a.practical is None else 5)))
     ratios = a.transform == "log"
     what = f"Ratios of the geometric means of {a.response}" if ratios else (
-        f"Differences of the means of {a.quantity}{_in_unit(a)}")
+        f"Differences of the {'medians' if a.by_medians else 'means'} of {a.quantity}{_in_unit(a)}")
     head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p",
             *([] if a.practical is None else ["verdict"]))
     return [f"{what}, {100 * a.confidence:.4g} % intervals for all pairs of a factor at once:",

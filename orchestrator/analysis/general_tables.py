@@ -48,9 +48,11 @@ class GeneralAnalysis:
         The same for each two factors: ``first``, ``second``, ``first_level``, ``second_level`` …
     pairs
         Differences of the levels of each factor: ``factor``, ``one``, ``other``, ``difference``
-        (of one less other), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``, ``high``
-        (intervals that hold for all pairs of the factor at once), ``differs``; ``ratio``,
-        ``ratio_low``, ``ratio_high`` for logarithms.
+        (of one's mean less other's), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``,
+        ``high`` (intervals that hold for all pairs of the factor at once); ``ratio``,
+        ``ratio_low``, ``ratio_high`` for logarithms; ``median_difference``, ``median_low``,
+        ``median_high`` of the response itself; ``differs``, judged by medians where means cannot
+        be trusted (`by_medians`).
     runs, combinations, dropped
         Runs that were analysed, combinations of levels that they are of, and runs left out because
         their response is not finite (or, with common random numbers, their replicate incomplete).
@@ -158,6 +160,14 @@ class GeneralAnalysis:
         """Whether means cannot be trusted: heavy tails, a runaway, intervals not known."""
         unknown = bool(self.means["low"].isna().any())
         return self.transform == "none" and (self.heavy or self.ran_away or unknown)
+
+    @property
+    def judged_pairs(self) -> pd.DataFrame:
+        """`pairs` with the ``difference``, ``low`` and ``high`` that they are judged by."""
+        if not self.by_medians:
+            return self.pairs
+        medians = {name: self.pairs[f"median_{name}"] for name in ("difference", "low", "high")}
+        return self.pairs.assign(**medians, p=np.nan)
 
     @property
     def factors(self) -> tuple[str, ...]:

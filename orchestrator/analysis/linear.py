@@ -21,7 +21,6 @@ import numpy as np
 from ..errors import ConfigurationError
 from .cells import Cells, Indices
 from .model import MAX_LISTED, Floats, Term, term_name, terms_up_to
-from .noise import ROUNDING
 
 Type = Literal[2, 3]
 RANK = 1e-9
@@ -59,7 +58,7 @@ class LinearModel:
 
     @cached_property
     def fitted(self) -> Floats:
-        """The model's value of each cell."""
+        """The model's value of each cell, less the centre."""
         root = np.sqrt(self.cells.runs)
         q = np.linalg.qr(root[:, None] * self.x)[0]
         value: Floats = (q @ (q.T @ (root * self.cells.mean))) / root
@@ -216,7 +215,7 @@ def _check_error(model: LinearModel) -> None:
             f"runs: must be more than the {columns} coefficients of the model, to estimate an "
             f"error from, got {runs}{hint}"
         )
-    if model.pure[0] + model.lack[0] <= ROUNDING**2 * float((cells.runs * cells.mean**2).sum()):
+    if model.pure[0] + model.lack[0] <= runs * cells.least**2:
         raise ConfigurationError(
             "response: must scatter about the model, to estimate an error from, got no scatter"
         )

@@ -50,6 +50,38 @@ def median_table(
     return pd.DataFrame(rows, columns=columns).astype({"level": object})
 
 
+def median_pairs(
+    pairs: pd.DataFrame, medians: pd.DataFrame, each: Mapping[str, Floats] | None, confidence: float
+) -> pd.DataFrame:
+    """Differences of the medians of pairs of levels, with intervals that hold all at once.
+
+    Independent runs: where the bounds of all levels of a factor hold, so do those of all
+    differences, from the lower one of the one level less the upper one of the other. With common
+    random numbers it is the median of the replicates' differences, by order statistics.
+
+    Parameters
+    ----------
+    pairs
+        ``factor``, ``one``, ``other``.
+    each
+        With common random numbers the means of each replicate, by factor; shape (replicates,
+        levels).
+    """
+    rows: list[tuple[float, float, float]] = []
+    for factor, own in medians.groupby("factor", sort=False):
+        place = {level: i for i, level in enumerate(own["level"])}
+        mine = pairs[pairs["factor"] == factor]
+        middle, low, high = own[["median", "all_low", "all_high"]].to_numpy(np.float64).T
+        for i, j in ((place[a], place[b]) for a, b in zip(mine["one"], mine["other"], strict=True)):
+            if each is None:
+                rows.append((middle[i] - middle[j], low[i] - high[j], high[i] - low[j]))
+                continue
+            gaps = np.sort(each[str(factor)][:, i] - each[str(factor)][:, j])
+            risk = (1 - confidence) / len(mine)
+            rows.append((float(np.median(gaps)), *median_interval(gaps, len(gaps), 1 - risk)))
+    return pd.DataFrame(rows, columns=["difference", "low", "high"], index=pairs.index)
+
+
 def median_interval(y: Floats, n: int, confidence: float) -> tuple[float, float]:
     """Bounds of the median of runs in ascending order, n of which are independent.
 

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..errors import ConfigurationError
+from .centred import group_means
 from .model import Floats
-
-ROUNDING = 1e-12
-"""Values below this fraction of the response are rounding noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +86,17 @@ def cleared(values: Any, least: float) -> Floats:
 
 def pure_error(y: Floats, point_of_run: NDArray[np.intp]) -> float:
     """Sum of squares of the runs about the means of their points."""
-    means = np.bincount(point_of_run, y) / np.bincount(point_of_run)
-    return float(((y - means[point_of_run]) ** 2).sum())
+    return float(((y - group_means(point_of_run, y)[point_of_run]) ** 2).sum())
 
 
-def lack_of_fit(pure: float, df_error: int, df: int, ssr: float, least: float) -> FTest | None:
-    """Scatter of the points' means about the model, against that of the runs about the means."""
+def lack_of_fit(pure: float, df_error: int, df: int, lack: float, least: float) -> FTest | None:
+    """Scatter of the points' means about the model, against that of the runs about the means.
+
+    Both are sums of squares; below `least` they are rounding noise.
+    """
     if df <= 0 or df_error <= 0:
         return None
-    ss = max(float(ssr) - pure, 0.0)
-    pure, ss = (float(cleared(value, least)) for value in (pure, ss))
+    pure, ss = (float(cleared(value, least)) for value in (pure, lack))
     if not pure and not ss:
         return None
     f = (ss / df) / (pure / df_error) if pure else np.inf

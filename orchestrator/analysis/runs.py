@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
+from .centred import Centred, centred, centred_log
 from .options import Options
 
 
@@ -90,22 +91,27 @@ def usable(
 
 def transformed(
     data: pd.DataFrame, factors: tuple[str, ...], response: str, options: Options
-) -> pd.DataFrame:
-    """The runs with the response that is analysed."""
-    if options.transform == "log":
-        if (data[response] <= 0).any():
-            raise ConfigurationError(
-                f"{response}: must be positive for its logarithm, got {data[response].min():g}"
-            )
-        data = data.assign(**{response: np.log(data[response])})
-    elif options.transform == "spread":
-        _check_spread(data, factors, response, 2 if options.seeding == "independent" else 3)
-        spread = _spread if options.seeding == "independent" else _jackknifed_spread
-        data = spread(data, factors, response)
+) -> tuple[pd.DataFrame, Centred]:
+    """The runs with the response that is analysed, and this response about its centre."""
     y = data[response].to_numpy(np.float64)
-    if np.ptp(y) == 0:
-        raise ConfigurationError(f"{response}: must vary over the runs, got {y[0]:g} in all")
-    return data
+    if options.transform == "log":
+        if (y <= 0).any():
+            raise ConfigurationError(
+                f"{response}: must be positive for its logarithm, got {y.min():g}"
+            )
+        found, data = centred_log(y), data.assign(**{response: np.log(y)})
+    else:
+        found = centred(y)
+        if options.transform == "spread":
+            data = data.assign(**{response: found.off})
+            _check_spread(data, factors, response, 2 if options.seeding == "independent" else 3)
+            spread = _spread if options.seeding == "independent" else _jackknifed_spread
+            data = spread(data, factors, response)
+            found = centred(data[response].to_numpy(np.float64))
+    if not found.off.any():
+        value = data[response].iloc[0]
+        raise ConfigurationError(f"{response}: must vary over the runs, got {value:g} in all")
+    return data, found
 
 
 def _complete(data: pd.DataFrame, factors: tuple[str, ...], replicate: str) -> pd.DataFrame:

@@ -12,6 +12,7 @@ from scipy import stats
 
 from ..study.design import Number
 from ..style import ThemeName, new_figure, use
+from .centred import centred
 
 
 def means(
@@ -55,7 +56,12 @@ def means(
 
 
 def _mean(values: pd.Series[float], confidence: float) -> tuple[int, float, float, float, float]:
-    n, mean, std = len(values), float(values.mean()), float(values.std())
+    n = len(values)
+    if not n:
+        return 0, np.nan, np.nan, np.nan, np.nan
+    y = centred(np.asarray(values, np.float64))
+    mean = y.centre + float(y.off.mean())
+    std = float(y.off.std(ddof=1)) if n > 1 else np.nan
     reach = float(stats.t.ppf((1 + confidence) / 2, n - 1)) * std / n**0.5 if n > 1 else np.nan
     return n, mean, std, mean - reach, mean + reach
 

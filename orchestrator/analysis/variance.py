@@ -109,7 +109,7 @@ class Errors:
         self.single = pure / pure_df if pure_df else lack / lack_df
 
     def of(self, weights: Floats) -> tuple[Floats, Floats, Floats]:
-        """Estimates, standard errors and degrees of freedom of rows of weights."""
+        """Estimates, less the centre, standard errors and degrees of freedom of rows of weights."""
         if self.cells.values is not None:
             each = self.cells.values @ weights.T
             count = len(each)
@@ -171,6 +171,7 @@ def _columns(
     seen_place = np.ravel_multi_index(tuple(cells.seen_index[known][:, list(term)].T), sizes)
     seen, lost = (np.bincount(seen_place, x[known], count) for x in (cells.seen, cells.seen_lost))
     mean, error, df = errors.of(weights)
+    mean += cells.centre
     reach = error * stats.t.ppf((1 + confidence) / 2, df)
     with np.errstate(invalid="ignore"):
         share = lost / seen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,6 +124,7 @@ def _needed(names: Sequence[str]) -> list[str]:
 
 def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
     from ..analysis import covariance
+    from ..results.over_runs import pooled
 
     verdicts = covariance.by_point(runs)
     words = covariance.sentences(verdicts)
@@ -133,7 +135,7 @@ def _receivers(runs: pd.DataFrame) -> dict[str, Any]:
         if runs[column].isna().all():
             continue
         found[name] = {
-            "rms_m": runs[column].mean(),
+            "rms_m": pooled(runs[column].to_numpy(float, na_value=nan)),
             "inconsistent": runs[f"{name}.inconsistent"].astype("Float64").mean(),
             "lost": runs[f"{name}.lost"].astype("Float64").mean(),
             "covariances": {},
@@ -159,8 +161,8 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
 
     for name, receiver in study.receivers.items():
         lost = f", {receiver.lost:.0%} lost" if receiver.lost else ""
-        mean = "–" if receiver.rms_m is None else meters(receiver.rms_m)
-        yield f"{name}: {mean} RMS on average over all runs{lost}; {_trust(receiver)}"
+        rms = "–" if receiver.rms_m is None else meters(receiver.rms_m)
+        yield f"{name}: {rms} RMS over all runs{lost}; {_trust(receiver)}"
         if verbose:
             if receiver.inconsistent is not None:
                 yield f"  {receiver.inconsistent:.0%} of its runs inconsistent"

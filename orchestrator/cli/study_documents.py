@@ -44,7 +44,7 @@ class StudyReceiver(Part):
     """A receiver over all runs of a study."""
 
     rms_m: Number
-    """RMS of the absolute total error, mean over the runs."""
+    """RMS of the absolute total error over all runs: root of the mean of their mean squares."""
     inconsistent: Number
     """Share of the runs whose mean NEES lies above its band; null if none has a covariance."""
     lost: Number
@@ -151,13 +151,18 @@ class LevelPair(Part):
     one: str | float
     other: str | float
     difference: Number
-    """Of one less other."""
+    """Mean of one less that of other."""
     low: Number
     """Of the interval that holds for all pairs of the factor at once."""
     high: Number
     p: Number
     """Adjusted."""
+    median_difference: Number
+    median_low: Number
+    """As `low`; null if the runs are too few for one."""
+    median_high: Number
     differs: bool
+    """Judged by medians where these stand first in the answer, as is the verdict."""
     verdict: Literal["equal", "differs", "open"] | None = None
     """With --practical."""
 

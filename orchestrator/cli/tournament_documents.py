@@ -19,7 +19,10 @@ class Level(Part):
     failed: int
     """Of those, without a response."""
     mean: Number
-    """Of the others."""
+    """Of the others; of an RMS response the mean of the runs' RMS."""
+    rms_over_runs: Number
+    """Root of the mean over the runs of their mean squares, over all scenarios the mean of theirs;
+    null if the response is no RMS."""
     std: Number
     median: Number
     least: Number
@@ -56,18 +59,28 @@ class PairedDifference(Part):
     one: str
     other: str
     runs: int
-    mean: Number
-    low: Number
-    """Of the interval, which holds at once with all others; null if there is none."""
-    high: Number
     wins: int
     """Runs in which the first one is better."""
-    verdict: Literal["better", "worse", "equal", "cannot tell"]
+    losses: int
+    """Runs in which it is worse."""
+    verdict: Literal["better", "worse", "equal", "undecided"]
     """Of the first one."""
+    share_low: Number
+    """Of all dives, at least, in which the better one is better; null if neither surely is."""
+    median: Number
+    low: Number
+    """Of the interval of the median, which holds at once with all others; null if there is none."""
+    high: Number
+    mean: Number
+    mean_low: Number
+    """Of the interval of the mean; null where its assumptions do not hold, or undecided."""
+    mean_high: Number
     least: int
-    """Runs that any interval takes."""
+    """Runs that a verdict takes at least."""
+    mean_least: int
+    """Runs that an interval of the mean takes at least."""
     runs_needed: int | None
-    """Estimated number of runs that would tell."""
+    """Estimated number of runs that would decide."""
 
 
 class Comparison(Document):
@@ -76,7 +89,7 @@ class Comparison(Document):
     answer: str
     scenarios: list[str]
     receivers: list[str]
-    """The best one on average first."""
+    """The one with the least median first."""
     runs: int
     seed: int
     """Of the first run."""

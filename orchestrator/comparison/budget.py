@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, NoEffectWarning, instance, shortened
+from ..results.over_runs import rms_over_runs
 from ..scenario import scenario as scenarios
 from ..scenario.assumptions import SOURCES as ASSUMED
 from ..scenario.overrides import Changes
@@ -277,7 +278,7 @@ def _lines(
     else:
         ratio, low, high = shares(flat, whole, seed)
     ends = (_Row(NONE, "rest", ()), _Row(REMAINDER, "remainder", ()))
-    yield {"source": ALL, "kind": "all", "rms_m": _rms(whole), **_interval(), **_alone()}
+    yield {"source": ALL, "kind": "all", "rms_m": rms_over_runs(whole), **_interval(), **_alone()}
     for i, row in enumerate((*rows, *ends)):
         off, on = ((ratio[k], low[k], high[k]) for k in (2 * i, 2 * i + 1))
         without = NONE if row.kind == "rest" else _WITHOUT + row.name
@@ -285,9 +286,9 @@ def _lines(
         yield {
             "source": row.name,
             "kind": row.kind,
-            "rms_m": _rms(squares[without]) if without in squares else np.nan,
+            "rms_m": rms_over_runs(squares[without]) if without in squares else np.nan,
             **_interval(*off),
-            **_alone(_rms(squares[alone]) if alone in squares else np.nan, *on),
+            **_alone(rms_over_runs(squares[alone]) if alone in squares else np.nan, *on),
         }
 
 
@@ -301,10 +302,6 @@ def _alone(
     rms: float = np.nan, share: float = np.nan, low: float = np.nan, high: float = np.nan
 ) -> dict[str, float]:
     return {"alone_rms_m": rms, "alone_share": share, "alone_low": low, "alone_high": high}
-
-
-def _rms(squares: Floats) -> float:
-    return float(np.sqrt(squares.mean()))
 
 
 def _given(base: Scenario) -> tuple[str, ...]:

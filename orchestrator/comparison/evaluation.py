@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..results.consistency import NEES_COLUMNS, Verdict, of_runs
+from ..results.over_runs import SUFFIX, rms_over_runs
 from ..results.responses import unit_of
 from .statistics import Difference, Floats, Level, difference, level, share_interval
 
@@ -27,7 +28,10 @@ def receivers_in(table: pd.DataFrame) -> list[str]:
 
 
 def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[str, Floats]]:
-    """A column by scenario and receiver; with several scenarios the mean over them, too."""
+    """A column by scenario and receiver; with several scenarios the mean over them, too.
+
+    A seed that has failed in one scenario has no mean: it does not count by the others.
+    """
     values = {
         name: {
             receiver: table[f"{receiver}.{response}"].to_numpy(np.float64, na_value=np.nan)
@@ -43,13 +47,17 @@ def by_place(runs: Mapping[str, pd.DataFrame], response: str) -> dict[str, dict[
 
 
 def ranked(values: Values) -> Iterator[str]:
-    """The receivers by failures and mean over all scenarios; then those of some only."""
+    """The receivers by their median over all scenarios; then those of some only.
+
+    A failed run is worse than any other. Equal ones are ranked by failures, then by their means.
+    """
     last = [*values.values()][-1]
 
-    def rank(receiver: str) -> tuple[int, float]:
+    def rank(receiver: str) -> tuple[float, int, float]:
         y = last[receiver]
         good = y[np.isfinite(y)]
-        return int((~np.isfinite(y)).sum()), float(good.mean()) if len(good) else 0.0
+        median = float(np.median(np.where(np.isfinite(y), y, np.inf)))
+        return median, len(y) - len(good), float(good.mean()) if len(good) else 0.0
 
     yield from sorted(last, key=rank)
     others = dict.fromkeys(receiver for mine in values.values() for receiver in mine)
@@ -74,7 +82,21 @@ def levels(
             ))  # fmt: skip
             for response, mine in values.items():
                 found = level(mine[place][receiver], settings["contamination"])
-                yield _row(place, receiver, response, found, count, verdict)
+                yield {
+                    **_row(place, receiver, response, found, count, verdict),
+                    "rms_over_runs": _rms(mine, place, receiver, response),
+                }
+
+
+def _rms(values: Values, place: str, receiver: str, response: str) -> float:
+    """RMS over the runs of a scenario; of all, the mean over them, from seeds without a failure."""
+    if not response.endswith(SUFFIX):
+        return np.nan
+    good = np.isfinite(values[place][receiver])
+    parts = [name for name in values if name != ALL] if place == ALL else [place]
+    if not good.any():
+        return np.nan
+    return float(np.mean([rms_over_runs(values[it][receiver][good] ** 2) for it in parts]))
 
 
 def _row(
@@ -93,20 +115,20 @@ def differences(
     values: Mapping[str, Values], ranked: Sequence[str], settings: Mapping[str, Any]
 ) -> pd.DataFrame:
     """The table `sblcosim.comparison.tournament.Tournament.differences`."""
-    asked = [
-        (response, place, one, other)
-        for response, mine in values.items()
-        for place in mine
-        for one, other in combinations([r for r in ranked if r in mine[place]], 2)
-    ]
     rows = []
-    for response, place, one, other in asked:
+    for response, mine in values.items():
         alike = unit_of(response) == unit_of(settings["response"])
-        found = difference(
-            values[response][place][one], values[response][place][other], len(asked),
-            settings["practical"] if alike else None, settings["contamination"],
-        )  # fmt: skip
-        where = {"scenario": place, "response": response, "one": one, "other": other}
-        rows.append({**where, **found.to_json()})
+        asked = [
+            (place, one, other)
+            for place in mine
+            for one, other in combinations([r for r in ranked if r in mine[place]], 2)
+        ]
+        for place, one, other in asked:
+            found = difference(
+                mine[place][one], mine[place][other], len(asked),
+                settings["practical"] if alike else None, settings["contamination"],
+            )  # fmt: skip
+            where = {"scenario": place, "response": response, "one": one, "other": other}
+            rows.append({**where, **found.to_json()})
     columns = ["scenario", "response", "one", "other", *Difference.__dataclass_fields__]
     return pd.DataFrame(rows, columns=columns).astype({"runs_needed": "Int64"})

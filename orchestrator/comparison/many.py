@@ -75,7 +75,8 @@ class Many(Shown):
             if row["failed"] == runs:
                 lines.append(f"{receiver}: no estimate in any of {runs} runs")
                 continue
-            rms, within = (tournament_words.size(found["mean"], "m") for found in (row, beside))
+            rms = tournament_words.size(row["rms_over_runs"], "m")
+            within = tournament_words.size(beside["mean"], "m")
             lines.append(
                 f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
                 f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")

@@ -4,17 +4,28 @@ A seed is one observation. Runs of one seed have the same noise, so their differ
 and the errors inside of a run follow each other, so they are never pooled: an interval is always
 from one number per seed.
 
+**Shares.** In what share of all dives a receiver is better needs no assumption: Clopper and
+Pearson's lower bound, from the number of runs in which it was. It is better if the sign test of
+the runs in which the two differ says so (Conover, Practical Nonparametric Statistics, 3rd edition,
+1999, section 3.4).
+
+**Medians.** The interval of the median difference is of order statistics, and needs none either.
+
 **Means.** An interval of a mean has on each side the bound of `sblcosim.analysis.bounds`, which
 holds for skewed runs and for outliers. No bound of a mean holds against bad runs that were never
 seen. So it is a statement for a stated share c of contamination: bad runs that are at least this
 share have been seen, for which n = ln(risk)/ln(1 − c) runs are needed, as (1 − c)ⁿ ≤ risk; with
-fewer there is no interval. A run in which a receiver has failed is worse than any other.
+fewer there is no interval, nor with heavy tails, or where a receiver has failed.
 
-**Simultaneous.** All differences of a comparison hold at once (Bonferroni: each at α/m), whatever
-their dependence; so who is picked out after a look at all of them is judged fairly.
+**Simultaneous.** All that is said of the pairs of a response holds at once, whatever their
+dependence; so who is picked out after a look at all of them is judged fairly. Of m pairs each has
+the risk α/m (Bonferroni). Half of it is for the share of dives, a quarter each for the intervals of
+the median and of the mean. If neither is better, the sign test may err on either side, and takes it
+all: then the interval of the median errs only where the test does, and nothing is said of share and
+mean unless it errs.
 
-**Shares and percentiles** over the runs have exact bounds: Clopper and Pearson's, and order
-statistics.
+**Percentiles** over the runs have exact bounds of order statistics, shares of lost runs Clopper and
+Pearson's.
 """
 
 from __future__ import annotations
@@ -25,12 +36,15 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from ..analysis.bounds import LEAST_RUNS, TOLERANCE, mean_bound, percentile_bound, share_bound
+from ..analysis.centred import centred
+from ..analysis.medians import median_interval
 from ..results.definitions import CONFIDENCE
 
 Floats = NDArray[np.float64]
-Word = Literal["better", "worse", "equal", "cannot tell"]
+Word = Literal["better", "worse", "equal", "undecided"]
 
 ALPHA = 1 - CONFIDENCE
 """Risk of all that is said at once."""
@@ -127,7 +141,7 @@ def level(values: Floats, contamination: float = CONTAMINATION) -> Level:
     mean, low, high = mean_interval(np.where(np.isfinite(values), values, inf), ALPHA / 2)
     if n < least_runs(contamination, ALPHA / 2):
         low = high = nan
-    std = float(y.std(ddof=1)) if len(y) > 1 else nan
+    std = float(centred(y).off.std(ddof=1)) if len(y) > 1 else nan
     median = float(np.median(y))
     return Level(
         n, failed, mean, std, median, float(y[0]), float(y[-1]), low, high, within, upper, *_tail(y)
@@ -159,29 +173,41 @@ class Difference:
     ----------
     runs
         Number of seeds.
+    wins, losses
+        Number of runs in which the first one is better, and worse. In the others the two are equal,
+        or both have failed.
+    verdict
+        Of the first one: ``equal`` if the interval of the median lies within ± the practical
+        difference, none has failed and no few runs are far off; else ``better`` or ``worse`` if the
+        sign test says so; else ``undecided``.
+    share_low
+        Of all dives, the share in which the one that is better is better, at least; NaN if neither
+        surely is.
+    median, low, high
+        Median difference and its interval; infinite where failed runs count, NaN with too few runs.
     mean
         Of the runs that have both; NaN without any.
-    low, high
-        Interval that holds at once with all others of the comparison; infinite where there is no
-        bound, NaN with fewer runs than `least`.
-    wins
-        Number of runs in which the first one is better.
-    verdict
-        Of the first one: ``better`` or ``worse`` if the interval leaves out 0, ``equal`` if it
-        lies within ± the practical difference, else ``cannot tell``.
-    least
-        Number of runs that any interval takes.
+    mean_low, mean_high
+        Interval of the mean; NaN where its assumptions do not hold, or the verdict is undecided.
+    least, mean_least
+        Number of runs that a verdict takes at least, and an interval of the mean.
     runs_needed
-        Estimated number of runs that would tell; None if that cannot be said.
+        Estimated number of runs that would decide; None if that cannot be said.
     """
 
     runs: int
-    mean: float
+    wins: int
+    losses: int
+    verdict: Word
+    share_low: float
+    median: float
     low: float
     high: float
-    wins: int
-    verdict: Word
+    mean: float
+    mean_low: float
+    mean_high: float
     least: int
+    mean_least: int
     runs_needed: int | None
 
     def to_json(self) -> dict[str, Any]:
@@ -205,53 +231,95 @@ def difference(
     comparisons
         Number of comparisons that are to hold at once.
     practical
-        Differences below it do not matter; None: nothing is called equal.
+        Median differences below it do not matter; None: nothing is called equal.
     contamination
-        Share of bad runs that an interval is to hold against.
+        Share of bad runs that an interval of the mean is to hold against.
     """
     failed, other_failed = ~np.isfinite(one), ~np.isfinite(other)
     with np.errstate(invalid="ignore"):
         d = np.where(failed, inf, one) - np.where(other_failed, inf, other)  # NaN: both failed
+    wins, losses = int((d < 0).sum()), int((d > 0).sum())
     risk = ALPHA / (2 * comparisons)
-    least = least_runs(contamination, risk)
-    mean, low, high = mean_interval(d, risk)
-    told = int((~np.isnan(d)).sum()) >= least
-    verdict = _verdict(low, high, practical) if told else "cannot tell"
-    needed = None if verdict != "cannot tell" else _needed(d, mean, low, high, practical, least)
-    if not told:
-        low = high = nan
-    return Difference(len(d), mean, low, high, int((d < 0).sum()), verdict, least, needed)
+    own = risk / 4  # of an interval, on each side
+    y = np.sort(d[~np.isnan(d)])
+    low, high = median_interval(y, len(y), 1 - 2 * own) if len(y) else (nan, nan)
+    verdict = _verdict(d, low, high, practical, risk)
+    sure = max(wins, losses) if _told(wins, losses, risk) else 0
+    mean, mean_low, mean_high = mean_interval(d, own)
+    mean_least = least_runs(contamination, own)
+    if verdict == "undecided" or len(d) < mean_least or not _alike(d):
+        mean_low = mean_high = nan
+    return Difference(
+        len(d), wins, losses, verdict,
+        1 - share_bound(len(d) - sure, len(d), risk) if sure else nan,
+        _middle(y), low, high, mean, mean_low, mean_high, least_verdict(risk), mean_least,
+        _needed(d, low, high, practical, risk) if verdict == "undecided" else None,
+    )  # fmt: skip
 
 
-def _verdict(low: float, high: float, practical: float | None) -> Word:
-    if practical is not None and -practical <= low and high <= practical:
+def least_verdict(risk: float) -> int:
+    """Number of runs, better in each, from which on a sign test decides: ½ⁿ ≤ risk."""
+    return ceil(log(risk) / log(0.5) - TOLERANCE)
+
+
+def _told(wins: int, losses: int, risk: float) -> bool:
+    """Whether the sign test decides, at the risk on each side."""
+    return bool(stats.binom.cdf(min(wins, losses), wins + losses, 0.5) <= risk)
+
+
+def _verdict(d: Floats, low: float, high: float, practical: float | None, risk: float) -> Word:
+    near = practical is not None and -practical <= low and high <= practical
+    if near and _alike(d):  # whoever is lost in some runs is not equal to whoever is not
         return "equal"
-    if high < 0:
-        return "better"
-    return "worse" if low > 0 else "cannot tell"
+    wins, losses = int((d < 0).sum()), int((d > 0).sum())
+    if not _told(wins, losses, risk):
+        return "undecided"
+    return "better" if wins > losses else "worse"
+
+
+def _middle(y: Floats) -> float:
+    """Median of differences in ascending order, which may be infinite."""
+    if not len(y):
+        return nan
+    pair = y[(len(y) - 1) // 2], y[len(y) // 2]
+    return float(pair[0] if pair[0] == pair[1] else sum(pair) / 2)
+
+
+def _alike(d: Floats) -> bool:
+    """Whether none has failed and no few differences are far from the others."""
+    whole = bool(np.isfinite(d).all())
+    return whole and not any(_tail(np.sort(sign * d))[0] > TAIL_SPREAD for sign in (1, -1))
 
 
 def _needed(
-    d: Floats, mean: float, low: float, high: float, practical: float | None, least: int
+    d: Floats, low: float, high: float, practical: float | None, risk: float
 ) -> int | None:
-    """Estimated runs until the interval, which shrinks with √n, tells in five of six comparisons.
+    """Estimated runs until the verdict falls in five of six comparisons like this one.
 
-    For this its reach is taken with one standard error of the mean.
+    The sign test sees the share of wins among the runs that differ, with its standard error; the
+    interval of the median shrinks with √n, for which its reach is taken with one standard error.
     """
-    finite = d[np.isfinite(d)]
-    n = len(finite)
-    if n < LEAST_RUNS or not (isfinite(low) and isfinite(high)):
+    n, wins, losses = len(d), int((d < 0).sum()), int((d > 0).sum())
+    if n < LEAST_RUNS:
         return None
-    chance = float(finite.std(ddof=1)) / sqrt(n)
-    above, below = high - mean + chance, mean - low + chance
-    factors = []
-    if mean != 0:
-        factors.append((above if mean < 0 else below) / abs(mean))
-    if practical is not None and abs(mean) < practical:
-        factors.append(max(above / (practical - mean), below / (practical + mean)))
-    if not factors or n * min(factors) ** 2 > MOST_RUNS:
+    likely = float(stats.norm.ppf(5 / 6))
+    found = []
+    if wins != losses:
+        told = wins + losses
+        share = max(wins, losses) / told
+        reach = float(stats.norm.isf(risk)) / 2 + likely * sqrt(share * (1 - share))
+        found.append(max((reach / (share - 0.5)) ** 2, least_verdict(risk)) * n / told)
+    if practical is not None and isfinite(low) and isfinite(high):
+        middle = _middle(np.sort(d[~np.isnan(d)]))
+        if abs(middle) < practical:
+            chance = likely * (high - low) / 2 / float(stats.norm.isf(risk / 4))
+            above, below = high - middle + chance, middle - low + chance
+            found.append(
+                n * max(above / (practical - middle), below / (practical + middle)) ** 2
+            )
+    if not found or min(found) > MOST_RUNS:
         return None
-    return max(least, rounded_up(n * min(factors) ** 2))
+    return max(least_verdict(risk), rounded_up(min(found)))
 
 
 def rounded_up(number: float) -> int:

@@ -67,7 +67,7 @@ class Tournament(Shown):
         What was asked: scenarios as they were run, receivers, ``runs``, ``seed``, ``settling_s``,
         ``response``, ``practical``, ``contamination``.
     receivers
-        Labels, the best one on average first.
+        Labels, the one with the least median first.
     places
         Names of the scenarios, and `ALL` if there are several.
     table
@@ -75,11 +75,12 @@ class Tournament(Shown):
     levels
         One row per place, receiver and response: the fields of
         `sblcosim.comparison.statistics.Level`, the number of ``lost`` runs and the 95 % interval of
-        their share (Clopper and Pearson's; of one scenario), and what the runs say of the
-        covariance (`sblcosim.results.consistency`).
+        their share (Clopper and Pearson's; of one scenario), what the runs say of the
+        covariance (`sblcosim.results.consistency`), and ``rms_over_runs`` (see
+        `sblcosim.results.over_runs`; NaN if the response is no RMS).
     differences
         One row per place, response and pair of receivers: the fields of
-        `sblcosim.comparison.statistics.Difference`, which all hold at once.
+        `sblcosim.comparison.statistics.Difference`, those of a response all at once.
     update_s
         Time of an update [s] by scenario and receiver, measured here and only roughly the same
         the next time: in no file. None where it cannot be told.
@@ -224,7 +225,8 @@ def compare(
     settling_s
         Errors count from this time after the start [s].
     practical
-        Differences below it do not matter [unit of the response]; None: nothing is called equal.
+        Median differences below it do not matter [unit of the response]; None: nothing is called
+        equal.
     overrides
         Keys to change in all scenarios.
     seed

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 ROW, ABOVE = 0.27, 0.75
 """Height of a receiver, and of what is above and below the receivers of a place [inch]."""
 REACH, FAR = 6.0, 1.5
-"""Differences of more than so many times their median, and of the best one's mean, are drawn at the
-edge."""
+"""Differences of more than so many times their median, and of the best one's median, are drawn at
+the edge."""
 _CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
 """Of a label, and on an axis, per inch; inches of a column of the legend."""
 _MARKS = {
-    "worse": ("s", "worse than the best"), "cannot tell": ("o", "cannot tell"),
+    "worse": ("s", "worse than the best"), "undecided": ("o", "undecided"),
     "equal": ("D", "equal for practical purposes"), "better": ("^", "better here"),
 }  # fmt: skip
 
@@ -43,11 +43,11 @@ class Panel:
     Attributes
     ----------
     receivers
-        The best one on average first.
+        The one with the least median first.
     spread
-        5th, 25th, 75th and 95th percentile and mean of each receiver's runs, shape (n, 5).
+        5th, 25th, 75th and 95th percentile and median of each receiver's runs, shape (n, 5).
     difference
-        Mean, lower and upper end of each receiver minus the best one, shape (n − 1, 3).
+        Median, lower and upper end of each receiver minus the best one, shape (n − 1, 3).
     verdicts
         Of each but the best one.
     """
@@ -75,7 +75,7 @@ def shown(
         names = in_place(it, place)
         good = [values[place][name][np.isfinite(values[place][name])] for name in names]
         spread = [
-            [*np.percentile(y, (5, 25, 75, 95)), y.mean()] if len(y) else [np.nan] * 5 for y in good
+            [*np.percentile(y, (5, 25, 75, 95, 50))] if len(y) else [np.nan] * 5 for y in good
         ]
         rows = [
             row for row in rows_of(it, place, it.response) if differences and row.one == names[0]
@@ -83,7 +83,7 @@ def shown(
         flipped = {"better": "worse", "worse": "better"}
         panels.append(Panel(
             place, tuple(names), np.array(spread).reshape(-1, 5),
-            np.array([[-row.mean, -row.high, -row.low] for row in rows]).reshape(-1, 3),
+            np.array([[-row.median, -row.high, -row.low] for row in rows]).reshape(-1, 3),
             tuple(flipped.get(row.verdict, row.verdict) for row in rows),
         ))  # fmt: skip
     return panels, words_of(it.response), unit_of(it.response), it.settings["practical"]
@@ -99,9 +99,9 @@ def plot_tournament(
 ) -> Sequence[Axes]:
     """Draw the runs of each receiver, and the differences from the best one.
 
-    On the left the middle half of the runs (thick), 5 to 95 % of them (thin) and their mean; on the
-    right the mean differences with intervals that hold all at once, and the practical difference.
-    A row of two panels for each place; with a single receiver, only the left ones.
+    On the left the middle half of the runs (thick), 5 to 95 % of them (thin) and their median; on
+    the right the median differences with intervals that hold all at once, and the practical
+    difference. A row of two panels for each place; with a single receiver, only the left ones.
     """
     both = any(len(panel.difference) for panel in panels)
     with use(theme, axes) as look:
@@ -122,7 +122,7 @@ def plot_tournament(
                 _difference(axes[sides * i + 1], panel, look, unit, practical)
         drawn = {verdict for panel in panels for verdict in panel.verdicts}
         handles: list[Any] = [
-            Line2D([], [], marker="o", ls="", label="mean of the runs", **_mean(look)),
+            Line2D([], [], marker="o", ls="", label="median of the runs", **_middle(look)),
             Line2D([], [], color=look.receivers[1], lw=5, label="middle half of the runs"),
             *(Line2D([], [], marker=_MARKS[word][0], label=_MARKS[word][1], ls="-",
                    **_look(word, look))
@@ -142,7 +142,7 @@ def plot_tournament(
     return axes
 
 
-def _mean(look: Theme) -> dict[str, Any]:
+def _middle(look: Theme) -> dict[str, Any]:
     return {"ms": 5.0, "mew": 1.2, "mfc": look.paper, "mec": look.ink}
 
 
@@ -165,10 +165,10 @@ def _rows(ax: Axes, panel: Panel) -> None:
 
 def _spread(ax: Axes, panel: Panel, look: Theme, label: str) -> None:
     _rows(ax, panel)
-    for y, (low, first, third, high, mean) in enumerate(panel.spread):
+    for y, (low, first, third, high, median) in enumerate(panel.spread):
         ax.plot([low, high], [y, y], color=look.ink, lw=0.9, solid_capstyle="butt")
         ax.plot([first, third], [y, y], color=look.receivers[1], lw=5, solid_capstyle="butt")
-        ax.plot(mean, y, "o", zorder=4, **_mean(look))
+        ax.plot(median, y, "o", zorder=4, **_middle(look))
     ends = panel.spread[np.isfinite(panel.spread) & (panel.spread > 0)]
     if len(ends) and ends.max() > 50 * ends.min():
         ax.set_xscale("log")
@@ -186,29 +186,29 @@ def _difference(
     if practical is not None:
         ax.axvspan(-practical, practical, color=look.grid, lw=0, zorder=0)
     ax.axvline(0.0, color=look.ink, lw=1.0)
-    means = np.abs(panel.difference[:, 0])
-    known = means[np.isfinite(means)]
+    middles = np.abs(panel.difference[:, 0])
+    known = middles[np.isfinite(middles)]
     best = abs(float(panel.spread[0, -1]))
     edge = max(REACH * float(np.median(known)), FAR * best) if len(known) and best > 0 else np.inf
-    for y, ((mean, low, high), verdict) in enumerate(
+    for y, ((median, low, high), verdict) in enumerate(
         zip(panel.difference, panel.verdicts, strict=True), 1
     ):
         style = _look(verdict, look)
         if not np.isnan(low):
             ends = np.clip([low, high], -edge, edge)
             ax.plot(ends, [y, y], color=style["color"], lw=style["lw"])
-        beyond = abs(mean) > edge
-        mark = _MARKS[verdict][0] if not beyond else ">" if mean > 0 else "<"
-        at = np.clip(mean, -edge, edge)
+        beyond = abs(median) > edge
+        mark = _MARKS[verdict][0] if not beyond else ">" if median > 0 else "<"
+        at = np.clip(median, -edge, edge)
         ax.plot(at, y, ls="", marker=mark, color=style["color"], mfc=style["mfc"], ms=style["ms"],
                 zorder=4)
         if beyond:
-            ax.annotate(f"{mean:.3g}", (at, y), (0, 3), textcoords="offset points", fontsize=SMALL,
-                        ha="right" if mean > 0 else "left", va="bottom")
+            ax.annotate(f"{median:.3g}", (at, y), (0, 3), textcoords="offset points",
+                        fontsize=SMALL, ha="right" if median > 0 else "left", va="bottom")
     ax.margins(x=0.06)
     of = f" [{unit}]" if unit else ""
     held = "" if np.isnan(panel.difference[:, 1:]).all() else ", 95 % all at once"
-    _label(ax, f"difference from {short(panel.receivers[0])}{of}{held}")
+    _label(ax, f"median difference from {short(panel.receivers[0])}{of}{held}")
 
 
 def _label(ax: Axes, text: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from math import isfinite, isnan
+from math import ceil, floor, isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -13,6 +13,7 @@ from ..analysis.sentences import rounded
 from ..layout import fitted, table
 from ..results.consistency import COVARIANCES
 from ..results.definitions import LOST
+from ..results.over_runs import SUFFIX
 from ..results.responses import RESPONSES, readable, unit_of
 from .evaluation import ALL, PERCENTILE
 from .statistics import ALPHA, SHARE, least_runs
@@ -23,9 +24,13 @@ if TYPE_CHECKING:
 _NAMED = 4
 """More receivers or scenarios than that are counted, not listed."""
 _NOTES = (
-    "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. The "
-    "mean is over the runs, lost ones included; over all scenarios it is of the seeds' means.",
-    "A difference is of the first receiver less the second: below 0 the first one is better.",
+    "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. An "
+    "RMS over runs is the root of the mean of their mean squares, lost runs included; over all "
+    "scenarios it is the mean of theirs. Differences are between the values of single runs; over "
+    "all scenarios, between a seed's means over them.",
+    "A difference is of the first receiver less the second: below 0 the first one is better. The "
+    "sign test, which assumes nothing, says who is better. An interval of the mean stands only "
+    "where there are enough runs, none has failed, and no few of them make it.",
     "95 % in a run: what 95 % of the estimates of a run are within, mean over the runs. 95 % of "
     "runs: what is compared is below it in 95 % of the runs, an upper bound by order statistics.",
     f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
@@ -56,7 +61,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def in_place(it: Tournament, place: str) -> list[str]:
-    """The receivers that were in a place, the best one on average first."""
+    """The receivers that were in a place, the one with the least median first."""
     there = set(it.levels.loc[it.levels["scenario"] == place, "receiver"])
     return [receiver for receiver in it.receivers if receiver in there]
 
@@ -72,50 +77,109 @@ def rows_of(it: Tournament, place: str, response: str) -> list[Any]:
 
 def answer(it: Tournament) -> str:
     """Which receiver is best, and where it is not."""
-    place, response = it.places[-1], it.response
-    unit = unit_of(response)
+    place = it.places[-1]
     names = in_place(it, place)
-    where = f"over {len(it.places) - 1} scenarios" if place == ALL else f"in {place}"
-    means = ", ".join(f"{name} {size(it.level(place, name)['mean'], unit)}" for name in names)
-    runs = it.level(place, names[0])["runs"] if names else 0
-    said = f"{words_of(response)}, mean of {runs} runs {where}: {means}."
     if len(names) < 2:
-        return said if names else "No receiver was in all scenarios, so none is best over all."
-    return " ".join([_best(it, place, names[0], unit), said, *_exceptions(it)])
+        return (_reached(it, place, names) if names else
+                "No receiver was in all scenarios, so none is best over all.")  # fmt: skip
+    return " ".join([
+        *_best(it, place, names[0]), _reached(it, place, names), *_exceptions(it)
+    ])  # fmt: skip
 
 
-def _best(it: Tournament, place: str, best: str, unit: str) -> str:
+def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
+    """What the receivers have, over all runs."""
+    unit = unit_of(it.response)
+    values = ", ".join(f"{name} {size(reached(it.level(place, name)), unit)}" for name in names)
+    runs = it.level(place, names[0])["runs"]
+    where = f", mean of {len(it.places) - 1} scenarios" if place == ALL else f" in {place}"
+    over = " over" if it.response.endswith(SUFFIX) else ", mean of"
+    return f"{words_of(it.response)}{over} {runs} runs{where}: {values}."
+
+
+def reached(row: Any) -> float:
+    """What a receiver has over all runs: of an RMS that over the runs, else the mean."""
+    return float(row["mean"] if isnan(row["rms_over_runs"]) else row["rms_over_runs"])
+
+
+def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
+    """What is said of the best one and the others: what needs no assumption first."""
     rows = [row for row in rows_of(it, place, it.response) if row.one == best]
-    groups = {word: [row for row in rows if row.verdict == word] for word in
-              ("better", "equal", "cannot tell", "worse")}  # fmt: skip
-    better, equal, open_, worse = groups.values()
-    parts = []
+    better, equal, open_, worse = (
+        [row for row in rows if row.verdict == word]
+        for word in ("better", "equal", "undecided", "worse")
+    )
     if better:
-        least = min(better, key=lambda row: -row.mean)
         names = [row.other for row in better]
-        than = "all others" if len(names) == len(rows) > 1 else listed(names)
-        parts.append(
-            f"{best} is better than {than}: {size(-least.mean, unit)} "
-            f"({span(-least.high, -least.low, unit)}) less"
-            + (f" than {least.other}" if len(names) > 1 else "")
-        )
+        yield f"{best} is better than {_all_or(names, rows)}."
+        closest = min(better, key=lambda row: row.share_low)
+        yield _sure(it, closest, f"than {closest.other}, the closest, " if len(better) > 1 else "")
+        yield from _though(it, place, best, names)
     if equal:
-        within = size(float(it.settings["practical"]), unit)
-        parts.append(f"{best} and {listed([row.other for row in equal])} are equal within {within}")
+        within = size(float(it.settings["practical"]), unit_of(it.response))
+        names = [row.other for row in equal]
+        yield f"{best} and {listed(names)} are equal within {within} in the median."
     if open_:
         needed = [row.runs_needed for row in open_]
         about = (
-            f"; about {max(needed):,} runs would{' for all of them' if len(open_) > 1 else ''}"
+            f"; about {max(needed):,} runs would decide{' all of it' if len(open_) > 1 else ''}"
             if all(map(pd.notna, needed)) else ""
         )
-        parts.append(
-            f"whether {best} is better than {listed([row.other for row in open_])}, "
-            f"{open_[0].runs} runs cannot tell{about}"
+        yield (
+            f"Whether {best} is better than {listed([row.other for row in open_])} is undecided "
+            f"after {open_[0].runs} runs{about}."
         )
-    if worse:
-        parts.append(f"{best} is worse than {listed([row.other for row in worse])}")
-    text = "; ".join(parts)
-    return f"{text[:1].upper() if text.startswith('whether') else text[:1]}{text[1:]}."
+    for row in worse:
+        yield f"{best} is worse than {row.other} in {row.losses} of {row.runs} runs."
+
+
+def _all_or(names: Sequence[str], rows: Sequence[Any]) -> str:
+    return "all others" if len(names) == len(rows) > 1 else listed(names)
+
+
+def _sure(it: Tournament, row: Any, whom: str) -> str:
+    """The share of dives in which it is better, then the median and the mean."""
+    unit = unit_of(it.response)
+    several = (it.differences["response"] == it.response).sum() > 1
+    level, at_once = 100 * (1 - ALPHA), ", all pairs at once" if several else ""
+    alike = f" (worse in {row.losses})" if row.runs > row.wins + row.losses else ""
+    text = (
+        f"It is better {whom}in {row.wins} of {row.runs} runs{alike}: in at least "
+        f"{share(row.share_low)} of dives ({level:.0f} % confidence{at_once})"
+    )
+    if isfinite(row.median):
+        interval = "" if isnan(row.low) else f" ({span(-row.high, -row.low, unit)})"
+        text += f"; {size(-row.median, unit)} less in the median{interval}"
+    if isfinite(row.mean_low):
+        text += (
+            f", {size(-row.mean, unit)} on average "
+            f"({span(-row.mean_high, -row.mean_low, unit)})"
+        )
+    return f"{text}."
+
+
+def share(value: float) -> str:
+    """A lower bound of a share in per cent, rounded down."""
+    digits = 0 if value < 0.99 else 1
+    return f"{floor(100 * value * 10**digits) / 10**digits:.{digits}f} %"
+
+
+def _dives(row: Any) -> str:
+    """Bound of the share of dives in which the first one is better."""
+    if isnan(row.share_low):
+        return "–"
+    return f"≥ {share(row.share_low)}" if row.wins > row.losses else (
+        f"≤ {ceil(100 * (1 - row.share_low))} %")
+
+
+def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Iterator[str]:
+    """What a share of dives does not show: that the better one is lost, or fails, more often."""
+    mine = it.level(place, best)
+    scenarios = len(it.places) - 1 if place == ALL else 1
+    for what, said, runs in (("lost", "it was lost", scenarios * mine["runs"]),
+                             ("failed", "it failed", mine["runs"])):  # fmt: skip
+        if mine[what] > min(it.level(place, name)[what] for name in others):
+            yield f"But {said} in {mine[what]} of {runs} runs."
 
 
 def _exceptions(it: Tournament) -> Iterator[str]:
@@ -136,17 +200,19 @@ def notes(it: Tournament) -> Iterator[str]:
         for receiver in in_place(it, place):
             yield from beside(it, place, receiver)
         for row in rows_of(it, place, it.response):
-            if row.verdict == "better" and row.wins < row.runs / 2:
+            pair = (row.one, row.other) if row.verdict == "better" else (row.other, row.one)
+            sign = {"better": 1, "worse": -1}.get(row.verdict, 0)
+            if sign * row.mean > 0:
                 yield (
-                    f"{place}: {row.one} is better than {row.other} on average, but not in most "
-                    f"runs: in {row.wins} of {row.runs}"
+                    f"{place}: {pair[0]} is better than {pair[1]} in most runs, but its mean over "
+                    f"the runs is {size(abs(row.mean), unit_of(it.response))} more"
                 )
     yield from _too_few(it)
     yield from unbounded(it)
 
 
 def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
-    """What must be known beside the mean of a receiver."""
+    """What must be known beside the RMS or the mean of a receiver."""
     row = it.level(place, receiver)
     if row["failed"]:
         yield (
@@ -182,15 +248,10 @@ def _tail(place: str, receiver: str, row: Any, unit: str) -> str:
 
 def _too_few(it: Tournament) -> Iterator[str]:
     runs = int(it.settings["runs"])
-    share = it.settings["contamination"]
     if len(it.differences):
         least = int(it.differences["least"].max())
         if runs < least:
-            yield (
-                f"no interval of a difference from {runs} runs: {least} are needed, "
-                f"{least - runs} more, so that all {len(it.differences)} together hold against "
-                f"bad runs of {100 * share:.3g} %"
-            )
+            yield f"no verdict from {runs} runs: {least} are needed, {least - runs} more"
 
 
 def unbounded(it: Tournament) -> Iterator[str]:
@@ -230,8 +291,9 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
             if rows:
                 unit = unit_of(response)
                 head = (f"difference of {words_of(response)}" + (f" [{unit}]" if unit else ""),
-                        "mean", "95 %, all at once", "better in", "the first is")  # fmt: skip
-                lines += ["", *_table(rows, width, head, (1, 2, 3), (2,))]
+                        "better in", "of dives", "median", "95 %, all at once", "mean",
+                        "95 %, all at once", "the first is")  # fmt: skip
+                lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6))]
     if verbose:
         lines += ["", *_NOTES]
     return fitted("\n".join(lines), width)
@@ -249,7 +311,7 @@ def _heads(it: Tournament) -> tuple[str, ...]:
 
 
 def _first(it: Tournament) -> str:
-    """What is compared, for the head of a column."""
+    """What the receivers have, for the head of a column."""
     unit = f" [{unit_of(it.response)}]" if unit_of(it.response) else ""
     return f"{words_of(it.response).removesuffix(' total error')}{unit}"
 
@@ -261,7 +323,7 @@ def levels(it: Tournament, place: str, width: int | None) -> Iterator[str]:
 
 def spreads(it: Tournament, place: str, width: int | None) -> Iterator[str]:
     """The lines of the table of the spread between the runs."""
-    head = (f"{_first(it)} over the runs", *_SPREADS)
+    head = (f"{_first(it)} of each run", *_SPREADS)
     return _table([*_spreads(it, place)], width, head, range(1, 7), (5, 6))
 
 
@@ -287,7 +349,7 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         whole = row["runs"] * (len(it.places) - 1 if place == ALL else 1)
         yield (
             receiver,
-            rounded(row["mean"]),
+            rounded(reached(row)),
             rounded(beside["mean"]),
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
             f"{rounded(100 * row['lost'] / whole, 2)} %",
@@ -337,11 +399,12 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
 def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[str, ...]]:
     for row in rows_of(it, place, response):
         said = row.verdict
-        # What any interval takes is said once, for all pairs.
+        # What any verdict takes is said once, for all pairs.
         own = pd.notna(row.runs_needed) and (row.runs >= row.least or row.runs_needed > row.least)
-        if said == "cannot tell" and own:
-            said += f"; about {row.runs_needed:,} runs would"
+        if said == "undecided" and own:
+            said += f"; about {row.runs_needed:,} runs would decide"
         yield (
-            f"{row.one} − {row.other}", rounded(row.mean), span(row.low, row.high),
-            f"{row.wins} of {row.runs}", said,
+            f"{row.one} − {row.other}", f"{row.wins} of {row.runs}", _dives(row),
+            rounded(row.median), span(row.low, row.high),
+            rounded(row.mean), span(row.mean_low, row.mean_high), said,
         )  # fmt: skip

@@ -103,7 +103,9 @@ def _medians(a: GeneralFactorial) -> Table:
 
 def _pairs(a: GeneralFactorial) -> Table:
     own = f" [{a.unit}]" if a.unit else ""
-    ordered = a.pairs.sort_values("t", key=abs, ascending=False, kind="stable").head(MOST_ROWS)
+    by = "difference" if a.by_medians else "t"
+    ordered = a.judged_pairs.sort_values(by, key=abs, ascending=False, kind="stable")
+    ordered = ordered.head(MOST_ROWS)
     rows = [
         (str(row["factor"]), f"{_level(a, row, 'one')} less {_level(a, row, 'other')}",
          number(row["difference"], 4), span(row["low"], row["high"], number),
@@ -111,8 +113,9 @@ def _pairs(a: GeneralFactorial) -> Table:
          *([] if a.practical is None else [sentences.verdict_text(row["verdict"], a)]))
         for _, row in ordered.iterrows()
     ]  # fmt: skip
-    head = ("Factor", "Levels", f"Difference{own}", f"Simultaneous interval{own}", "p, adjusted",
-            *([] if a.practical is None else ["Verdict"]))
+    of = " of medians" if a.by_medians else ""
+    head = ("Factor", "Levels", f"Difference{of}{own}", f"Simultaneous interval{own}",
+            "p, adjusted", *([] if a.practical is None else ["Verdict"]))
     note = "" if len(ordered) == len(a.pairs) else (
         f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
     )

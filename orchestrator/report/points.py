@@ -19,8 +19,9 @@ COLUMNS = {
 }
 """Responses of a run whose means are shown, and their words."""
 _NOTE = (
-    "RMS: of the total error, in the world, after the settling time. Inconsistent: share of the "
-    "runs whose mean NEES lies above its 95 % band, so that they claim too much. "
+    "Mean RMS: mean of the runs' RMS of the total error, in the world, after the settling time. "
+    "The RMS over the runs, root of the mean of their mean squares, is larger. Inconsistent: share "
+    "of the runs whose mean NEES lies above its 95 % band, so that they claim too much. "
     f"{LOST}"
 )
 

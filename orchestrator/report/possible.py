@@ -18,6 +18,7 @@ from ..api import run
 from ..errors import SblcosimError
 from ..limits.run import of_run
 from ..limits.verdict import Possible
+from ..results.over_runs import pooled_by
 from ..scenario.scenario import Scenario
 from ..scenario.wiring import connect
 from ..simulation.resolve import resolve
@@ -66,10 +67,10 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     looking_back = _looking_back(study)
     columns = (c for c in runs.columns if c.endswith(f".{RMS}"))
     column = next((c for c in columns if c.partition(".")[0] not in looking_back), None)
-    means = None if column is None else runs.groupby("point")[column].mean()
+    reached = None if column is None else pooled_by(runs[column], runs["point"])
     rows: list[Sequence[str]] = []
     without: dict[str, None] = {}
-    for point in _chosen(len(study.points.values), means):
+    for point in _chosen(len(study.points.values), reached):
         scenario = study.base.override(study.overrides(point).items())
         scenario = scenario.override({"seed": study.run_seed(point, 1)})
         verdict = of_scenario(scenario, study.settling_ns)
@@ -79,13 +80,13 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
         where = ", ".join(
             f"{study.labels[name]} {quantity(v, study.units[name])}" for name, v in values
         )
-        mean = np.nan if means is None else means.get(point, np.nan)
-        rows.append((where or "all runs", number(mean), *cells(verdict)))
+        rms = np.nan if reached is None else reached.get(point, np.nan)
+        rows.append((where or "all runs", number(rms), *cells(verdict)))
         without |= dict.fromkeys(verdict.without)
     if not rows:
         return []
     receiver = "" if column is None else f", {column.partition('.')[0]}"
-    head = ("Point", f"Mean RMS{receiver}", "Reference", "Reference, relative to the platform")
+    head = ("Point", f"RMS{receiver}", "Reference", "Reference, relative to the platform")
     left = f" Errors that it leaves out: {', '.join(without)}." if without else ""
     return [Table("What is possible", head, rows, (), _NOTE + left)]
 
@@ -106,11 +107,11 @@ def cells(verdict: Possible) -> tuple[str, str]:
     return number(verdict.absolute_rms), number(verdict.relative_rms)
 
 
-def _chosen(points: int, means: pd.Series[float] | None) -> list[int]:
+def _chosen(points: int, reached: pd.Series[float] | None) -> list[int]:
     """The points that are looked at, counted from 1."""
     if points <= MOST_POINTS:
         return list(range(1, points + 1))
-    known = pd.Series(dtype=float) if means is None else means.dropna()
+    known = pd.Series(dtype=float) if reached is None else reached.dropna()
     if known.empty:
         return []
     numbers = known.index.to_numpy(dtype=int)

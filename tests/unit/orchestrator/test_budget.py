@@ -319,6 +319,26 @@ def test_intervals_cover_the_share_of_skewed_runs(kind: str) -> None:
     assert 0.91 <= inside / 200 <= 0.99
 
 
+def test_the_longer_end_of_an_interval_is_on_the_side_of_the_tail() -> None:
+    """Of skewed runs the mean is more often too small: each end from its own tail of t.
+
+    With the ends the other way round the true share lies above one interval in seven.
+    """
+    rng = np.random.default_rng(6)
+    longer, above, below = 0, 0, 0
+    for sample in range(150):
+        part = rng.chisquare(1, 30)
+        (ratio,), (low,), (high,) = shares(part[:, None], np.full(30, 2.0), sample)
+        longer += high - ratio > ratio - low
+        above += high < 0.5
+        below += low > 0.5
+    assert longer == 150
+    assert above <= 0.09 * 150
+    assert below <= 0.06 * 150
+    mirrored = shares(-part[:, None], np.full(30, 2.0), sample)
+    np.testing.assert_allclose([-x[0] for x in mirrored], [ratio, high, low], rtol=0.05)
+
+
 def test_intervals_are_paired() -> None:
     """What is common to both runs of a seed cancels."""
     rng = np.random.default_rng(1)

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 from sblcosim.analysis.bounds import runs_for_t, runs_to_see
 from sblcosim.analysis.general import GeneralFactorial, analyse
-from sblcosim.analysis.medians import median_interval
+from sblcosim.analysis.medians import median_interval, median_pairs, median_table
+from sblcosim.analysis.options import Options
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 from statsmodels.formula.api import ols
@@ -133,6 +134,30 @@ def test_terms_of_common_random_numbers_are_those_of_repeated_measures() -> None
     assert anova.loc["B", "epsilon"] == pytest.approx(epsilon)
     f = anova.loc["B", "F"]
     assert anova.loc["B", "p"] == pytest.approx(stats.f.sf(f, 3 * epsilon, 33 * epsilon))
+
+
+def test_corrected_degrees_of_freedom_are_those_of_term_and_error() -> None:
+    """Greenhouse and Geisser's ε is a factor of both; each one left out gives another p."""
+    random = np.random.default_rng(12)
+    spread = np.array([0.2, 0.2, 0.2, 3.0])  # a level with most of the scatter: ε is small
+    runs = 9
+    y = np.array([0.0, 0.3, 0.5, 2.6]) + random.normal(0, 1.0, (runs, 4)) * spread
+    table = pd.DataFrame({
+        "replicate": np.repeat(np.arange(runs), 4), "a": np.tile(np.arange(4), runs),
+        "y": y.ravel(),
+    })
+    row = analyse(table, ["a"], "y", seeding="common").anova.loc["a"]
+    s = np.cov(y, rowvar=False)
+    centred = s - s.mean(0) - s.mean(1)[:, None] + s.mean()
+    epsilon = np.trace(centred) ** 2 / (3 * (centred**2).sum())
+    assert row["epsilon"] == pytest.approx(epsilon, rel=1e-9)
+    assert 1 / 3 < epsilon < 0.4
+    p = {(one, other): stats.f.sf(row["F"], 3 * one, 3 * (runs - 1) * other)
+         for one in (1.0, epsilon) for other in (1.0, epsilon)}
+    right = p.pop((epsilon, epsilon))
+    assert row["p"] == pytest.approx(right, rel=1e-9)
+    assert 0.005 < right < 0.2
+    assert min(abs(other / right - 1) for other in p.values()) > 0.1
 
 
 def test_pairs_of_common_random_numbers_are_paired() -> None:
@@ -506,11 +531,92 @@ def test_pairs_are_weighed_by_what_matters(practical: float, verdict: str) -> No
     table.loc[40:, "y"] += 1.0
     found = analyse(table, ["a"], "y", unit="m", practical=practical)
     assert found.pairs["verdict"].tolist() == [verdict]
-    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "of 1 the runs cannot"}
+    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "1 are undecided"}
     assert words[verdict] in found.text()
-    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "cannot tell"}
+    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "undecided"}
     assert shown[verdict] in found.text(verbose=True)
     ratio = analyse(table, ["a"], "y", transform="log", practical=2.0)
     assert ratio.pairs["verdict"].tolist() == ["equal"]
     with pytest.raises(ConfigurationError, match="practical: must be a ratio above 1"):
         analyse(table, ["a"], "y", transform="log", practical=0.5)
+
+
+def heavy_levels(seed: int, runs: int = 40) -> pd.DataFrame:
+    """Three levels whose runs are heavy-tailed: x and y alike, z 3 m above them."""
+    random = np.random.default_rng(seed)
+    table = pd.DataFrame({"a": np.repeat(["x", "y", "z"], runs),
+                          "replicate": np.tile(np.arange(runs), 3)})  # fmt: skip
+    y = 5.0 + 0.2 * np.abs(random.standard_cauchy(3 * runs))
+    y[:3] = 4e3, 6e3, 5e3
+    return table.assign(y=y + 3.0 * (table["a"] == "z"))
+
+
+@pytest.mark.parametrize("practical", [0.5, 1.0, 10.0])
+def test_where_medians_stand_first_pairs_are_judged_by_them(practical: float) -> None:
+    found = analyse(heavy_levels(1), ["a"], "y", unit="m", practical=practical)
+    assert found.by_medians
+    pairs = found.pairs.set_index(["one", "other"])
+    medians = found.medians.set_index("level")
+    for (one, other), row in pairs.iterrows():
+        a, b = medians.loc[one], medians.loc[other]
+        assert row["median_difference"] == pytest.approx(a["median"] - b["median"])
+        assert row["median_low"] == pytest.approx(a["all_low"] - b["all_high"])
+        assert row["median_high"] == pytest.approx(a["all_high"] - b["all_low"])
+    assert pairs["differs"].tolist() == [False, True, True]
+    assert not ((pairs["low"] > 0) | (pairs["high"] < 0)).loc[[("x", "z")]].any()  # the means
+    expected = ["equal", "differs", "differs"] if practical < 3 else ["equal"] * 3
+    assert pairs["verdict"].tolist() == expected
+    counts = [expected.count(word) for word in ("differs", "equal", "open")]
+    assert (f"Judged by medians, of the 3 pairs of levels {counts[0]} differ by more than "
+            f"±{practical:g} m, {counts[1]} are equal within it, and {counts[2]} are undecided."
+            ) in found.text()  # fmt: skip
+    said = found.text(verbose=True)
+    assert "Differences of the medians of y [m]" in said
+    row = pairs.loc[("x", "z")]
+    assert f"{row['median_low']:.4g}".replace("-", "−") in said
+    axes = found.plot_pairs().axes
+    assert "median y" in axes[-1].get_xlabel().replace("\n", " ")
+
+
+def test_medians_of_paired_runs_are_of_the_replicates_differences() -> None:
+    table = heavy_levels(2)
+    shared = np.random.default_rng(3).normal(0, 50.0, 40)
+    found = analyse(table.assign(y=table["y"] + shared[table["replicate"]] + 200.0), ["a"], "y",
+                    seeding="common", practical=1.0)  # fmt: skip
+    assert found.by_medians
+    wide = (table["y"] + shared[table["replicate"]]).to_numpy().reshape(3, 40)
+    for row, (i, j) in zip(found.pairs.itertuples(), ((0, 1), (0, 2), (1, 2)), strict=True):
+        gaps = np.sort(wide[i] - wide[j])
+        assert row.median_difference == pytest.approx(np.median(gaps))
+        assert (row.median_low, row.median_high) == pytest.approx(
+            median_interval(gaps, 40, 1 - 0.05 / 3)
+        )
+    assert found.pairs["differs"].tolist() == [False, True, True]
+    assert found.pairs["verdict"].tolist() == ["equal", "differs", "differs"]
+
+
+def test_where_means_stand_first_pairs_are_judged_by_them() -> None:
+    random = np.random.default_rng(4)
+    table = pd.DataFrame({"a": np.repeat(["x", "y"], 40), "y": random.normal(9.0, 1.0, 80)})
+    table.loc[40:, "y"] += 1.0
+    found = analyse(table, ["a"], "y", practical=0.2)
+    row = found.pairs.iloc[0]
+    assert not found.by_medians
+    assert row["differs"] == (row["low"] > 0 or row["high"] < 0)
+    assert "Differences of the means" in found.text(verbose=True)
+    assert ". Of the 1 pairs of levels" in found.text()
+
+
+@pytest.mark.parametrize("common", [False, True])
+def test_intervals_of_medians_differences_hold_at_once(common: bool) -> None:
+    random = np.random.default_rng(5)
+    held = 0
+    for _ in range(300):
+        y = random.standard_t(1, (3, 25)) + random.normal(0, 5, 25) * common
+        pairs = pd.DataFrame({"factor": "a", "one": [0, 0, 1], "other": [1, 2, 2]})
+        data = pd.DataFrame({"a": np.repeat([0, 1, 2], 25), "y": y.ravel()})
+        options = Options("independent", "none", "pure", None, 0.95, "", "replicate", "")
+        medians = median_table(data, {"a": [0, 1, 2]}, "y", options)
+        found = median_pairs(pairs, medians, {"a": y.T} if common else None, 0.95)
+        held += bool(((found["low"] <= 0) & (found["high"] >= 0)).all())
+    assert held / 300 >= 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5

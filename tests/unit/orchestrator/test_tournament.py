@@ -20,6 +20,7 @@ from sblcosim.errors import ConfigurationError
 from sblcosim.results.consistency import of_runs
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
+from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner, Result
 
 RUNS = 200
@@ -83,12 +84,20 @@ def test_the_answer_says_who_is_better_who_is_equal_and_where_it_is_not_so() -> 
     assert verdicts(it, "near")["a b"] == "better"
     assert verdicts(it, "far")["a b"] == "worse"
     assert verdicts(it, ALL)["a c"] == "equal" == verdicts(it, "near")["a c"]
-    assert it.answer.startswith("a is better than b: 0.0")
-    assert "; a and c are equal within 0.0300 m. RMS total error, mean of 200 runs" in it.answer
+    row = it.differences.query("scenario == @ALL and one == 'a' and other == 'b'").iloc[0]
+    assert it.answer.startswith(
+        f"a is better than b. It is better in {row['wins']} of 200 runs: in at least "
+        f"{int(100 * row['share_low'])} % of dives (95 % confidence, all pairs at once); "
+        f"{-row['median']:#.3g} m less in the median ({-row['high']:#.3g} to "
+        f"{-row['low']:#.3g} m), {-row['mean']:#.3g} m on average ("
+    )
+    assert ". a and c are equal within 0.0300 m in the median. RMS total error over 200 runs, " \
+        "mean of 2 scenarios: a " in it.answer
     assert "In far, b is better than a and b is better than c." in it.answer
     open_ = made_up()
-    assert verdicts(open_, ALL)["a c"] == "cannot tell"
-    assert "; whether a is better than c, 200 runs cannot tell" in open_.answer
+    assert verdicts(open_, ALL)["a c"] == "undecided"
+    assert ". Whether a is better than c is undecided after 200 runs; about " in open_.answer
+    assert "cannot tell" not in open_.text(verbose=True)
 
 
 def test_over_all_scenarios_a_seed_counts_by_its_mean_difference() -> None:
@@ -100,7 +109,11 @@ def test_over_all_scenarios_a_seed_counts_by_its_mean_difference() -> None:
     assert row["mean"] == pytest.approx(per_seed.mean(), rel=1e-12)
     assert row["wins"] == (per_seed < 0).sum()
     assert row["runs"] == RUNS  # seeds: the scenarios of one seed are not independent
-    assert row["least"] == 129  # ln(0.05 / 36) / ln(0.95): 3 pairs, 3 places, 2 responses
+    assert row["least"] == 9  # log2(2 · 9 / 0.05) = 8.5: 3 pairs, 3 places
+    assert row["mean_least"] == 142  # ln(0.05 / 72) / ln(0.95) = 141.8
+    assert row["share_low"] == pytest.approx(
+        proportion_confint(row["wins"], RUNS, 0.05 / 9, "beta")[0], rel=1e-12
+    )
     assert len(it.differences) == 18
     nees = it.table.pivot(index="seed", columns="scenario")["a.nees_position"].mean(axis=1)
     assert it.level(ALL, "a")["covariance_words"] == str(of_runs(nees))
@@ -117,7 +130,66 @@ def test_the_order_of_the_receivers_changes_nothing() -> None:
     pd.testing.assert_frame_equal(again.differences, it.differences)
 
 
-def test_a_lost_receiver_does_not_win_by_its_other_runs() -> None:
+def test_an_rms_over_runs_is_the_root_of_the_mean_of_the_squares() -> None:
+    it = made_up()
+    table = it.table
+    for receiver in "abc":
+        own = {}
+        for place in ("near", "far"):
+            rms = table.loc[table["scenario"] == place, f"{receiver}.{RESPONSE}"]
+            own[place] = float(np.sqrt((rms**2).mean()))
+            assert it.level(place, receiver)["rms_over_runs"] == pytest.approx(own[place], 1e-12)
+            assert it.level(place, receiver)["mean"] == pytest.approx(rms.mean(), 1e-12)
+        whole = it.level(ALL, receiver)["rms_over_runs"]
+        assert whole == pytest.approx((own["near"] + own["far"]) / 2, 1e-12)
+        assert f"{receiver} {whole:#.3g} m" in it.answer
+    assert np.isnan(it.level(ALL, "a", PERCENTILE)["rms_over_runs"])
+    rates = evaluate({"x": table[table["scenario"] == "near"].assign(scenario=None)},
+                     {**SETTINGS, "response": PERCENTILE})  # fmt: skip
+    assert "95th percentile in a run, mean of 200 runs in x: a " in rates.answer
+
+
+def test_a_seed_that_failed_in_one_scenario_does_not_count_by_the_others() -> None:
+    """Neither in means nor in differences: its other scenarios may be the easy ones."""
+    easy, hard = noise(1, 1.0), noise(2, 9.0)
+    gone = np.arange(RUNS) % 4 == 0
+    near = {"a": np.where(gone, 0.001, easy), "b": easy + 0.5}
+    far = {"a": np.where(gone, np.nan, hard), "b": hard + 0.5}
+    it = evaluate({"near": runs_of(near), "far": runs_of(far)}, SETTINGS)
+    found = it.level(ALL, "a")
+    both = (easy + hard)[~gone] / 2
+    assert (found["runs"], found["failed"]) == (RUNS, gone.sum())
+    assert found["mean"] == pytest.approx(both.mean(), rel=1e-12)
+    assert found["least"] == pytest.approx(both.min(), rel=1e-12)
+    squares = [np.sqrt((y[~gone] ** 2).mean()) for y in (easy, hard)]
+    assert found["rms_over_runs"] == pytest.approx(np.mean(squares), rel=1e-12)
+    row = it.differences.query("scenario == @ALL and response == @RESPONSE").iloc[0]
+    assert (row["wins"], row["losses"]) == (150, 50)
+    assert row["mean"] == pytest.approx(-0.5)
+    assert it.level("near", "a")["failed"] == 0
+    assert "But it failed in 50 of 200 runs." in it.answer
+
+
+def test_what_needs_no_assumption_is_said_first() -> None:
+    """100 paired runs, 22.3 m against 2.4 m in each, with a tail that no mean withstands."""
+    random = np.random.default_rng(1)
+    tail = random.lognormal(0.0, 2.0, RUNS)
+    for others, share, held in ((("b",), 96, ""), (("b", "c"), 95, ", all pairs at once")):
+        errors = {"a": 2.4 + 0.1 * random.random(RUNS)}
+        errors |= {name: 22.3 + tail * (1 + i) for i, name in enumerate(others)}
+        runs = runs_of(errors).head(100)
+        it = evaluate({"x": runs}, {**SETTINGS, "runs": 100})
+        than = "all others" if held else "b"
+        whom = "than b, the closest, " if held else ""
+        assert it.answer.startswith(
+            f"a is better than {than}. It is better {whom}in 100 of 100 runs: in at least {share} "
+            f"% of dives (95 % confidence{held}); "
+        )
+        assert " on average" not in it.answer
+        assert {*verdicts(it, "x").values()} == {"better"}
+
+
+def test_a_receiver_that_is_lost_in_some_runs_is_told_by_that() -> None:
     bad = np.arange(RUNS) % 20 == 3
     good = noise(1, 1.0)
     lossy = np.where(bad, 500.0, good - 0.2)
@@ -126,80 +198,84 @@ def test_a_lost_receiver_does_not_win_by_its_other_runs() -> None:
         {"x": runs_of({"good": good, "lossy": lossy, "failing": failing}, {"lossy": bad})},
         {**SETTINGS, "practical": 0.5},
     )
-    assert it.receivers == ("good", "lossy", "failing")
+    assert it.receivers == ("lossy", "failing", "good")
     found = verdicts(it, "x")
-    assert found["good lossy"] == "better"
-    assert found["good failing"] == "cannot tell"  # and surely not worse
+    assert found["lossy good"] == found["failing good"] == "better"  # not equal within 0.5 m
+    assert "But it was lost in 10 of 200 runs." in it.answer
     said = it.text()
+    assert "x: lossy is better than good in most runs, but its mean over the runs is 24.8 m more" \
+        in said
     assert "x: lossy was lost in 10 of 200 runs, 2.42 to 9.00 % of all with 95 % confidence" in said
     assert "x: lossy is heavy-tailed: the worst 10 of 200 runs make 100 % of the spread" in said
     assert "x: failing failed in 10 of 200 runs, which count as worse than any other, e.g." in said
     assert "with seed 4: failing: it gave up" in said
     other = evaluate({"x": it.table.assign(error="another: silent")}, it.settings).text()
     assert ", e.g. with seed 4\n" in other
-    assert "good is better than lossy on average, but not in most runs: in 10 of 200" in said
 
 
 def test_a_single_receiver_gets_a_table_without_differences() -> None:
     it = evaluate({"x": runs_of({"a": noise(1, 1.0)})}, SETTINGS)
     assert it.differences.empty
-    assert it.answer == "RMS total error, mean of 200 runs in x: a 0.996 m."
+    assert it.answer == "RMS total error over 200 runs in x: a 0.997 m."
     assert "difference" not in it.text()
     assert len(it.plot().axes) == 1
 
 
 def test_too_few_runs_are_said_with_the_number_that_is_missing() -> None:
-    few = {name: table.head(10) for name, table in (
+    few = {name: table.head(8) for name, table in (
         (name, made_up().table.query("scenario == @name")) for name in ("near", "far")
     )}  # fmt: skip
-    it = evaluate(few, {**SETTINGS, "runs": 10})
-    assert set(it.differences["verdict"]) == {"cannot tell"}
+    it = evaluate(few, {**SETTINGS, "runs": 8})
+    assert set(it.differences["verdict"]) == {"undecided"}
     said = it.text()
-    assert it.answer.startswith("Whether a is better than c and b, 10 runs cannot tell")
-    assert "no interval of a difference from 10 runs: 129 are needed, 119 more" in said
-    assert "no interval of a mean from 10 runs: 72 are needed, 62 more" in said
-    assert "no bound for 95 % of the runs from 10: 59 are needed, 49 more" in said
+    assert it.answer.startswith("Whether a is better than c and b is undecided after 8 runs")
+    assert "no verdict from 8 runs: 9 are needed, 1 more" in said
+    assert "no interval of a mean from 8 runs: 72 are needed, 64 more" in said
+    assert "no bound for 95 % of the runs from 8: 59 are needed, 51 more" in said
 
 
 def test_columns_of_which_nothing_is_known_are_left_away() -> None:
-    few = {name: table.head(30) for name, table in (
+    few = {name: table.head(8) for name, table in (
         (name, made_up().table.query("scenario == @name")) for name in ("near", "far")
     )}  # fmt: skip
-    heads = ("95 %, all at once", "95 % of runs [m]", "mean, 95 % interval")
-    said = evaluate(few, {**SETTINGS, "runs": 30}).text(verbose=True)
+    heads = ("95 %, all at once", "of dives", "95 % of runs [m]", "mean, 95 % interval")
+    said = evaluate(few, {**SETTINGS, "runs": 8}).text(verbose=True)
     assert not any(head in said for head in heads)
     assert "95 % in a run [m]" in said
     assert said.count("lost, 95 % interval") == 2  # there is none over all scenarios
     enough = made_up().text(verbose=True)
     assert all(head in enough for head in heads)
-    axes = evaluate(few, {**SETTINGS, "runs": 30}).plot().axes
-    assert axes[1].get_xlabel() == "difference from a [m]"
+    axes = evaluate(few, {**SETTINGS, "runs": 8}).plot().axes
+    assert axes[1].get_xlabel() == "median difference from a [m]"
 
 
-def test_runs_that_would_tell_are_those_of_each_pair() -> None:
-    """Of the largest number, if it is said for all; what any interval takes is said once."""
+def test_runs_that_would_decide_are_those_of_each_pair() -> None:
+    """Of the largest number, if it is said for all; what any verdict takes is said once."""
     common = noise(1, 1.0, 0.3)
-    near = {"a": common, "b": common + noise(2, 0.002), "c": common + noise(3, 0.006)}
+    near = {"a": common, "b": common + noise(2, 0.008), "c": common + noise(3, 0.008)}
     it = evaluate({"x": runs_of(near)}, SETTINGS)
     mine = it.differences.query("response == @RESPONSE and one == 'a'").set_index("other")
     needed = mine["runs_needed"].to_dict()
-    assert {*mine["verdict"]} == {"cannot tell"}
-    assert needed["b"] > needed["c"] > RUNS
+    assert {*mine["verdict"]} == {"undecided"}
+    assert min(needed.values()) > RUNS
     assert it.answer.startswith(
-        f"Whether a is better than b and c, 200 runs cannot tell; about {needed['b']:,} runs would "
-        "for all of them. "
+        f"Whether a is better than b and c is undecided after 200 runs; about "
+        f"{max(needed.values()):,} runs would decide all of it. "
     )
     rows = [line for line in it.text().splitlines() if line.startswith("a − ")]
-    assert [row.partition("cannot tell")[2] for row in rows] == [
-        f"; about {needed[other]:,} runs would" for other in ("b", "c")
+    assert [row.partition("undecided")[2] for row in rows] == [
+        f"; about {needed[other]:,} runs would decide" for other in ("b", "c")
     ]
-    few = evaluate({"x": runs_of(near).head(60)}, {**SETTINGS, "runs": 60})
-    (least,) = {*few.differences["least"]}
-    cannot = [line for line in few.text().splitlines() if "cannot tell" in line and "−" in line]
-    for row, line in zip(few.differences.itertuples(), cannot, strict=False):
-        own = row.runs_needed > least
-        assert line.endswith(f"; about {row.runs_needed:,} runs would" if own else "cannot tell")
-    assert f"{least} are needed" in few.text()
+    few = evaluate({"x": runs_of(near).head(6)}, {**SETTINGS, "runs": 6})
+    assert {*few.differences["least"]} == {7}
+    lines = [line for line in few.text().splitlines() if "undecided" in line and " − " in line]
+    assert len(lines) == 3
+    for row, line in zip(few.differences.itertuples(), lines, strict=False):
+        own = pd.notna(row.runs_needed) and row.runs_needed > 7
+        assert line.endswith(
+            f"; about {row.runs_needed:,} runs would decide" if own else "undecided"
+        )
+    assert "7 are needed" in few.text()
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -213,7 +289,7 @@ def test_the_figure_has_a_row_for_each_receiver_and_no_small_text(theme: Any) ->
     assert min(t.get_fontsize() for t in texts) >= 8
     left, right = axes[:2]
     assert left.get_xlabel() == "RMS total error [m], 5 to 95 % of runs"
-    assert right.get_xlabel() == "difference from a [m], 95 % all at once"
+    assert right.get_xlabel().replace("\n", " ") == "median difference from a [m], 95 % all at once"
     said = [t.get_text() for t in axes[0].figure.legends[0].get_texts()]
     assert said.count("like the best; right of it: worse") == 1
     panels = tournament_figures.shown(made_up(practical=0.03))[0]
@@ -385,8 +461,9 @@ def test_the_typical_and_the_worst_run_are_those_of_the_table(several: many.Many
     lines = several.answer.splitlines()
     worst, median = (table.set_index("seed")[f"ekf.{RESPONSE}"][ranked[i]] for i in (-1, 2))
     within = table[f"ekf.{PERCENTILE}"].mean()
+    rms = np.sqrt((table[f"ekf.{RESPONSE}"] ** 2).mean())
     assert lines[0] == (
-        f"ekf: {table[f'ekf.{RESPONSE}'].mean():.3g} m RMS, {within:.3g} m in 95 % of the time, "
+        f"ekf: {rms:.3g} m RMS, {within:.3g} m in 95 % of the time, "
         f"lost in 0 of 6 runs; typical: seed {ranked[2]} ({median:.3g} m); "
         f"worst: seed {ranked[-1]} ({worst:.3g} m)"
     )
