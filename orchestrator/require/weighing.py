@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -87,15 +88,15 @@ def _arms(
 
 def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> pd.DataFrame:
     """One row per design, as `Answer.designs`, and ``worst``: the number of its condition."""
-    rows = []
-    for number, mine in arms.groupby("design"):
-        design = question.designs[int(str(number))]
-        every = mine.drop(columns=["design", "verdict"]).to_dict(orient="records")
-        bad = [_badness(**one) for one in mine.to_dict(orient="records")]
-        worst = bad.index(max(bad))
+    rows, met = [], len(question.conditions)
+    every: list[Any] = arms.to_dict(orient="records")
+    for number, design in enumerate(question.designs):
+        mine = every[met * number : met * (number + 1)]
+        worst = max(range(met), key=[_badness(**arm) for arm in mine].__getitem__)
+        kept = {k: v for k, v in mine[worst].items() if k not in ("design", "verdict")}
         rows.append({
-            **design.levels, "cost": design.cost,
-            "verdict": elimination.verdict(int(str(number))), **every[worst], "worst": worst,
+            **design.levels, "cost": design.cost, "verdict": elimination.verdict(number), **kept,
+            "worst": worst,
         })  # fmt: skip
     designs = pd.DataFrame(rows)
     rank = designs["estimate"].fillna(np.inf)
