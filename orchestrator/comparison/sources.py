@@ -258,7 +258,7 @@ def combination(
         if _word(name) not in by_word:
             reason = why.get(_word(name))
             raise ConfigurationError(
-                f"source: must be one of {', '.join(known)}, joined by '+', got {quoted(name)}"
+                f"together: must be one of {', '.join(known)}, joined by '+', got {quoted(name)}"
                 + (nearest(_word(name), {**by_word, **why}) if reason is None else f", {reason}")
             )
         found.add(by_word[_word(name)])

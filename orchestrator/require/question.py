@@ -204,7 +204,17 @@ class Question(Shown):
         return 1 + max(design.group for design in self.designs)
 
     def with_budget(self, most_runs: int) -> Question:
-        """A copy with another budget; the runs common to both are equal."""
+        """A copy with another budget; the runs common to both are equal.
+
+        Raises
+        ------
+        ConfigurationError
+            The budget is out of range.
+        """
+        if not isinstance(most_runs, int) or not 1 <= most_runs <= MOST_RUNS:
+            raise ConfigurationError(
+                f"most_runs: must be a whole number from 1 to {MOST_RUNS}, got {most_runs!r}"
+            )
         terms = self.terms.model_copy(update={"most_runs": most_runs})
         return replace(self, terms=terms, study=self.study.with_replicates(most_runs))
 

@@ -502,16 +502,16 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"together": ["clok+heading"]},
-         r"source: must be one of GPS, .*, joined by '\+', got 'clok'; did you mean 'clock'\?"),
+         r"together: must be one of GPS, .*, joined by '\+', got 'clok'; did you mean 'clock'\?"),
         ({"together": ["clock"]},
          r"together: must be two sources or more, such as clock\+sound-speed, got clock"),
         ({"together": "mounting+clock"},
-         "source: must be one of GPS, .*, got 'mounting', which is no error in realistic-dive"),
+         "together: must be one of GPS, .*, got 'mounting', which is no error in realistic-dive"),
         ({"together": "outliers+clock", "better": True},
-         r"source: must be one of GPS, heading, .*, got 'outliers', for which nothing better is "
+         r"together: must be one of GPS, heading, .*, got 'outliers', for which nothing better is "
          r"known; without 'better' it can be switched off"),
         ({"together": "outlers+clock", "better": True},
-         r"source: must be one of GPS, .*, got 'outlers'; did you mean 'outliers'\?"),
+         r"together: must be one of GPS, .*, got 'outlers'; did you mean 'outliers'\?"),
         ({"runs": 29}, "runs: must be a whole number of at least 30, got 29"),
         ({"runs": 1e3}, r"runs: must be a whole number of at least 30, got 1000\.0"),
         ({"runs": True}, "runs: must be a whole number of at least 30, got True"),
