@@ -17,6 +17,7 @@ from sblcosim.comparison import cost, many, tournament, tournament_figures
 from sblcosim.comparison.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build import factory
 from sblcosim.results.consistency import of_runs
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
@@ -484,9 +485,9 @@ def test_the_same_scenario_under_two_names_does_not_count_twice(tmp_path: Path) 
             "scenarios: must differ in more than their names, got the same runs as "
             "'harbour-square' and as 'copy'"
         )):  # fmt: skip
-            compare([base, other], ["ekf"], runs=2)
+            tournament.compare([base, other], ["ekf"], runs=2)
     moved = tables | {"platform": tables["platform"] | {"mean_heading_deg": 1.0}}
-    compare([base, moved], ["ekf"], runs=2, timed=False)
+    tournament.compare([base, moved], ["ekf"], runs=2, timed=False)
 
 
 def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) -> None:
@@ -497,11 +498,11 @@ def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) 
         "receivers: must differ in more than their names, got the same content as 'one' and as "
         "'other'"
     )):  # fmt: skip
-        compare("harbour-square", [one, other], runs=2)
+        tournament.compare("harbour-square", [one, other], runs=2)
     for path in (one := tmp_path / "one.py", other := tmp_path / "other.py"):
         path.write_text(
             "class Mine:\n    def initialise(self, *a): ...\n    def update(self, *a): ...\n"
             "class Other(Mine):\n    pass\n", "utf-8",
         )  # fmt: skip
     with pytest.raises(ConfigurationError, match="got the same content as 'Mine' and as 'Mine_2'"):
-        compare("harbour-square", [f"{one}:Mine", f"{other}:Mine"], runs=2)
+        tournament.compare("harbour-square", [f"{one}:Mine", f"{other}:Mine"], runs=2)
