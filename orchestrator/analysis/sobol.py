@@ -135,10 +135,12 @@ def answer(found: SobolIndices, most: int = 2) -> str:
         text = f"{_total(found, named[0])} {of}, is explained by {found.name_of(named[0])}"
         text += "".join(f", {_total(found, name)} by {found.name_of(name)}" for name in named[1:])
     else:
-        text = f"No factor explains as much as {_percent(NEGLIGIBLE)} {of}"
+        text = f"Each factor explains less than {_percent(NEGLIGIBLE)} {of}"
     nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
     chance = "nothing" if nothing else _total(found, SEED_FACTOR)
     text = f"Roughly {text[0].lower()}{text[1:]}" if named and found.widest > WIDEST else text
+    if not named:
+        return f"{text}; {CHANCE} explains {chance}."
     return f"{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}."
 
 

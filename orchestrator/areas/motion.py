@@ -25,9 +25,9 @@ _HALF_TURNED = 1.1655611852
 """Half the angle by which a diver turns in the time that asks most of a filter [rad]: where
 sin²(x)/x is largest."""
 _ALLOWED = 2.0
-"""Standard deviations of the velocity's change that a receiver allows for. In maps of the systems of
-``new --like`` lbl, buoys and water-linked the 95 % error was 2 to 34 % above that with a better q
-beyond this, and 1 % below it."""
+"""Standard deviations of the velocity's change that a receiver allows for. In maps of the systems
+of ``new --like`` lbl, buoys and water-linked the 95 % error was 2 to 34 % above that with a better
+q beyond this, and at most 1 % below it."""
 
 
 @dataclass(frozen=True)

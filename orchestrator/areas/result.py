@@ -16,6 +16,7 @@ from .. import artifacts, style
 from ..layout import meters
 from ..lazy import Module
 from ..results.catalogue import Figure, by_name, jobs
+from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
 from ..tracks.place import Origin
@@ -209,6 +210,8 @@ class AreaMap(Shown):
             f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
             f"{MANY_LOST:.0%} in {_cells(found['cells_with_many_lost'])}"
         )
+        if found["lost_share"]:
+            yield LOST
         if found["cells_without_accuracy"]:
             yield (
                 f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "

@@ -211,20 +211,39 @@ def _simulated(
         if not label:
             column = next(c for c in known[key].columns if c.endswith(f".absolute{_RMS}"))
             label = column.partition(".")[0]
-    bad = np.any([t["error"].notna().to_numpy() for t in known.values()], axis=0)
+    columns = [f"{label}.{frame}{_RMS}" for frame in FRAMES]
+    every = {
+        key: table[columns].to_numpy(np.float64, na_value=np.nan) ** 2
+        for key, table in known.items()
+    }
+    failed = np.any([t["error"].notna().to_numpy() for t in known.values()], axis=0)
+    bad = failed | _without_estimate([*every.values()], failed)
     if runs - bad.sum() < LEAST_RUNS:
-        first = next(e for t in known.values() for e in t["error"].dropna())
+        errors = [e for t in known.values() for e in t["error"].dropna()]
         raise ConfigurationError(
             f"{label}: must do at least {LEAST_RUNS} runs with every switch, got "
-            f"{runs - bad.sum()}; e.g. {first}"
+            f"{runs - bad.sum()}; e.g. {errors[0] if errors else 'a run without an estimate'}"
         )
-    columns = [f"{label}.{frame}{_RMS}" for frame in FRAMES]
-    found = {
-        name: known[_key(overrides)].loc[~bad, columns].to_numpy(np.float64, na_value=np.nan) ** 2
-        for name, overrides in switches.items()
-    }
+    found = {name: every[_key(overrides)][~bad] for name, overrides in switches.items()}
     lost = known[_key({})].loc[~bad, f"{label}.lost"].to_numpy(np.float64, na_value=np.nan)
     return label, found, float(np.nanmean(lost)), int(bad.sum())
+
+
+def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Seeds of which a run has no error, by frame: not where none of a switch has one.
+
+    Parameters
+    ----------
+    every
+        Squares of errors of each switch, the first one without any; (runs, frames).
+    failed
+        Seeds that are left out anyway.
+    """
+    missing = np.isnan(every)
+    never = missing[:, ~failed].all(axis=1, keepdims=True)
+    never |= never[:1]  # the receiver has no such error
+    found: NDArray[np.bool_] = (missing & ~never).any(axis=(0, 2))
+    return found
 
 
 def _key(overrides: Overrides) -> str:

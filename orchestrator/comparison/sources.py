@@ -225,7 +225,7 @@ def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
         elif SOURCES[name].better:
             why[name] = f"which is as good as better equipment in {scenario.name}"
         else:
-            why[name] = "for which nothing better is known; without 'better' it can be switched off"
+            why[name] = "for which nothing better is known: it can only be switched off"
     return why
 
 

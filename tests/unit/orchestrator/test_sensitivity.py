@@ -195,7 +195,7 @@ def test_the_answer_is_one_sentence_of_the_two_largest_and_chance() -> None:
         assert total.sum() > 1
         assert found.text().count("Totals add up to more than 100 %: an interaction counts") == 1
     flat = replace(found, indices=found.indices.assign(total=0.01))
-    assert sobol.answer(flat).startswith("No factor explains as much as 5 % of the variance of ")
+    assert sobol.answer(flat).startswith("Each factor explains less than 5 % of the variance of ")
     assert "Totals" not in flat.text()
 
 
