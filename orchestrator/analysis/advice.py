@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from .. import layout
 from ..errors import ConfigurationError, nearest
+from ..results.definitions import LOST
 from ..results.responses import check_limit
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
@@ -256,6 +257,8 @@ class Advice(Shown, Question):
             )
         elif self.points["lost"].any():
             lines.append("A run that is lost is worse than any limit.")
+        if self.points["lost"].any():
+            lines.append(LOST)
         return [*lines, *self._assumed()]
 
     def _shown(self) -> pd.DataFrame:

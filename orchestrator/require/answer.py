@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
+from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
 from . import words
@@ -381,7 +382,7 @@ class Answer(Shown):
         return [
             f"A run passes if its {q.words} is at most {q.terms.limit:g}"
             f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
-            "is lost does not pass.",
+            f"is lost does not pass. {LOST}",
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition" if len(q.conditions) > 1 else "")
             + f". What {share} are within is an order statistic: of n runs, the one of rank "

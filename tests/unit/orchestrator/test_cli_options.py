@@ -13,6 +13,7 @@ import typer
 from sblcosim.cli import app
 from sblcosim.cli.options import in_options
 from sblcosim.fmus.build import factory
+from sblcosim.results.definitions import LOST
 from sblcosim.study import study
 from typer.testing import CliRunner
 
@@ -181,3 +182,49 @@ def test_arguments_are_named_by_the_options_that_were_typed(
     line: str, typed: tuple[str, ...], said: str | None
 ) -> None:
     assert in_options(line, dict(commands())["map"], typed) == (said or line)
+
+
+# --- What stands beside a number -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "study study.toml --out studied --verbose",
+        "run paper-scenario-1 --set time.duration_s=5 --runs 2 --no-figures --verbose",
+        "run paper-scenario-1 --set time.duration_s=5 --set acoustics.loss_probability=0.97 "
+        "--set platform.gps_horizontal_std_m=90 --runs 3 --no-figures",
+        "budget paper-scenario-1 --set time.duration_s=5 --set platform.gps_horizontal_std_m=90 "
+        "--runs 30 --no-figures",
+        "map paper-scenario-1 --set platform.gps_horizontal_std_m=90 --area 9x9 --depth 5 "
+        "--cells 2 --runs 2 --duration 5 --settling 1 --no-figures",
+        "require small.toml --verbose",
+        "compare paper-scenario-1 --receiver ekf --receiver coupled --set time.duration_s=5 "
+        "--runs 2 --no-figures --verbose",
+    ],
+)
+def test_where_a_share_of_lost_runs_is_printed_it_is_said_what_lost_is(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(place)
+    Path("small.toml").write_text(
+        'scenario = "paper-scenario-1"\nresponse = "total_p95_m"\nlimit = 1.0\nmost_runs = 200\n'
+        'settling_time_s = 1.0\n[fixed]\n"time.duration_s" = 5.0\n'
+        '[choices.arm]\nkeys = ["platform.arm_length_m"]\nlevels = [0.4, 3.0]\n', "utf-8",
+    )  # fmt: skip
+    result = CliRunner().invoke(app, command.split())
+    assert result.exit_code in (0, 1), result.output
+    assert "lost" in result.stdout
+    words = re.sub(r"\s+", " ", result.stdout)
+    assert words.count(LOST) == 1
+    if "--verbose" in command and command.split()[0] in ("run", "require"):
+        assert "order statistic" in words
+
+
+def test_percentiles_of_a_run_are_said_to_be_order_statistics(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(place)
+    argv = ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--no-figures", "--verbose"]
+    words = re.sub(r"\s+", " ", CliRunner().invoke(app, argv).stdout)
+    assert "order statistics, of n errors the one of rank 0.95 n, rounded up" in words
