@@ -239,10 +239,10 @@ def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDA
     failed
         Seeds that are left out anyway.
     """
-    missing = np.isnan(every)
-    never = missing[:, ~failed].all(axis=1, keepdims=True)
-    never |= never[:1]  # the receiver has no such error
-    found: NDArray[np.bool_] = (missing & ~never).any(axis=(0, 2))
+    missing = np.isnan(np.stack(every))
+    never: NDArray[np.bool_] = np.all(missing[:, ~failed], axis=1)
+    never = never | never[0]  # the receiver has no such error
+    found: NDArray[np.bool_] = np.any(missing & ~never[:, None], axis=(0, 2))
     return found
 
 

@@ -707,7 +707,7 @@ def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:
     assert f"written to {tmp_path / 'map'}" in done.stdout
     refused = CliRunner().invoke(sblcosim.cli.app, [*base, "--depth", "-5"])
     assert refused.exit_code == 2
-    assert refused.stderr.startswith("error: map depth: must be a depth below the surface")
+    assert refused.stderr.startswith("error: --depth: must be a depth below the surface")
 
 
 def test_errors_are_named_as_the_lanes_name_them() -> None:

@@ -647,9 +647,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((DIVE, "--with", "clok+gps"), "error: source: must be one of GPS, "),
+        ((DIVE, "--with", "clok+gps"), "error: --with: must be one of GPS, "),
         ((DIVE, "--runs", "3"), "error: --runs: must be a whole number of at least 30, got '3'"),
-        ((DIVE, "--frame", "abslute"), "error: frame: must be absolute or own_relative, got 'absl"),
+        ((DIVE, "--frame", "abslute"), "error: --frame: must be absolute or own_relative, got"),
         ((DIVE, "--receiver", "ekf", "--receiver", "coupled"),
          "error: --receiver: must be given once, got ekf and coupled; 'sblcosim compare' "),
         (("realistic-dvie",), "error: scenario: must be a TOML file or one of "),
