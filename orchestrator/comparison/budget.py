@@ -212,19 +212,19 @@ def _simulated(
             column = next(c for c in known[key].columns if c.endswith(f".absolute{_RMS}"))
             label = column.partition(".")[0]
     columns = [f"{label}.{frame}{_RMS}" for frame in FRAMES]
-    every = {
-        key: table[columns].to_numpy(np.float64, na_value=np.nan) ** 2
-        for key, table in known.items()
-    }
+    every = [t[columns].to_numpy(np.float64, na_value=np.nan) for t in known.values()]
     failed = np.any([t["error"].notna().to_numpy() for t in known.values()], axis=0)
-    bad = failed | _without_estimate([*every.values()], failed)
+    bad = failed | _without_estimate(every, failed)
     if runs - bad.sum() < LEAST_RUNS:
         errors = [e for t in known.values() for e in t["error"].dropna()]
         raise ConfigurationError(
             f"{label}: must do at least {LEAST_RUNS} runs with every switch, got "
             f"{runs - bad.sum()}; e.g. {errors[0] if errors else 'a run without an estimate'}"
         )
-    found = {name: every[_key(overrides)][~bad] for name, overrides in switches.items()}
+    found = {
+        name: known[_key(overrides)].loc[~bad, columns].to_numpy(np.float64, na_value=np.nan) ** 2
+        for name, overrides in switches.items()
+    }
     lost = known[_key({})].loc[~bad, f"{label}.lost"].to_numpy(np.float64, na_value=np.nan)
     return label, found, float(np.nanmean(lost)), int(bad.sum())
 
@@ -235,7 +235,7 @@ def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDA
     Parameters
     ----------
     every
-        Squares of errors of each switch, the first one without any; (runs, frames).
+        Errors with each switch, the first one without any; (runs, frames).
     failed
         Seeds that are left out anyway.
     """
