@@ -146,7 +146,7 @@ def examine(
     path, chosen = Path(path), set(only or NAMES)
     for name in chosen.difference(NAMES):
         raise FmuError(
-            f"a check must be one of {', '.join(NAMES)}; got {name!r}{nearest(name, NAMES)}"
+            f"check: must be one of {', '.join(NAMES)}; got {name!r}{nearest(name, NAMES)}"
         )
     results: list[Result] = []
 

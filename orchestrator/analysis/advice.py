@@ -33,6 +33,8 @@ from numpy.typing import NDArray
 
 from .. import layout
 from ..errors import ConfigurationError, nearest
+from ..results.definitions import LOST
+from ..results.responses import check_limit
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
 from ..study.design import shown as level_shown
@@ -255,6 +257,8 @@ class Advice(Shown, Question):
             )
         elif self.points["lost"].any():
             lines.append("A run that is lost is worse than any limit.")
+        if self.points["lost"].any():
+            lines.append(LOST)
         return [*lines, *self._assumed()]
 
     def _shown(self) -> pd.DataFrame:
@@ -373,6 +377,8 @@ def _check(
             raise ConfigurationError(f"{name}: must be between 0 and 1, got {value}")
     if limit is not None and not np.isfinite(limit):
         raise ConfigurationError(f"limit: must be finite, got {limit}")
+    if limit is not None:
+        check_limit("limit", limit, question.response.rpartition(".")[2])
     if table.empty:
         raise ConfigurationError("table: must have at least one run, got none")
     if lost is not None and lost not in table:

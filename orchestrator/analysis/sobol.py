@@ -167,13 +167,13 @@ def answer(found: SobolIndices, most: int = 2) -> str:
         text = f"{_total(found, named[0])} {of}, is explained by {found.name_of(named[0])}"
         text += "".join(f", {_total(found, name)} by {found.name_of(name)}" for name in named[1:])
     else:
-        text = f"No factor explains as much as {percent(NEGLIGIBLE)} {of}"
+        text = f"Each factor explains less than {percent(NEGLIGIBLE)} {of}"
     nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
     chance = "nothing" if nothing else _total(found, SEED_FACTOR)
-    rough = "Roughly " if named and found.widest > WIDEST else ""
-    return _without(
-        found, f"{rough}{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}."
-    )
+    if not named:
+        return _without(found, f"{text}; {CHANCE} explains {chance}.")
+    rough = "Roughly " if found.widest > WIDEST else ""
+    return _without(found, f"{rough}{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}.")
 
 
 def _without(found: SobolIndices, sentence: str) -> str:

@@ -16,6 +16,7 @@ from .. import artifacts, style
 from ..layout import meters
 from ..lazy import Module
 from ..results.catalogue import Figure, by_name, jobs
+from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
 from ..tracks.place import Origin
@@ -64,6 +65,8 @@ class AreaMap(Shown):
         In still water, NED [m]; (N, 3).
     origin
         On Earth, if the scenario says where it is.
+    doubt
+        What the receiver is not made for, in words; empty if there is nothing to say.
     """
 
     scenario: Scenario
@@ -75,6 +78,7 @@ class AreaMap(Shown):
     failures: Mapping[str, int]
     beacons: Floats
     origin: Origin | None
+    doubt: str = ""
 
     @property
     def limit_m(self) -> float | None:
@@ -159,7 +163,7 @@ class AreaMap(Shown):
             {
                 "scenario_name": self.scenario.name, "receiver": self.receiver,
                 "settings": self.settings, "motion": self.motion, "summary": self.summary(),
-                "failures": self.failures,
+                "failures": self.failures, "doubt": self.doubt or None,
             }
         )
         return plain
@@ -174,7 +178,8 @@ class AreaMap(Shown):
     ) -> Path:
         """Write cells, figures, contours and manifest into a folder; see `sblcosim.Result.save`."""
         style.named(theme)
-        manifest = {"map": self.to_json(), "scenario": self.scenario.dump_toml()}
+        made = {key: it for key, it in self.to_json().items() if key != "doubt"}
+        manifest = {"map": made, "scenario": self.scenario.dump_toml()}
         with artifacts.draft(directory, manifest, other) as draft:
             artifacts.write_table(self.cells, draft.folder, TABLE)
             on_earth = self.geojson()
@@ -205,6 +210,8 @@ class AreaMap(Shown):
             f"lost runs: {found['lost_share']:.2%} of {found['runs']:,}; more than "
             f"{MANY_LOST:.0%} in {_cells(found['cells_with_many_lost'])}"
         )
+        if found["lost_share"]:
+            yield LOST
         if found["cells_without_accuracy"]:
             yield (
                 f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "
@@ -228,6 +235,8 @@ class AreaMap(Shown):
         )
         yield f"the diver {self.motion}; errors count from {s['settling_s']:g} s to "\
               f"{s['duration_s']:g} s"
+        if self.doubt:
+            yield self.doubt
 
     def _gist(self) -> str:
         return f"of {self.receiver}, {self.grid.count:,} cells"

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..limits.places import still_beacons
@@ -20,7 +21,7 @@ from ..scenario.tracks import origin_of
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
-from .motion import RADIUS, circle_of, circling
+from .motion import RADIUS, Circle, circle_of, circling
 from .pooling import Pooled, pooled
 from .possible import Possible, possible
 from .result import AreaMap
@@ -131,7 +132,18 @@ def map_area(
         scenario=moving, receiver=simulator.receiver, settings=settings, motion=str(circle),
         grid=grid, cells=_table(grid, sample, found, best), failures=simulator.failures,
         beacons=still_beacons(given), origin=origin_of(moving.place),
+        doubt=_doubt(circle, moving, simulator.receiver, receiver),
     )  # fmt: skip
+
+
+def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
+    """Whether the circle is too fast for a receiver of ours; of others nothing is known."""
+    own = receiver or scenario.receiver.fmu or scenario.receiver.type
+    key = "acceleration_psd_m2_s3"
+    ours = RECEIVERS[own].of("parameter") if isinstance(own, str) and own in RECEIVERS else ()
+    if key not in {variable.key for variable in ours}:
+        return ""
+    return circle.doubt(label, getattr(scenario.receiver, key))
 
 
 def _surveyed(

@@ -62,4 +62,6 @@ class Map(Document):
     summary: MapSummary
     failures: dict[str, int]
     """Messages of runs that have failed, with their number."""
+    doubt: str | None
+    """Whether the circle turns faster than the receiver allows for; null if not."""
     folder: str

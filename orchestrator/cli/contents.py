@@ -168,6 +168,10 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
                 yield f"  {receiver.inconsistent:.0%} of its runs inconsistent"
             for covariance in receiver.covariances.values():
                 yield f"  {covariance.words}"
+    if verbose or any(receiver.lost for receiver in study.receivers.values()):
+        from ..results.definitions import LOST
+
+        yield LOST
     yield f"{study.finished} runs, {study.failed} failed"
     if study.failure is not None:
         yield f"  e.g. {study.failure}"

@@ -27,6 +27,7 @@ from ..errors import (
     one_line,
     shortened,
 )
+from .options import in_options
 
 TRACEBACK = "SBLCOSIM_TRACEBACK"
 """Set to anything, it lets what is no exception of ours through, with its traceback."""
@@ -51,7 +52,9 @@ class Commands(TyperGroup):
                 f"{ctx.command_path}: the command must be one of {', '.join(known)}, got "
                 f"{shortened(repr(name))}{nearest(name, known)}"
             )
-        return super().resolve_command(ctx, args)
+        resolved = super().resolve_command(ctx, args)
+        _typed[:] = resolved[1], tuple(resolved[2])  # the parser empties the list
+        return resolved
 
 
 class ErrorReportingGroup(Commands):
@@ -60,6 +63,7 @@ class ErrorReportingGroup(Commands):
     def make_context(
         self, info_name: str | None, args: list[str], *arguments: Any, **options: Any
     ) -> Any:
+        _typed.clear()
         if options.get("resilient_parsing"):  # the shell completes: it wants no messages
             return super().make_context("sblcosim", args, *arguments, **options)
         with _in_lines():  # messages say what people type, however the program was started
@@ -120,7 +124,7 @@ def _in_lines() -> Iterator[None]:
 
 def _fail(*lines: str) -> NoReturn:
     for line in lines:
-        typer.echo(f"error: {escaped(line)}", err=True)
+        typer.echo(f"error: {escaped(_in_options(line))}", err=True)
     raise typer.Exit(2) from None
 
 
@@ -182,6 +186,13 @@ def _names(param: Any) -> list[str]:
     return [name for name in param.opts if name.startswith("-")]
 
 
+def _in_options(line: str) -> str:
+    """A message about an argument by the option that was typed."""
+    return in_options(line, *_typed) if _typed else line
+
+
+_typed: list[Any] = []
+"""The command that runs, and what was typed after its name."""
 _pending: Counter[str] = Counter()
 _said: set[str] = set()
 
@@ -210,7 +221,7 @@ def say_warnings() -> None:
     """Print the warnings that were given until now."""
     for text, times in list(_pending.items()):
         again = f" ({times} times)" if times > 1 else ""
-        typer.echo(f"warning: {escaped(text)}{again}", err=True)
+        typer.echo(f"warning: {escaped(_in_options(text))}{again}", err=True)
     _said.update(_pending)
     _pending.clear()
 

@@ -46,6 +46,13 @@ def require(
         int | None,
         numeric("--most-runs", int, "N", "Budget, in place of the question's.", low=1),
     ] = None,
+    until_sure: Annotated[
+        bool,
+        typer.Option(
+            "--until-sure",
+            help="Leave designs alone that are dearer than one that surely suffices.",
+        ),
+    ] = False,
     workers: WorkersOption = None,
     executor: ExecutorOption = "threads",
     scheduler: SchedulerOption = None,
@@ -65,8 +72,8 @@ def require(
         out = out or Path("answers", asked.study.name)
         try:
             found = run.decide(
-                asked, out, most_runs=most_runs, workers=workers, executor=executor,
-                scheduler=scheduler, progress=progress,
+                asked, out, most_runs=most_runs, until_sure=until_sure, workers=workers,
+                executor=executor, scheduler=scheduler, progress=progress,
             )  # fmt: skip
         except KeyboardInterrupt as stop:
             from ..study import store

@@ -362,7 +362,7 @@ def advise(
 
         if mean and percentile is not None:
             raise ConfigurationError(
-                f"percentile: must not be given with --mean, got {percentile:g}"
+                f"--percentile: must not be given with --mean, got {percentile:g}"
             )
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or beside(results, "advice")

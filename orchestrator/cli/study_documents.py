@@ -273,7 +273,7 @@ class DesignDecided(Part):
     levels: dict[str, float | str]
     """By choice."""
     cost: float
-    verdict: Literal["suffices", "fails", "open"]
+    verdict: Literal["suffices", "fails", "undecided"]
     """It surely suffices, it surely does not, or neither is sure."""
     condition: str
     """Empty if there is one only."""

@@ -218,20 +218,39 @@ def _simulated(
         if not label:
             column = next(c for c in known[key].columns if c.endswith(f".absolute{_RMS}"))
             label = column.partition(".")[0]
-    bad = np.any([t["error"].notna().to_numpy() for t in known.values()], axis=0)
+    columns = [f"{label}.{frame}{_RMS}" for frame in FRAMES]
+    every = [t[columns].to_numpy(np.float64, na_value=np.nan) for t in known.values()]
+    failed = np.any([t["error"].notna().to_numpy() for t in known.values()], axis=0)
+    bad = failed | _without_estimate(every, failed)
     if runs - bad.sum() < LEAST_RUNS:
-        first = next(e for t in known.values() for e in t["error"].dropna())
+        errors = [e for t in known.values() for e in t["error"].dropna()]
         raise ConfigurationError(
             f"{label}: must do at least {LEAST_RUNS} runs with every switch, got "
-            f"{runs - bad.sum()}; e.g. {first}"
+            f"{runs - bad.sum()}; e.g. {errors[0] if errors else 'a run without an estimate'}"
         )
-    columns = [f"{label}.{frame}{_RMS}" for frame in FRAMES]
     found = {
         name: known[_key(overrides)].loc[~bad, columns].to_numpy(np.float64, na_value=np.nan) ** 2
         for name, overrides in switches.items()
     }
     lost = known[_key({})].loc[~bad, f"{label}.lost"].to_numpy(np.float64, na_value=np.nan)
     return label, found, float(np.nanmean(lost)), int(bad.sum())
+
+
+def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Seeds of which a run has no error, by frame: not where none of a switch has one.
+
+    Parameters
+    ----------
+    every
+        Errors with each switch, the first one without any; (runs, frames).
+    failed
+        Seeds that are left out anyway.
+    """
+    missing = np.isnan(np.stack(every))
+    never: NDArray[np.bool_] = np.all(missing[:, ~failed], axis=1)
+    never = never | never[0]  # the receiver has no such error
+    found: NDArray[np.bool_] = np.any(missing & ~never[:, None], axis=(0, 2))
+    return found
 
 
 def _key(overrides: Overrides) -> str:

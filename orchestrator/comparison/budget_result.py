@@ -14,6 +14,7 @@ import pandas as pd
 from .. import artifacts, layout, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..lazy import Module
+from ..results.definitions import LOST
 from ..shown import Picture, Shown, page, verbatim
 from .shares import CONFIDENCE
 from .sources import SOURCES
@@ -213,8 +214,9 @@ class Budget(Shown):
             yield f"nothing better is known for: {', '.join(self.unchanged)}"
         if self.lost > 0:
             yield f"lost in {self.lost:.1%} of the runs, which may make most of a mean square"
+            yield LOST
         if self.dropped:
-            yield f"{self.dropped} seeds are left out: a run of theirs failed"
+            yield f"{self.dropped} seeds are left out: a run of theirs failed or has no estimate"
 
     def _method(self) -> Iterator[str]:
         done = "made better" if self.better else "switched off"

@@ -14,6 +14,7 @@ from .. import api, artifacts, style
 from ..errors import ConfigurationError
 from ..layout import fitted
 from ..packages.read import is_package
+from ..results.definitions import LOST
 from ..results.result import Result
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
 
 TYPICAL, WORST = "typical", "worst"
 """The runs that are drawn, and the names of their folders."""
+_WITHIN = (
+    "95 % in a run, or of the time: an order statistic of the run's errors, of n estimates the one "
+    "of rank 0.95 n, rounded up; the mean over the runs. 95 % of runs: a bound by order statistics."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +119,11 @@ class Many(Shown):
                 said = it.level(place, receiver)["covariance_words"]
                 lines.append(f"{receiver}: covariance {said}")
         lines += tournament_words.unbounded(it)
+        rows = [it.level(place, receiver) for receiver in self.receivers]
+        if verbose or any(row["lost"] for row in rows):
+            lines.append(LOST)
+        if verbose:
+            lines.append(_WITHIN)
         lines[start:start] = [""] if len(lines) > start else []
         return fitted("\n".join(lines), width)
 

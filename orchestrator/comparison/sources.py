@@ -225,7 +225,7 @@ def missing(scenario: Scenario, better: bool = False) -> dict[str, str]:
         elif SOURCES[name].better:
             why[name] = f"which is as good as better equipment in {scenario.name}"
         else:
-            why[name] = "for which nothing better is known; without 'better' it can be switched off"
+            why[name] = "for which nothing better is known: it can only be switched off"
     return why
 
 
@@ -258,7 +258,7 @@ def combination(
         if _word(name) not in by_word:
             reason = why.get(_word(name))
             raise ConfigurationError(
-                f"source: must be one of {', '.join(known)}, joined by '+', got {quoted(name)}"
+                f"together: must be one of {', '.join(known)}, joined by '+', got {quoted(name)}"
                 + (nearest(_word(name), {**by_word, **why}) if reason is None else f", {reason}")
             )
         found.add(by_word[_word(name)])

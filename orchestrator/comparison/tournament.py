@@ -11,6 +11,7 @@ all scenarios, the observation of a seed is the mean over the scenarios.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,10 +29,11 @@ from ..results.user_responses import of_file, of_function
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
-from ..scenario.sources import file_of, known_source, named
+from ..scenario.sources import file_of, known_source, labelled
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.user_code import PythonSource
 from ..study import runner
+from ..study.campaign import prepare
 from ..study.kept import Kept
 from ..study.study import Study
 from ..study.study import load as load_study
@@ -266,6 +268,7 @@ def compare(
             raise ConfigurationError(f"scenarios: must have different names, got {it!r} twice")
         if it == ALL:
             raise ConfigurationError(f"scenarios: must not be named {ALL!r}, which is for the mean")
+    _check_different(studies)
     tables = []
     for i, study in enumerate(studies):
         def told(share: float, i: int = i) -> None:
@@ -343,13 +346,39 @@ def study_of(
         **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
     }  # fmt: skip
     study = load_study(tables, receivers=[receivers] if one else list(receivers))
-    sources = [known_source(it) for it in study.receivers]
-    for i, source in enumerate(sources):
-        if source in sources[:i]:
+    seen: dict[Any, str] = {}
+    for label, source in labelled([known_source(it) for it in study.receivers]).items():
+        content = _content(source)
+        if content in seen:
             raise ConfigurationError(
-                f"receivers: must differ from each other, got {quoted(named(source))} twice"
+                "receivers: must differ in more than their names, got the same content as "
+                f"{quoted(seen[content])} and as {quoted(label)}"
             )
+        seen[content] = label
     return study
+
+
+def _content(source: Source) -> Any:
+    """What a receiver is, whatever its file is called."""
+    origin = _origin(source)
+    if isinstance(source, PythonSource):
+        return source.sha256, source.__name__
+    return origin["sha256"] if isinstance(origin, Mapping) else origin
+
+
+def _check_different(studies: Sequence[Study]) -> None:
+    """Refuse scenarios that are the same under two names: they would count twice."""
+    seen: dict[str, str] = {}
+    for study in studies if len(studies) > 1 else ():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they are given when it runs
+            runs = prepare(study).digest
+        if runs in seen:
+            raise ConfigurationError(
+                "scenarios: must differ in more than their names, got the same runs as "
+                f"{quoted(seen[runs])} and as {quoted(study.base.name)}"
+            )
+        seen[runs] = study.base.name
 
 
 def _origin(source: Source) -> Any:

@@ -12,12 +12,15 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
+from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
+from . import words
 from .limiting import Limiting
 from .question import Question
 from .sequential import FIRST, Verdict
 
+_WITHIN_A_RUN = " The same holds for the percentile of the estimates in a run."
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 """Words for verdicts."""
 
@@ -31,8 +34,12 @@ class Answer(Shown):
     designs
         One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and of
         the condition that is worst for it ``condition``, ``runs`` and ``passed`` of them,
-        ``estimate`` of the percentile of the response that is to be within the limit, ``lower`` and
-        ``upper`` bound of it; ``front``: no design is both cheaper and better, by the estimates.
+        ``estimate`` of the percentile of the response that is to be within the limit (the order
+        statistic x₍⌈q n⌉₎), ``lower`` and ``upper`` bound of it; ``front``: no design is both
+        cheaper and better, by the estimates.
+    arms
+        The same numbers of each design in each condition, and the ``verdict`` there; ``design`` is
+        its row, ``condition`` the condition's name.
     spent
         Runs that were done, of all designs.
     chosen
@@ -46,16 +53,20 @@ class Answer(Shown):
         What limits the design that is named: the chosen one, or the nearest.
     scenario
         Of the design that is named, in the condition that is worst for it.
+    until_sure
+        Whether designs that are dearer than one that suffices were left alone.
     """
 
     question: Question
     designs: pd.DataFrame
+    arms: pd.DataFrame
     spent: int
     chosen: int | None
     cheaper: int | None
     nearest: int
     limits: Limiting
     scenario: Scenario
+    until_sure: bool = False
 
     @property
     def named(self) -> int:
@@ -109,27 +120,27 @@ class Answer(Shown):
         if self.chosen is not None:
             what = "The cheapest design" if self.question.costs else "The most accurate design"
             return f"{what} that suffices: {self.priced(self.chosen)}. {self._numbers(self.chosen)}"
-        if not counts["open"]:
+        if not counts["undecided"]:
             return f"No design suffices: all {total} surely fail."
         if not counts["fails"]:
-            which = f"all {total} stay open{self._of_them_untried()}"
+            which = f"all {total} stay undecided{self._of_them_untried()}"
         else:
             which = (
-                f"of {total}, {_counted(counts['fails'], 'fail')} for sure, "
-                f"{_counted(counts['open'], 'stay')} open{self._of_them_untried()}"
+                f"of {total}, {words.counted(counts['fails'], 'fail')} for sure, "
+                f"{words.counted(counts['undecided'], 'stay')} undecided{self._of_them_untried()}"
             )
         return f"No design surely suffices: {which}.{self._too_few()}"
 
     def _of_them_untried(self) -> str:
-        """How many of the open designs have no runs."""
+        """How many of the undecided designs have no runs."""
         if not self.untried:
             return ""
-        every = self.untried == self.counts["open"]
+        every = self.untried == self.counts["undecided"]
         return f", {'none' if every else self.untried} of them {'' if every else 'not '}tried"
 
     def _too_few(self) -> str:
         """What a claim takes, where the budget is too small for any."""
-        runs = self.designs["runs"][self.designs["verdict"] == "open"]
+        runs = self.designs["runs"][self.designs["verdict"] == "undecided"]
         least, few, most = self.question.rule.least, int(runs.min()), int(runs.max())
         if most >= least:
             return ""
@@ -141,12 +152,12 @@ class Answer(Shown):
         )
 
     def _are(self, few: int, most: int, least: int) -> str:
-        """How many runs the open designs have, and how many are missing."""
+        """How many runs the undecided designs have, and how many are missing."""
         if few < most:
-            return f"those that are open have {few} to {most}"
-        open_ = self.counts["open"]
-        which = "the one that is" if open_ == 1 else f"each of the {open_} that are"
-        return f"there are {most}, {least - most} more are needed at {which} open"
+            return f"those that are undecided have {few} to {most}"
+        left = self.counts["undecided"]
+        which = "the one that is" if left == 1 else f"each of the {left} that are"
+        return f"there are {most}, {least - most} more are needed at {which} undecided"
 
     def _numbers(self, row: int) -> str:
         """How many runs of a design are within the limit, and its percentile."""
@@ -164,7 +175,7 @@ class Answer(Shown):
         """The bounds of a percentile that belong to what is said of a design."""
         of = self.of(row)
         low, high = isfinite(of["lower"]), isfinite(of["upper"])
-        if of["verdict"] == "open" and low and high:
+        if of["verdict"] == "undecided" and low and high:
             return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
         if low and of["verdict"] != "suffices":
             return f", surely at least {self._size(of['lower'])}"
@@ -183,7 +194,7 @@ class Answer(Shown):
             return "Nothing is cheaper."
         of = self.of(self.cheaper)
         fails = {
-            "fails": f"fails{self._by(self.cheaper)}", "open": "is open",
+            "fails": f"fails{self._by(self.cheaper)}", "undecided": "is undecided",
             "suffices": "suffices, too",
         }[of["verdict"]]  # fmt: skip
         prices = [self.question.price(self.of(row)["cost"]) for row in (self.cheaper, self.named)]
@@ -191,25 +202,24 @@ class Answer(Shown):
         which = "next one, at the same price," if same else "next cheaper one worth its cost"
         return (
             f"The {which} {fails}: {self.priced(self.cheaper)}. "
-            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}{self._others_open()}"
+            f"{self._numbers(self.cheaper)}{self._more(self.cheaper)}{self._others_undecided()}"
         )
 
-    def _others_open(self) -> str:
+    def _others_undecided(self) -> str:
         """How many cheaper designs are not decided, beside the one that is named."""
         cheaper = self.designs["cost"] < self.of(self.named)["cost"]
         cheaper &= self.designs.index != self.cheaper
-        count = int((cheaper & (self.designs["verdict"] == "open")).sum())
-        return f" Of the cheaper ones, {_counted(count, 'stay')} open besides." if count else ""
+        count = int((cheaper & (self.designs["verdict"] == "undecided")).sum())
+        if not count:
+            return ""
+        return f" Of the cheaper ones, {words.counted(count, 'stay')} undecided besides."
 
     def _more(self, row: int) -> str:
-        """How many runs would decide a design that is open."""
+        """How many runs would decide a design that is undecided."""
         of = self.of(row)
-        if of["verdict"] != "open" or not of["runs"]:
+        if of["verdict"] != "undecided" or not of["runs"]:
             return ""
-        runs = self.question.rule.runs_to_decide(int(of["passed"]), int(of["runs"]))
-        if runs is None:
-            return " It is so near the limit that no number of runs is likely to decide it."
-        return f" If its share stayed so, {runs:,} runs of it would decide it."
+        return f" {words.missing(self.question.rule, int(of['passed']), int(of['runs']))}"
 
     def _by(self, row: int) -> str:
         """By how much a design fails."""
@@ -226,9 +236,9 @@ class Answer(Shown):
         if not of["runs"]:
             return ""
         nearest = f"The nearest{' of those that were tried' if self.untried else ''}"
-        if of["verdict"] == "open":
-            is_open = f"{nearest} is open: {self.priced(self.nearest)}."
-            return f"{is_open} {self._numbers(self.nearest)}{self._more(self.nearest)}"
+        if of["verdict"] == "undecided":
+            which = f"{nearest} is undecided: {self.priced(self.nearest)}."
+            return f"{which} {self._numbers(self.nearest)}{self._more(self.nearest)}"
         return (
             f"{nearest}, {self.priced(self.nearest)}, fails{self._by(self.nearest)}. "
             f"{self._numbers(self.nearest)}"
@@ -247,10 +257,7 @@ class Answer(Shown):
         helping = [(n, v) for n, v in rest if v < found.everything]
         text += "".join(f"; without {name} {self._size(value)}" for name, value in helping) + "."
         if self.chosen is None and found.everything > limit:
-            if found.enough:
-                text += f" It would do without {_joined(found.enough)}."
-            else:
-                text += " Not even without all of them would it do."
+            text += f" {words.enough(found, limit)}"
         return text
 
     def sure(self) -> str:
@@ -258,13 +265,31 @@ class Answer(Shown):
         q, counts = self.question, self.counts
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
-        open_ = f", {_counted(counts['open'], 'stay')} open" if counts["open"] else ""
+        left = counts["undecided"]
+        undecided = f", {words.counted(left, 'stay')} undecided" if left else ""
         return (
             f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
-            f"is wrong: {_counted(counts['suffices'], 'suffice')}, "
-            f"{_counted(counts['fails'], 'fail')}{open_}. That took {self.spent:,} of at most "
-            f"{q.terms.most_runs:,} runs.{self._untried()}"
+            f"is wrong: {words.counted(counts['suffices'], 'suffice')}, "
+            f"{words.counted(counts['fails'], 'fail')}{undecided}. {self._took()}"
+            f"{self._left_alone()}{self._untried()}"
         )
+
+    def _took(self) -> str:
+        """How many runs there were, and how many there could be."""
+        most = self.question.terms.most_runs
+        if self.spent <= most:
+            return f"That took {self.spent:,} of at most {most:,} runs."
+        there = f"runs that were there count beyond the budget of {most:,}"
+        return f"That took {self.spent:,} runs: {there}."
+
+    def _left_alone(self) -> str:
+        """How many designs were left undecided because the answer is sure without them."""
+        if not self.until_sure or self.chosen is None:
+            return ""
+        dearer = self.designs["cost"] > self.of(self.chosen)["cost"]
+        count = int((dearer & (self.designs["verdict"] == "undecided")).sum())
+        which = "1 that is dearer was" if count == 1 else f"{count} that are dearer were"
+        return f" {which} left undecided." if count else ""
 
     def _untried(self) -> str:
         """How many designs the budget did not reach."""
@@ -273,14 +298,14 @@ class Answer(Shown):
         looks = FIRST * self.question.groups * len(self.question.conditions)
         return (
             f" {self.untried} {'was' if self.untried == 1 else 'were'} not tried: a first look at "
-            f"all designs takes a budget of {looks:,} (most_runs)."
+            f"all designs takes a budget of {looks:,} runs."
         )
 
     def _size(self, value: float) -> str:
         """A value of the response, for people."""
         if not isfinite(value):
             return "a loss"
-        return f"{_figure(value)}{self.question.unit and f' {self.question.unit}'}"
+        return f"{words.figure(value)}{self.question.unit and f' {self.question.unit}'}"
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the designs worth their cost.
@@ -341,10 +366,10 @@ class Answer(Shown):
             [
                 f"{letters.get(number, ' '):{3 if letters else 0}}{self.short(number)}",
                 row["verdict"],
-                "lost" if row["estimate"] == np.inf else _figure(row["estimate"]),
+                "lost" if row["estimate"] == np.inf else words.figure(row["estimate"]),
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                _span(row["verdict"], row["lower"], row["upper"]), f"{row['runs']:,}",
+                words.span(row["verdict"], row["lower"], row["upper"]), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
@@ -357,11 +382,15 @@ class Answer(Shown):
         return [
             f"A run passes if its {q.words} is at most {q.terms.limit:g}"
             f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
-            "is lost does not pass.",
+            f"is lost does not pass. {LOST}",
             f"A design suffices if at least {share} of all runs that there could be pass"
             + (" in each condition" if len(q.conditions) > 1 else "")
-            + ". The bounds assume nothing about the distribution of the errors, and hold whenever "
-            "one looks. The lower bounds of all designs hold together, and so do the upper ones.",
+            + f". What {share} are within is an order statistic: of n runs, the one of rank "
+            f"{q.terms.share:g} n, rounded up.{_WITHIN_A_RUN if 'percentile' in q.words else ''}",
+            "The bounds assume nothing about the distribution of the errors, and hold whenever one "
+            "looks. The lower bounds of all designs that fail hold together, and so do the upper "
+            "ones of all that suffice. Of undecided designs both hold, of all of them together: "
+            f"with a confidence of {100 * q.terms.confidence:g} % no interval is wrong.",
             "A design is left alone as soon as it is decided, so the runs of designs differ.",
         ]
 
@@ -383,25 +412,3 @@ class Answer(Shown):
             f"<table><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr>{cells}</table>",
             folded("How to read the numbers", verbatim("\n".join(self.notes()))),
         )
-
-
-def _figure(value: float) -> str:
-    return f"{value:.3g}" if isfinite(value) else "–"
-
-
-def _span(verdict: str, low: float, high: float) -> str:
-    """The bounds of a percentile that belong to a verdict."""
-    ends = [(low, "≥"), (high, "≤")]
-    shown = [f"{sign} {_figure(end)}" for (end, sign), other in zip(ends, ("suffices", "fails"),
-             strict=True) if isfinite(end) and verdict != other]  # fmt: skip
-    return ", ".join(shown) or "–"
-
-
-def _counted(number: int, verb: str) -> str:
-    """How many do something."""
-    return f"{number} {verb}{'s' if number == 1 else ''}"
-
-
-def _joined(names: tuple[str, ...]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

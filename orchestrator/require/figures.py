@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
-_LOOKS = {"suffices": ("o", 2), "open": ("D", 3), "fails": ("X", 0)}
+_LOOKS = {"suffices": ("o", 2), "undecided": ("D", 3), "fails": ("X", 0)}
 """Marker of each verdict, and its colour among those of receivers."""
 _WIDEST = 5.0
 """Ratio of the largest to the smallest value from which the axis is logarithmic."""
@@ -74,6 +74,8 @@ def plot_front(
         if ax.get_yscale() == "linear":
             ax.set_ylim(bottom=0.0)
         at = _beyond(ax, answer, at, look)
+        if not answer.spent:
+            ax.text(0.5, 0.5, "no design was tried", transform=ax.transAxes, ha="center")
         if own:
             _write(ax, key)
         else:

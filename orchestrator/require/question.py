@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 from ..analysis.conditions import BETTER_IF_LARGE
 from ..analysis.costs import of_levels
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
-from ..results.responses import ON_REQUEST, RESPONSES, unit_of
+from ..results.responses import ON_REQUEST, RESPONSES, check_limit, unit_of
 from ..scenario import library
 from ..scenario.labels import RAW
 from ..scenario.schema import Table
@@ -37,8 +37,6 @@ _FRAME = "absolute_"
 OF_STUDY = ("name", "title", "scenario", "fixed", "seed", "settling_time_s", "conditions")
 """Keys that mean the same in a study file."""
 _OF_CHOICE = ("label", "unit", "keys", "levels", "costs")
-_SIGNED = ("_x_mean_m", "_y_mean_m", "_z_mean_m")
-"""Ends of the names of responses that can be negative."""
 _Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
@@ -206,7 +204,17 @@ class Question(Shown):
         return 1 + max(design.group for design in self.designs)
 
     def with_budget(self, most_runs: int) -> Question:
-        """A copy with another budget; the runs common to both are equal."""
+        """A copy with another budget; the runs common to both are equal.
+
+        Raises
+        ------
+        ConfigurationError
+            The budget is out of range.
+        """
+        if not isinstance(most_runs, int) or not 1 <= most_runs <= MOST_RUNS:
+            raise ConfigurationError(
+                f"most_runs: must be a whole number from 1 to {MOST_RUNS}, got {most_runs!r}"
+            )
         terms = self.terms.model_copy(update={"most_runs": most_runs})
         return replace(self, terms=terms, study=self.study.with_replicates(most_runs))
 
@@ -264,7 +272,7 @@ def load(source: str | Path | Mapping[str, Any]) -> Question:
             f"{where}: settling_time_s: must be given, got nothing; 0 counts errors from the start"
         )
     response, asked = _response(where, terms.response)
-    _check_limit(where, terms.limit, response)
+    check_limit(f"{where}: limit", terms.limit, response)
     # Side by side, receivers are on the same noise; every bound here holds whatever runs share.
     alone = ([RECEIVERS_KEY], (RECEIVERS_KEY,))
     receivers = any(table.get("keys") in alone for table in choices.values())
@@ -299,15 +307,6 @@ def _lines(where: str, error: ValidationError) -> list[str]:
     missing = "{}: {}: must be given, got nothing"
     misspelt = {missing.format(where, key) for key in Terms.model_fields if f"'{key}'?" in meant}
     return [text for text in found if text not in misspelt]
-
-
-def _check_limit(where: str, limit: float, response: str) -> None:
-    """Refuse a limit that no run could be within."""
-    if limit < 0 and response in RESPONSES and not response.endswith(_SIGNED):
-        raise ConfigurationError(
-            f"{where}: limit: must be at least 0, as the {RESPONSES[response].words} always is, "
-            f"got {limit:g}"
-        )
 
 
 class _Known(Terms):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 
 import pandas as pd
@@ -13,6 +15,7 @@ from ..report.page import Block, Code, Page, Picture, Section, Table, Text, rend
 from .answer import Answer
 from .figures import plot_front, plot_narrow
 from .question import shipped
+from .words import figure, span
 
 REPORT, SCENARIO = "report.html", "scenario.toml"
 FRONT, NARROW = "front", "front_narrow"
@@ -22,18 +25,23 @@ FRONT, NARROW = "front", "front_narrow"
 def save(answer: Answer, directory: str | Path) -> Path:
     """Write an answer into a folder.
 
-    The file `SCENARIO` is there if a design surely suffices.
+    The file `SCENARIO` is there if a design surely suffices, the table of conditions if there are
+    several, the figures if there are runs.
     """
     q = answer.question
     about = {"question": q.terms.model_dump() | {"name": q.study.name}}
     with artifacts.folder(directory, about) as folder:
         artifacts.write_table(answer.designs, folder, "designs")
-        style.save(plot_front(answer), folder, FRONT)
-        style.save(plot_narrow(answer), folder, NARROW)
+        if len(q.conditions) > 1:
+            artifacts.write_table(_in_conditions(answer), folder, "conditions")
+        drawn = []
+        if answer.spent:
+            style.save(plot_front(answer), folder, FRONT)
+            style.save(plot_narrow(answer), folder, NARROW)
+            drawn = [(folder / f"{name}.svg").read_text("utf-8") for name in (FRONT, NARROW)]
         if answer.chosen is not None:
             (folder / SCENARIO).write_text(_scenario(answer, folder), "utf-8")
-        drawn = [(folder / f"{name}.svg").read_text("utf-8") for name in (FRONT, NARROW)]
-        (folder / REPORT).write_text(render(_page(answer, *drawn)), "utf-8")
+        (folder / REPORT).write_text(render(_page(answer, drawn)), "utf-8")
     return Path(directory)
 
 
@@ -47,24 +55,20 @@ def _scenario(answer: Answer, folder: Path | None) -> str:
     return "\n".join([*lines, "", answer.scenario.dump_toml(folder)])
 
 
-def _page(answer: Answer, wide: str, narrow: str) -> Page:
+def _page(answer: Answer, drawn: Sequence[str]) -> Page:
     q, study = answer.question, answer.question.study
     first, *rest = answer.sentences()
     summary: list[Block] = [Text(first, "answer"), *map(Text, rest)]
-    what = "Cost and accuracy" if q.costs else "Accuracy"
-    alt = f"{what} of {len(answer.designs)} designs. {first}"
-    caption = (
-        f"{what} of all designs: the value that {100 * q.terms.share:g} % of the runs are within; "
-        "bars reach to the bounds. Letters: the designs that the answer names."
-    )
+    met = len(q.conditions)
     return Page(
         study.title or f"Which design: {study.name}",
-        f"Required: {q.requirement}. Path: {answer.scenario.target.trajectory}; duration: "
-        f"{_duration(answer)}; errors count from {study.settling_time_s:g} s on.",
+        f"Required: {q.requirement}{f' in each of {met} conditions' if met > 1 else ''}. Path: "
+        f"{answer.scenario.target.trajectory}; duration: {_duration(answer)}; errors count from "
+        f"{study.settling_time_s:g} s on.",
         [
             Section("Answer", "answer", summary),
-            Section("Cost and accuracy" if q.costs else "Accuracy", "front",
-                    [Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))]),
+            *([_front(answer, *drawn)] if drawn else []),
+            *([_conditions(answer)] if study.conditions else []),
             Section("Designs", "designs",
                     [_table(answer, answer.worth, "Designs worth their cost" if q.costs
                             else "The most accurate designs")],
@@ -75,6 +79,55 @@ def _page(answer: Answer, wide: str, narrow: str) -> Page:
         ],
         f"sblcosim {artifacts.software()['sblcosim']}",
     )  # fmt: skip
+
+
+def _front(answer: Answer, wide: str, narrow: str) -> Section:
+    """The figure."""
+    what = "Cost and accuracy" if answer.question.costs else "Accuracy"
+    alt = f"{what} of {len(answer.designs)} designs. {answer.sentences()[0]}"
+    caption = (
+        f"{what} of all designs: the value that {100 * answer.question.terms.share:g} % of the "
+        "runs are within; bars reach to the bounds. Letters: the designs that the answer names."
+    )
+    picture = Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))
+    return Section(what, "front", [picture])
+
+
+def _conditions(answer: Answer) -> Section:
+    """The conditions, and how the designs that are named do in each."""
+    q, study = answer.question, answer.question.study
+    how = {
+        "all": "a design must suffice in each of them",
+        "average": "each run is in one of them, drawn at random",
+    }
+    rows = [
+        [study.labels[name], ", ".join(q.quantity(name, level) for level in it.values),
+         how[it.combine]]
+        for name, it in study.conditions.items()
+    ]
+    head = ["Condition", "Levels", "How they count"]
+    blocks: list[Block] = [Table("Conditions", head, rows, (1, 2))]
+    named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
+    if len(q.conditions) > 1 and answer.spent:
+        unit = f" [{q.unit}]" if q.unit else ""
+        head = ["Design", "Condition", "Verdict", f"{100 * q.terms.share:g} % within{unit}",
+                "Surely", "Passed", "Runs"]
+        blocks.append(Table(
+            "The designs that the answer names, in each condition", head,
+            [[answer.short(row["design"]), row["condition"], row["verdict"],
+              "lost" if row["estimate"] == inf else figure(row["estimate"]),
+              span(row["verdict"], row["lower"], row["upper"]), f"{row['passed']:,}",
+              f"{row['runs']:,}"] for row in named.to_dict(orient="records")],
+            (1, 2),
+        ))  # fmt: skip
+    return Section("Conditions", "conditions", blocks)
+
+
+def _in_conditions(answer: Answer) -> pd.DataFrame:
+    """All designs in each condition, with their levels."""
+    levels = answer.designs[[*answer.question.study.factors]]
+    own = levels.loc[answer.arms["design"]].reset_index(drop=True)
+    return own.join(answer.arms.drop(columns="design"))
 
 
 def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
@@ -90,11 +143,12 @@ def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
 
 
 _METHOD = (
-    "A run passes or fails. Designs that are open go on together, from look to look, each a tenth "
+    "A run passes or fails. Undecided designs go on together, from look to look, each a tenth "
     "more runs than the one before. A claim is made when a mixture of likelihood ratios against "
     "the required share exceeds the inverse of its share of the risk (Ville's inequality; Robbins "
     "1970, Howard et al. 2021): so it holds at all looks at once. The risk is shared over the "
-    "designs, and for failing over the conditions, too. What limits a design is found by runs on "
+    "designs, and for failing over the conditions, too; of undecided designs it is shared over the "
+    "two bounds as well. What limits a design is found by runs on "
     "the same noise without each source of error, with a receiver that is told so; they are not "
     "of the budget."
 )
@@ -109,7 +163,8 @@ def _again(answer: Answer) -> Section:
     study = answer.question.study
     source = study.name if study.name in shipped() else shlex.quote(f"{study.name}.toml")
     blocks: list[Block] = [
-        Code(f"sblcosim require {source} --most-runs {answer.question.terms.most_runs}"),
+        Code(f"sblcosim require {source} --most-runs {answer.question.terms.most_runs}"
+             f"{' --until-sure' if answer.until_sure else ''}"),
         Text("Equal versions and seeds give equal results to the last bit, whatever the number of "
              "workers. Any run can be done again with its full record: sblcosim replay "
              "FOLDER/runs RUN_ID. The question:"),

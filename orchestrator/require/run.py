@@ -32,6 +32,7 @@ def decide(
     out: str | Path,
     *,
     most_runs: int | None = None,
+    until_sure: bool = False,
     workers: int | None = None,
     executor: str | Executor = "threads",
     scheduler: str | None = None,
@@ -49,7 +50,10 @@ def decide(
         Folder. It gets ``runs``, the folder of a study with all runs, and ``answer`` with the
         report, the front, the table of designs and the scenario of the design that is named.
     most_runs
-        Budget in place of the question's.
+        Budget in place of the question's. Runs that are in the folder count beyond it, too.
+    until_sure
+        Leave designs alone that are dearer than one that surely suffices: the answer names the same
+        design as without it. Designs of the same cost go on.
     workers, executor, scheduler
         As of `sblcosim.study.runner.run`.
     progress
@@ -67,8 +71,8 @@ def decide(
     out = Path(out)
     artifacts.check(out / ANSWER)
     elimination, values = decided(
-        asked, out / RUNS, workers=workers, executor=executor, scheduler=scheduler,
-        progress=progress,
+        asked, out / RUNS, until_sure=until_sure, workers=workers, executor=executor,
+        scheduler=scheduler, progress=progress,
     )  # fmt: skip
     found = answered(asked, elimination, values, workers)
     from .report import save
@@ -81,6 +85,7 @@ def decided(
     question: Question,
     folder: Path,
     *,
+    until_sure: bool = False,
     workers: int | None = None,
     executor: str | Executor = "threads",
     scheduler: str | None = None,
@@ -112,7 +117,8 @@ def decided(
                 parts.write(folder, campaign, part, rows)
                 known.update(_responses(question, rows))
 
-        return _eliminated(question, campaign, known, carried_out, progress)
+        prices = [design.cost for design in question.designs] if until_sure else None
+        return _eliminated(question, campaign, known, carried_out, progress, prices)
 
 
 def _eliminated(
@@ -121,15 +127,20 @@ def _eliminated(
     known: Mapping[str, Floats],
     carried_out: Callable[[Sequence[Run]], None],
     progress: Callable[[float], None] | None,
+    prices: Sequence[float] | None,
 ) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
     """Rounds of batches; ``carried_out`` makes the responses of runs known."""
     designs = question.designs
     receivers = list(campaign.receivers)
     elimination = Elimination(
-        question.rule, [design.group for design in designs], question.terms.most_runs
+        question.rule, [design.group for design in designs], question.terms.most_runs, prices
     )
     values: dict[tuple[int, int], list[Floats]] = {}
-    while batches := elimination.batches():
+
+    def is_known(batch: Batch) -> bool:
+        return all(run.run_id in known for run in _runs(question, campaign, batch))
+
+    while batches := elimination.batches(is_known):
         rounds = [(batch, _runs(question, campaign, batch)) for batch in batches]
         carried_out([run for _, runs in rounds for run in runs])
         for batch, runs in rounds:
@@ -141,7 +152,7 @@ def _eliminated(
                 passed[number] = int((mine <= question.terms.limit).sum())
             elimination.add(batch, passed)
         if progress is not None:
-            closed = sum(elimination.verdict(n) != "open" for n in range(len(designs)))
+            closed = sum(elimination.verdict(n) != "undecided" for n in range(len(designs)))
             spent = elimination.spent / question.terms.most_runs
             progress(min(max(closed / len(designs), spent), 0.99))
     return elimination, {arm: np.concatenate(parts) for arm, parts in values.items()}

@@ -20,11 +20,14 @@ A share of the risk belongs to each claim. Of D designs that must hold in C cond
 is not, so each condition may take the whole risk/D (intersection-union test: R. L. Berger,
 Technometrics 24, 1982, 295–300). It is *not* if it is not in some condition, for which each has
 risk/(D C). A design is either good or not, so both claims have the whole risk.
+
+Of a design that stays undecided two bounds are said at once, in whichever condition: each of the
+2 D C bounds has risk/(2 D C), so all these intervals together have the whole risk, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from math import log, log1p
@@ -34,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
-Verdict = Literal["suffices", "fails", "open"]
+Verdict = Literal["suffices", "fails", "undecided"]
 
 WEIGHT = 50.0
 """Of the continuous part of the mixture [runs]."""
@@ -130,15 +133,18 @@ class Rule:
         """What is sure of an arm."""
         if runs and passed >= self.enough(runs):
             return "suffices"
-        return "fails" if runs and passed <= self.too_few(runs) else "open"
+        return "fails" if runs and passed <= self.too_few(runs) else "undecided"
 
-    def runs_to_decide(self, passed: int, runs: int) -> int | None:
-        """Runs at the look that would decide an arm if its share stayed; None if none would."""
+    def runs_to_decide(self, passed: float, runs: int) -> int | None:
+        """Runs at the look that would decide an arm if its share stayed; None if none would.
+
+        None means that not even `MOST_RUNS` would.
+        """
         for n in looks():
             if n > MOST_RUNS:
                 return None
-            same = passed * n // max(runs, 1)
-            if n > runs and self.verdict(same, n) != "open":
+            same = int(passed * n // max(runs, 1))
+            if n > runs and self.verdict(same, n) != "undecided":
                 return n
         return None
 
@@ -162,7 +168,7 @@ class Batch:
 class Elimination:
     """Which designs are decided, and which runs come next.
 
-    All arms that are open go from look to look together, those of the cheaper designs first if the
+    All undecided arms go from look to look together, those of the cheaper designs first if the
     budget does not reach for all. A design is left alone when it is decided, one of its arms when
     that is good.
 
@@ -172,6 +178,8 @@ class Elimination:
         By design, the cheapest first: the group of designs with which it shares its runs.
     most_runs
         Budget of runs, over everything.
+    prices
+        By design; with them, a design that is dearer than one that suffices is left alone.
     runs
         Done so far, by group and condition.
     seen, passed
@@ -182,6 +190,7 @@ class Elimination:
     rule: Rule
     groups: Sequence[int]
     most_runs: int
+    prices: Sequence[float] | None = None
     runs: Ints = field(init=False)
     seen: Ints = field(init=False)
     passed: Ints = field(init=False)
@@ -203,28 +212,42 @@ class Elimination:
     def verdict(self, design: int) -> Verdict:
         """What is sure of a design."""
         arms = {self.arm(design, c) for c in range(self.rule.conditions)}
-        return "fails" if "fails" in arms else "open" if "open" in arms else "suffices"
+        return next(v for v in ("fails", "undecided", "suffices") if v in arms)
 
     @property
     def spent(self) -> int:
         """Runs so far."""
         return int(self.runs.sum())
 
-    def batches(self) -> list[Batch]:
-        """What comes next: nothing if all is decided, or the budget does not reach any more."""
+    def batches(self, known: Callable[[Batch], bool] = lambda batch: False) -> list[Batch]:
+        """What comes next: nothing if all is decided, or the budget does not reach any more.
+
+        Parameters
+        ----------
+        known
+            Whether all runs of a batch are there already: those count, whatever the budget is.
+        """
         left, found = self.most_runs - self.spent, {}
+        verdicts = [self.verdict(design) for design in range(len(self.groups))]
         for design, group in enumerate(self.groups):
-            if self.verdict(design) != "open":
+            if verdicts[design] != "undecided" or self._too_dear(design, verdicts):
                 continue
             for condition in range(self.rule.conditions):
                 done = int(self.runs[group, condition])
-                stop = next(n for n in looks() if n > done)
-                if (group, condition) in found or self.arm(design, condition) != "open":
+                batch = Batch(group, condition, done, next(n for n in looks() if n > done))
+                place, size = (group, condition), batch.stop - done
+                if place in found or self.arm(design, condition) != "undecided":
                     continue
-                if stop - done <= left:
-                    found[group, condition] = Batch(group, condition, done, stop)
-                    left -= stop - done
+                if size <= left or known(batch):
+                    found[place] = batch
+                    left -= size
         return list(found.values())
+
+    def _too_dear(self, design: int, verdicts: Sequence[Verdict]) -> bool:
+        """Whether a cheaper design surely suffices, if that ends it."""
+        if self.prices is None or "suffices" not in verdicts:
+            return False
+        return self.prices[verdicts.index("suffices")] < self.prices[design]
 
     def add(self, batch: Batch, passed: Mapping[int, int]) -> None:
         """Note how many runs of a batch have passed, by design; of decided ones nothing counts."""
@@ -239,31 +262,40 @@ class Elimination:
             design
             for design in self._members[batch.group]
             if self.seen[design, batch.condition] == batch.start
-            and self.arm(design, batch.condition) == "open"
+            and self.arm(design, batch.condition) == "undecided"
         ]
 
 
-def percentile(values: NDArray[np.float64], rule: Rule) -> tuple[float, float, float]:
+def percentile(
+    values: NDArray[np.float64], rule: Rule, decided: bool = True
+) -> tuple[float, float, float]:
     """The percentile of an arm's response that is to be within the limit, and its two bounds.
 
     Parameters
     ----------
     values
         Of the runs in any order, infinite if they failed.
+    decided
+        Whether one of the bounds is said, that of the claim. Else both are, and hold at once.
 
     Returns
     -------
     estimate, lower, upper
-        The run that the required share of the runs is not above, and the runs between which the
-        percentile is; the lower bounds of all designs hold together, and so do the upper ones.
-        Infinite where there is none.
+        The order statistic x₍⌈q n⌉₎ of n runs, which the required share q of them is not above, and
+        the runs between which the percentile is. Those of a claim hold for all designs together,
+        each kind for itself; those of undecided designs hold together, both. Infinite where there
+        is none.
     """
     n = len(values)
     if n == 0:
         return float("nan"), -np.inf, np.inf
     ordered = np.sort(values)
     rank = max(int(np.ceil(rule.share * n - 1e-9)), 1)
-    few, many = rule.too_few(n), rule.enough(n)
+    if decided:
+        few, many = rule.too_few(n), rule.enough(n)
+    else:
+        half = rule.risk / (2 * rule.designs * rule.conditions)
+        few, many = too_few(n, rule.share, half), enough(n, rule.share, half)
     return (
         float(ordered[rank - 1]),
         float(ordered[few]) if few >= 0 else -np.inf,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from ..scenario.sources import choose
 from .answer import Answer
 from .limiting import Limiting, limiting
 from .question import Question, passable
-from .sequential import Elimination, percentile
+from .sequential import Elimination, Verdict, percentile
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +35,8 @@ def answered(
     workers
         For the runs that tell what limits a design.
     """
-    designs = _table(question, elimination, values)
+    arms = _arms(question, elimination, values)
+    designs = _table(question, elimination, arms)
     good = designs[designs["verdict"] == "suffices"]
     # Of equal cost, the more accurate one; a missing estimate is the worst.
     order = ["cost", "estimate"] if question.costs else ["estimate"]
@@ -60,30 +62,41 @@ def answered(
     if elimination.spent:
         limits = limiting(scenario, receiver, about, rank, question.terms.limit, workers)
     return Answer(
-        question, designs.drop(columns="worst"), elimination.spent, chosen, cheaper, nearest,
-        limits, scenario,
+        question, designs.drop(columns="worst"), arms, elimination.spent, chosen, cheaper, nearest,
+        limits, scenario, elimination.prices is not None,
     )  # fmt: skip
 
 
-def _table(
+def _arms(
     question: Question, elimination: Elimination, values: Mapping[tuple[int, int], Floats]
 ) -> pd.DataFrame:
+    """One row per design and condition, as `Answer.arms`."""
+    rows = []
+    for number in range(len(question.designs)):
+        for at, condition in enumerate(question.conditions):
+            verdict = elimination.arm(number, at)
+            mine = values.get((number, at), np.empty(0))
+            estimate, lower, upper = percentile(mine, question.rule, verdict != "undecided")
+            rows.append({
+                "design": number, "condition": question.named(dict(condition)), "verdict": verdict,
+                "runs": int(elimination.seen[number, at]),
+                "passed": int(elimination.passed[number, at]),
+                "estimate": estimate, "lower": lower, "upper": upper,
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> pd.DataFrame:
     """One row per design, as `Answer.designs`, and ``worst``: the number of its condition."""
-    rows, arms = [], [*question.conditions]
+    rows, met = [], len(question.conditions)
+    every: list[Any] = arms.to_dict(orient="records")
     for number, design in enumerate(question.designs):
-        verdict = elimination.verdict(number)
-        found = [
-            (percentile(values.get((number, c), np.empty(0)), question.rule), c)
-            for c in range(len(arms))
-        ]
-        worst = max(found, key=lambda one: _badness(elimination, number, *one))
-        (estimate, lower, upper), at = worst
+        mine = every[met * number : met * (number + 1)]
+        worst = max(range(met), key=[_badness(**arm) for arm in mine].__getitem__)
+        kept = {k: v for k, v in mine[worst].items() if k not in ("design", "verdict")}
         rows.append({
-            **design.levels, "cost": design.cost, "verdict": verdict,
-            "condition": question.named(dict(arms[at])),
-            "runs": int(elimination.seen[number, at]),
-            "passed": int(elimination.passed[number, at]),
-            "estimate": estimate, "lower": lower, "upper": upper, "worst": at,
+            **design.levels, "cost": design.cost, "verdict": elimination.verdict(number), **kept,
+            "worst": worst,
         })  # fmt: skip
     designs = pd.DataFrame(rows)
     rank = designs["estimate"].fillna(np.inf)
@@ -93,13 +106,11 @@ def _table(
 
 
 def _badness(
-    elimination: Elimination, number: int, numbers: tuple[float, float, float], condition: int
+    *, verdict: Verdict, runs: int, passed: int, estimate: float, **_: object
 ) -> tuple[int, float, float]:
-    """What makes a condition the worst one for a design."""
-    verdict = elimination.arm(number, condition)
-    seen, passed = (int(a[number, condition]) for a in (elimination.seen, elimination.passed))
-    estimate = numbers[0] if seen else -np.inf
-    return ["suffices", "open", "fails"].index(verdict), estimate, (seen - passed) / max(seen, 1)
+    """What makes a condition the worst one for a design: it fails, or is undecided, or far off."""
+    known = estimate if runs else -np.inf
+    return ["suffices", "undecided", "fails"].index(verdict), known, (runs - passed) / max(runs, 1)
 
 
 def _nearest(designs: pd.DataFrame) -> int:

@@ -169,6 +169,37 @@ class Percentile(Response):
         return Percentile, (self.length, self.percentage)
 
 
+_SIGNED = ("_x_mean_m", "_y_mean_m", "_z_mean_m")
+"""Ends of the names of responses that can be negative."""
+_OF_NONE = ("inconsistent", "lost", "broken")
+"""Responses of which 0 is the best that a run can have, and often has."""
+
+
+def check_limit(where: str, limit: float, response: str) -> None:
+    """Refuse a limit that no run could be within.
+
+    Parameters
+    ----------
+    where
+        What the message begins with.
+    response
+        Name of a response; of one that is not in `RESPONSES` nothing is known.
+
+    Raises
+    ------
+    ConfigurationError
+        The response is always larger.
+    """
+    if response not in RESPONSES or response.endswith(_SIGNED):
+        return
+    words, unit = RESPONSES[response].words, unit_of(response)
+    if limit < 0 or (limit == 0 and response not in _OF_NONE):
+        least = "at least 0" if response in _OF_NONE else f"more than 0{unit and f' {unit}'}"
+        raise ConfigurationError(
+            f"{where}: must be {least}, as the {words} always is, got {limit:g}"
+        )
+
+
 def unit_of(column: str) -> str:
     """Unit of a response, from its name."""
     return next((unit for unit in ("m", "s") if column.endswith(f"_{unit}")), "")

@@ -74,6 +74,8 @@ _VERDICTS = {
 }
 _NOTES = (
     "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
+    "95 % within, and the other percentages: order statistics, of n errors the one of rank 0.95 n, "
+    "rounded up.",
     "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
     "at the estimate's epoch.",
 )

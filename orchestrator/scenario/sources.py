@@ -18,7 +18,13 @@ from .schema import CORE_COMPONENTS
 
 
 def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
-    """Receivers by label, the raw fix included."""
+    """Receivers by label, the raw fix included.
+
+    Raises
+    ------
+    ConfigurationError
+        One of them is unknown, or is given twice without labels.
+    """
     chosen: dict[str, Source] = {}
     if isinstance(receivers, Mapping):
         chosen = {label: known_source(source) for label, source in receivers.items()}
@@ -41,13 +47,22 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
 
 
 def labelled(sources: Sequence[Source]) -> dict[str, Source]:
-    """Receivers by label, each once."""
+    """Receivers by label.
+
+    Raises
+    ------
+    ConfigurationError
+        One of them is there twice.
+    """
     # Our receivers keep their names, in any position.
     taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
     chosen: dict[str, Source] = {}
     for source in sources:
-        if source not in chosen.values():
-            chosen[_label(source, {*chosen, *taken})] = source
+        if source in chosen.values():
+            raise ConfigurationError(
+                f"receivers: must differ from each other, got {quoted(named(source))} twice"
+            )
+        chosen[_label(source, {*chosen, *taken})] = source
     return chosen
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -50,7 +51,7 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
     if (folder / STUDY).exists():
         before, definition = described(folder), campaign.definition()
-        if before["definition"] != definition:
+        if _identity(before["definition"]) != _identity(definition):
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
                 f"{before['definition']['study']['name']!r} with other "
@@ -168,6 +169,7 @@ def at_work(folder: Path) -> Iterator[None]:
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """Names of the parts in which two definitions differ."""
+    before, now = _identity(before), _identity(now)
     parts = [
         key
         for key in now["study"]
@@ -175,6 +177,28 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     ]
     parts += [key for key in ("scenario", "fmus") if before.get(key) != now.get(key)]
     return ", ".join(parts).replace("fmus", "FMUs") or "contents"
+
+
+def _identity(definition: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a definition makes its runs: neither names and titles nor where files are.
+
+    Of files the hashes are in it, and in the ids of the runs.
+    """
+    made = {
+        part: {k: v for k, v in it.items() if part == "fmus" or k not in ("name", "title")}
+        for part, it in definition.items()
+    }
+    found: dict[str, Any] = _unplaced(made)
+    return found
+
+
+def _unplaced(value: Any) -> Any:
+    """Plain data with the names of files in place of their paths."""
+    if isinstance(value, str):
+        return re.split(r"[/\\]", value)[-1]
+    if isinstance(value, Mapping):
+        return {key: _unplaced(it) for key, it in value.items()}
+    return [_unplaced(it) for it in value] if isinstance(value, list) else value
 
 
 def described(folder: Path) -> dict[str, Any]:

@@ -204,7 +204,7 @@ def test_bad_input_gets_one_line(tmp_path: Path, whole: Path) -> None:
     for arguments, message in (
         (["study", "nothing"], "error: study: must be a TOML file or one of"),
         (["study", "paper-scenario-1", "--out", "results"], "got those of 'gps' with other"),
-        (["study", "gps.toml", "--master", "fast"], "error: master: must be"),
+        (["study", "gps.toml", "--master", "fast"], "error: --master: must be"),
         (["replay", "results", "nothing"], "error: run: must be the run_id of one run in results"),
         (["replay", "nowhere", "a"], "error: nowhere: must be a folder of a study's results"),
     ):

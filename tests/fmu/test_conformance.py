@@ -427,5 +427,5 @@ def test_what_cannot_be_checked_is_said_and_ends_with_2(tmp_path: Path) -> None:
         assert text.count("\n") == 1
     code, text = call(good, "--check", "leak")
     assert code == 2
-    assert "a check must be one of description, fmutool, plug contract" in text
+    assert "check: must be one of description, fmutool, plug contract" in text
     assert text.endswith("got 'leak'; did you mean 'leaks'?\n")

@@ -41,6 +41,7 @@ LONG_FUNCTIONS = {
     "cli.studies.study": _COMMAND,
     "comparison.budget.budget": _OPTIONS,
     "report.study.save": _OPTIONS,
+    "require.run.decide": _OPTIONS,
     "simulation.masters.lanes.execute": _OPTIONS,
     "study.runner.carry_out": _OPTIONS,
     "study.runner.run": _OPTIONS,

@@ -18,6 +18,7 @@ import sblcosim
 import sblcosim.cli
 from matplotlib.text import Text
 from sblcosim.areas import contours, figures, motion, pooling, result, runs, survey
+from sblcosim.areas import possible as possible_
 from sblcosim.areas.grid import Grid, grid_of
 from sblcosim.areas.possible import possible
 from sblcosim.cli import areas as command
@@ -28,6 +29,7 @@ from sblcosim.limits.parameters import beacons_of, own_beacon, parameters
 from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.results.responses import Percentile, Run, value_of
+from sblcosim.scenario.likes import LIKES
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
 from typer.testing import CliRunner
@@ -703,7 +705,7 @@ def test_the_command_maps_and_refuses_in_its_own_words(tmp_path: Path) -> None:
     assert f"written to {tmp_path / 'map'}" in done.stdout
     refused = CliRunner().invoke(sblcosim.cli.app, [*base, "--depth", "-5"])
     assert refused.exit_code == 2
-    assert refused.stderr.startswith("error: map depth: must be a depth below the surface")
+    assert refused.stderr.startswith("error: --depth: must be a depth below the surface")
 
 
 def test_errors_are_named_as_the_lanes_name_them() -> None:
@@ -722,3 +724,163 @@ def test_levels_of_contours_are_few_round_and_always_there(
     assert all(low < level < high for level in found)
     assert all(len(f"{level:g}") <= 6 for level in found)
     assert contours.levels(np.full(3, 2.5)) == []
+
+
+# --- What would not be noticed -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "receiver", "depth"),
+    [("harbour-lbl", "long_baseline", 9.0), ("realistic-dive", "coupled", 5.0)],
+)
+@pytest.mark.parametrize("error", LENGTHS)
+def test_errors_of_a_cell_are_those_that_were_asked_for(
+    name: str, receiver: str, depth: float, error: str
+) -> None:
+    grid = Grid((-20.0, 20.0), (-30.0, 30.0), 2, 3, depth)
+    base = motion.circling(sblcosim.load(name), motion.Circle(3.0, 0.3), depth, 20.0)
+    one = runs.Simulator(base, None, grid, error, 8.0)
+    assert one.receiver == receiver
+    cell, replicate = np.array([4]), np.array([1])
+    sample = one.run(cell, replicate, 1, lambda share: None)
+    record = sblcosim.run(base, overrides={
+        "seed": int(one.seeds(cell, replicate)[0]),
+        "target.heading_deg": float(np.rad2deg(one.bearings(cell, replicate)[0])),
+        "target.center_m": grid.centres[4, :2].tolist(),
+    }).record  # fmt: skip
+    seen = Run(record, receiver, 8_000_000_000)
+    expected = [value_of(Percentile(error, p), seen) for p in runs.PERCENTAGES]
+    np.testing.assert_array_equal(sample.lengths[0], expected)
+
+
+@pytest.mark.parametrize("error", ["absolute_total", "absolute_horizontal", "relative_horizontal"])
+def test_a_map_of_beacons_on_the_bottom_is_of_their_model(error: str) -> None:
+    """Errors over many runs are near what is possible, cell by cell, as far as q allows."""
+    options: dict[str, Any] = {"cells": 2, "runs": 60, "radius_m": 10.0, "speed_m_s": 0.3}
+    found = sblcosim.map_area("harbour-lbl", "40x40", 9.0, error=error, **options).cells
+    other = sblcosim.map_area("harbour-lbl", "40x40", 9.0, **options | {"runs": 1}).cells
+    assert found["accuracy"].all()
+    ratio = found["p95_m"] / found["possible_p95_m"]
+    assert ratio.between(0.8, 1.5).all(), ratio
+    larger = other["possible_p95_m"].to_numpy() - found["possible_p95_m"].to_numpy()
+    assert (larger > 0).all() if error != "absolute_total" else (larger == 0).all()
+
+
+def test_the_standard_error_is_in_the_unit_of_its_cell() -> None:
+    """Errors that are multiples of what is possible: percentile and standard error are, too."""
+    draw = np.random.default_rng(8)
+    multiples = np.sort(draw.rayleigh(1.0, (24 * 20, 10)), axis=1)
+    scale = draw.uniform(0.2, 5.0, 24)
+    one = pooling.pooled(sample_of(multiples, 24, 20), np.ones(24), (4, 6), 3)
+    scaled = sample_of(multiples * np.repeat(scale, 20)[:, None], 24, 20)
+    found = pooling.pooled(scaled, scale, (4, 6), 3)
+    np.testing.assert_allclose(found.percentile, one.percentile * scale, rtol=0.005)
+    np.testing.assert_allclose(found.std_error, one.std_error * scale, rtol=0.02)
+    # Where nothing is possible, errors are pooled as they are.
+    unknown = np.where(np.arange(24) == 7, np.nan, 1.0)
+    same = pooling.pooled(sample_of(multiples, 24, 20), unknown, (4, 6), 3)
+    np.testing.assert_array_equal(same.std_error, one.std_error)
+
+
+def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
+    cell = np.array([0, 1, 2, 3, 1, 1, 1, 3])
+    lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
+    available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
+    sample = runs.Sample(cell, np.ones((8, 10)), lost, available)
+    grid = Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0)
+    pooled = pooling.pooled(sample, np.ones(4), grid.shape, 1)
+    best = possible_.Possible(np.ones(4), np.ones(4, bool), np.ones(4))
+    cells = survey._table(grid, sample, pooled, best)
+    assert cells["runs"].tolist() == [1, 4, 1, 2]
+    assert cells["lost_share"].tolist() == [0.0, 0.5, 0.0, 0.5]
+    np.testing.assert_allclose(cells["availability"], [1.0, 0.5, 0.9, 0.3])
+    # Over the area, each run counts once, not each cell.
+    given = surveyed(cells=2, runs=1)
+    summary = replace(given, cells=cells, settings=given.settings | {"runs": 1}).summary()
+    assert (summary["runs"], summary["extra_runs"]) == (8, 4)
+    assert summary["lost_share"] == 3 / 8
+    # A cell with more runs weighs more among its neighbours, run by run.
+    large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, 10))
+    found = pooling.pooled(runs.Sample(cell, large, lost, available), np.ones(4), (2, 2), 1)
+    weights = {0: np.exp(-0.5), 1: 1.0, 2: np.exp(-1.0), 3: np.exp(-0.5)}
+    share = 4 * weights[1] / sum(weights[c] for c in cell.tolist())
+    assert share > 0.05
+    np.testing.assert_allclose(found.percentile[1], 3.0, rtol=0.01)
+    few = pooling.pooled(runs.Sample(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
+                                     available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
+    np.testing.assert_allclose(few.percentile, 1.0, rtol=0.01)
+
+
+def test_the_requirement_has_a_contour_of_its_own_on_earth(found: result.AreaMap) -> None:
+    """Also where it is none of the round levels, and of what is possible as well."""
+    middle = {name: float(np.median(found.of(f"{column}p95_m")))
+              for name, column in (("coupled", ""), ("possible", "possible_"))}  # fmt: skip
+    for name, column in (("coupled", "p95_m"), ("possible", "possible_p95_m")):
+        limit = middle[name] + 0.0123
+        asked = replace(found, settings=found.settings | {"limit_m": limit})
+        document = asked.geojson()
+        assert document is not None
+        mine = [f for f in document["features"] if f["properties"]["name"] == name]
+        levels = [f["properties"]["p95_m"] for f in mine if f["properties"]["kind"] == "contour"]
+        assert limit not in contours.levels(found.of(column))
+        assert limit in levels
+        assert levels == sorted(set(levels))
+        (own,) = (f for f in mine if f["properties"].get("p95_m") == limit)
+        at = RegularGridInterpolator(found.grid.axes, found.of(column), bounds_error=False,
+                                     fill_value=None)  # fmt: skip
+        for line in own["geometry"]["coordinates"]:
+            longitude, latitude, height = np.array(line).T
+            ned = np.stack(pymap3d.geodetic2ned(latitude, longitude, height, 43.1, 10.2, 40.0), 1)
+            np.testing.assert_allclose(at(ned[:, :2]), limit, rtol=1e-4)
+        without = replace(found, settings=found.settings | {"limit_m": None}).geojson()
+        assert without is not None
+        assert all(f["properties"].get("p95_m") != limit for f in without["features"])
+        assert {f["properties"]["kind"] for f in without["features"]} == {"contour"}
+
+
+# --- A circle that a receiver does not allow for --------------------------------------------------
+
+
+@pytest.mark.parametrize("like", ["lbl", "buoys"])
+def test_a_circle_that_is_too_fast_for_the_receiver_is_said_to_be_so(like: str) -> None:
+    source = LIKES[like].source
+    options: dict[str, Any] = {"cells": 2, "runs": 1, **SHORT}
+    found = sblcosim.map_area(source, "40x40", 8.0, **options)
+    assert found.doubt.startswith("the circle turns faster than long_baseline allows for: ")
+    assert found.doubt in str(found)
+    assert found.to_json()["doubt"] == found.doubt
+    change, time_s, q, expected, radius = (
+        float(n) for n in re.findall(r"(?<!_)\b\d[\d.]*(?= (?:m/s|s,|m²/s³|m is))", found.doubt)
+    )
+    # By the motion itself, and by the definition of white acceleration.
+    speed = found.settings["speed_m_s"]
+    circle = motion.Circle(3.0, speed)
+    ends = [circle.position(np.zeros(3), t + d) for t in (0.0, time_s) for d in (-1e-4, 1e-4)]
+    velocity = [(ends[i + 1] - ends[i]) / 2e-4 for i in (0, 2)]
+    assert np.linalg.norm(velocity[1] - velocity[0]) == pytest.approx(change, rel=0.04)
+    assert expected == pytest.approx(np.sqrt(2 * q * time_s), rel=0.03)
+    assert q == sblcosim.load(source).receiver.acceleration_psd_m2_s3
+    wider = sblcosim.map_area(source, "40x40", 8.0, radius_m=radius, **options)
+    assert not wider.doubt
+    assert sblcosim.map_area(source, "40x40", 8.0, radius_m=0.9 * radius, **options).doubt
+    assert "turns faster" not in str(wider)
+
+
+def test_a_circle_is_judged_by_what_the_receiver_assumes() -> None:
+    slow, fast = motion.Circle(3.0, 0.2), motion.Circle(3.0, 1.0)
+    assert not slow.doubt("a", 0.003)
+    assert fast.doubt("a", 0.003)
+    assert not fast.doubt("a", 1.0)
+    assert "radius" not in slow.doubt("a", 0.0)
+    assert not motion.Circle(3.0, 0.0).doubt("a", 0.0)
+    # No other time asks more of it: the ratio of the velocity's changes is the largest.
+    change, time_s = (
+        float(n) for n in re.findall(r"by (\S+) m/s in (\S+) s", fast.doubt("a", 0.003))[0]
+    )
+    times = np.linspace(0.1, 19.0, 2000)
+    ratios = 2.0 * np.abs(np.sin(times / 6)) / np.sqrt(2 * 0.003 * times)
+    assert times[ratios.argmax()] == pytest.approx(time_s, rel=0.05)
+    assert change / np.sqrt(2 * 0.003 * time_s) == pytest.approx(ratios.max(), rel=0.05)
+    options: dict[str, Any] = {"cells": 2, "runs": 1, **SHORT}
+    foreign = sblcosim.map_area("gps-buoys", "40x40", 8.0, "multilateration", **options)
+    assert not foreign.doubt

@@ -20,10 +20,11 @@ from sblcosim.cli.base import app
 from sblcosim.cli.documents import schema
 from sblcosim.comparison import budget as budgets
 from sblcosim.comparison import sources
-from sblcosim.comparison.budget_bound import bounds
+from sblcosim.comparison.budget_bound import BOUND_RUNS, bounds
 from sblcosim.comparison.budget_result import ALL, NONE, REMAINDER, Budget
 from sblcosim.comparison.shares import shares
 from sblcosim.errors import ConfigurationError
+from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
@@ -515,6 +516,87 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
         sblcosim.budget(PAPER, f"{tmp_path / 'mine.py'}:Picky", only.items(), runs=30)
 
 
+def test_a_run_without_an_error_drops_its_seed_and_not_its_frame(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of all switches, so that what is left is paired."""
+    simulated, missing = budgets.runner.simulated, {0: 4, 2: 9}  # seeds by number of the switch
+    made: list[pd.DataFrame] = []
+
+    def with_gaps(*given: Any, **options: Any) -> pd.DataFrame:
+        table = simulated(*given, **options)
+        if len(made) in missing:
+            table.loc[missing[len(made)], "coupled.own_relative_total_rms_m"] = np.nan
+        made.append(table)
+        return table
+
+    only = sources.switched(load(PAPER), ("heading", "tilt", "depth sensor"))
+    only |= {"time.duration_s": 5.0}
+    monkeypatch.setattr(budgets.runner, "simulated", with_gaps)
+    found = sblcosim.budget(PAPER, "coupled", only.items(), runs=33)
+    assert [*dict.fromkeys(found.table["frame"])] == ["absolute", "own_relative"]
+    assert (found.runs, found.dropped) == (31, 2)
+    assert "2 seeds are left out: a run of theirs failed or has no estimate" in found.text()
+    kept = made[0].drop(index=[4, 9])
+    for frame in ("absolute", "own_relative"):
+        rms = np.sqrt((kept[f"coupled.{frame}_total_rms_m"].astype(float) ** 2).mean())
+        assert found.of(frame)["rms_m"].iloc[0] == pytest.approx(rms, rel=1e-12)
+        assert found.of(frame)["share_low"].iloc[1:].notna().all()
+    made.clear()
+    missing |= dict.fromkeys([1], slice(0, 5))
+    with pytest.raises(ConfigurationError, match=r"30 runs with every switch, got .* without an"):
+        sblcosim.budget(PAPER, "coupled", only.items(), runs=33)
+
+
+@pytest.mark.parametrize(
+    ("missing", "dropped"),
+    [
+        ([], []),
+        ([("all", 3, 0)], [3]),
+        ([("all", 3, 1), ("on", 3, 1)], [3]),
+        ([("off", 5, 0), ("on", 2, 1)], [2, 5]),
+        ([("off", slice(None), 0)], []),  # this switch never has an estimate
+        ([("all", slice(None), 1), ("off", slice(None), 1), ("on", 4, 1)], []),
+        ([("all", 1, 0), ("off", slice(None), 0)], [1]),
+    ],
+)
+def test_seeds_of_which_a_run_has_no_error(missing: Any, dropped: list[int]) -> None:
+    every = {name: np.ones((8, 2)) for name in ("all", "off", "on")}
+    for name, seed, frame in missing:
+        every[name][seed, frame] = np.nan
+    out = budgets._without_estimate([*every.values()], np.zeros(8, bool))
+    assert np.flatnonzero(out).tolist() == dropped
+
+
+@pytest.mark.parametrize("source", ["packet loss", "platform motion", "GPS"])
+def test_the_bound_of_a_switch_is_along_what_is_received_with_it(source: str) -> None:
+    """And where its diver and platform are: never along the run without any switch."""
+    base, q, seed = load(DIVE, {"time.duration_s": 30.0}), 0.004, 5
+    switch = sources.switched(base, [source])
+    found = bounds(base, {ALL: {}, "without": switch}, seed, q)
+    assert found is not None
+
+    def along(run_with: Any, judged_with: Any) -> float:
+        squares = []
+        for one in range(seed, seed + BOUND_RUNS):
+            result = sblcosim.run(
+                base, "multilateration", overrides={**run_with, "seed": one}.items()
+            )
+            scenario = load(base.given(), {**judged_with, "seed": one}.items())
+            epochs = result.record.estimates("multilateration").epoch_ns
+            limits = of_run(result.record, scenario, result.fmus, epochs, q)
+            assert limits is not None
+            verdict = limits.verdict(epochs)
+            assert verdict is not None
+            squares.append(verdict.absolute_rms**2)
+        return float(np.mean(squares))
+
+    expected = along(switch, switch)
+    assert found.squares["absolute"]["without"] == pytest.approx(expected, rel=1e-9)
+    if source != "GPS":  # which changes neither paths nor what is received
+        assert abs(along({}, switch) / expected - 1) > 1e-3
+
+
 # --- What is refused -----------------------------------------------------------------------------
 
 
@@ -522,16 +604,16 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"together": ["clok+heading"]},
-         r"source: must be one of GPS, .*, joined by '\+', got 'clok'; did you mean 'clock'\?"),
+         r"together: must be one of GPS, .*, joined by '\+', got 'clok'; did you mean 'clock'\?"),
         ({"together": ["clock"]},
          r"together: must be two sources or more, such as clock\+sound-speed, got clock"),
         ({"together": "mounting+clock"},
-         "source: must be one of GPS, .*, got 'mounting', which is no error in realistic-dive"),
+         "together: must be one of GPS, .*, got 'mounting', which is no error in realistic-dive"),
         ({"together": "outliers+clock", "better": True},
-         r"source: must be one of GPS, heading, .*, got 'outliers', for which nothing better is "
-         r"known; without 'better' it can be switched off"),
+         r"together: must be one of GPS, heading, .*, got 'outliers', for which nothing better is "
+         r"known: it can only be switched off"),
         ({"together": "outlers+clock", "better": True},
-         r"source: must be one of GPS, .*, got 'outlers'; did you mean 'outliers'\?"),
+         r"together: must be one of GPS, .*, got 'outlers'; did you mean 'outliers'\?"),
         ({"runs": 29}, "runs: must be a whole number of at least 30, got 29"),
         ({"runs": 1e3}, r"runs: must be a whole number of at least 30, got 1000\.0"),
         ({"runs": True}, "runs: must be a whole number of at least 30, got True"),
@@ -585,9 +667,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((DIVE, "--with", "clok+gps"), "error: source: must be one of GPS, "),
+        ((DIVE, "--with", "clok+gps"), "error: --with: must be one of GPS, "),
         ((DIVE, "--runs", "3"), "error: --runs: must be a whole number of at least 30, got '3'"),
-        ((DIVE, "--frame", "abslute"), "error: frame: must be absolute or own_relative, got 'absl"),
+        ((DIVE, "--frame", "abslute"), "error: --frame: must be absolute or own_relative, got"),
         ((DIVE, "--receiver", "ekf", "--receiver", "coupled"),
          "error: --receiver: must be given once, got ekf and coupled; 'sblcosim compare' "),
         (("realistic-dvie",), "error: scenario: must be a TOML file or one of "),

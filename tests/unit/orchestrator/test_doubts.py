@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import pytest
+import sblcosim
 from sblcosim.cli.base import app
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.models import RECEIVERS
@@ -64,16 +65,21 @@ def test_a_speed_that_sound_has_in_no_water_is_told(key: str) -> None:
 
 # Receivers that do not suit ----------------------------------------------------------------------
 
-OWN = "each beacon has an error of its own: try long_baseline"
+OWN = "each beacon has an error of its own: "
+BUOYS = (
+    "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
+    "the buoys keep their arrangement; compare it with long_baseline"
+)
 SHARED = "all beacons share those of one platform: try coupled"
 
 
 @pytest.mark.parametrize(
     ("source", "receiver", "words"),
     [
-        ("gps-buoys", "coupled", OWN),
-        ("gps-buoys", "fixed_lag", OWN),
-        ("harbour-lbl", "coupled", OWN),
+        ("gps-buoys", "coupled", BUOYS),
+        ("gps-buoys", "fixed_lag", BUOYS),
+        ("harbour-lbl", "coupled", f"{OWN}try long_baseline"),
+        ("harbour-lbl", "fixed_lag", f"{OWN}compare it with long_baseline"),
         ("realistic-dive", "long_baseline", SHARED),
     ],
 )
@@ -85,6 +91,27 @@ def test_a_receiver_that_does_not_suit_is_told(source: str, receiver: str, words
     with pytest.warns(ConfigurationWarning) as caught:
         connect(load(source), chosen)
     assert [str(w.message) for w in caught] == [line]
+
+
+@pytest.mark.parametrize(
+    ("source", "receiver"), [("harbour-lbl", "coupled"), ("realistic-dive", "long_baseline")]
+)
+def test_a_receiver_to_try_is_better(source: str, receiver: str) -> None:
+    """In every one of some runs on the same noise, or nearly: else there is nothing to try."""
+    (line,) = said({}, source, receiver)
+    instead = line.partition(": try ")[2]
+    found = sblcosim.compare(source, [receiver, instead], runs=20, timed=False).table
+    errors = [found[f"{label}.absolute_total_rms_m"] for label in (receiver, instead)]
+    assert (errors[1] < errors[0]).sum() >= 18
+
+
+def test_where_another_receiver_is_not_better_it_is_not_said_to_be() -> None:
+    """Below buoys, whose arrangement is kept in the simulation, `coupled` has the smaller error."""
+    found = sblcosim.compare("gps-buoys", ["coupled", "long_baseline"], runs=20, timed=False).table
+    errors = [found[f"{label}.absolute_total_rms_m"] for label in ("coupled", "long_baseline")]
+    assert (errors[0] < errors[1]).sum() >= 15
+    for receiver in ("coupled", "fixed_lag"):
+        assert "try" not in "".join(said({}, "gps-buoys", receiver))
 
 
 def test_other_receivers_suit() -> None:

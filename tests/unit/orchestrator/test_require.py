@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import html
+import itertools
 import json
+import re
+import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,16 +21,19 @@ import sblcosim
 from sblcosim import require
 from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build import factory
 from sblcosim.report.common import as_toml
-from sblcosim.require import limiting, report, weighing
+from sblcosim.require import limiting, report, sequential, weighing, words
 from sblcosim.require.answer import Answer
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
 from sblcosim.require.run import decided
-from sblcosim.require.sequential import Elimination
+from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
+from sblcosim.results.responses import RESPONSES, check_limit
 from sblcosim.study import store
+from scipy import stats
 from typer.testing import CliRunner
 
 QUESTION: dict[str, Any] = {
@@ -81,18 +87,20 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
 
 
 def pretended(
-    question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1
+    question: Question, share: Mapping[int, float], scale: float = 0.5, seed: int = 1,
+    until_sure: bool = False,
 ) -> Answer:
     """The answer if so many runs of each design were within the limit."""
-    rng = np.random.default_rng(seed)
     elimination = Elimination(
-        question.rule, [d.group for d in question.designs], question.terms.most_runs
+        question.rule, [d.group for d in question.designs], question.terms.most_runs,
+        [d.cost for d in question.designs] if until_sure else None,
     )
     values: dict[tuple[int, int], list[Any]] = {}
     while batches := elimination.batches():
         for batch in batches:
             passed = {}
             for number in elimination.counting(batch):
+                rng = np.random.default_rng([seed, number, batch.condition, batch.start])
                 good = rng.random(batch.stop - batch.start) < share[number]
                 made = question.terms.limit * np.where(
                     good, rng.uniform(0.9, 1.0, len(good)) * (1 - scale * 0.01),
@@ -155,7 +163,7 @@ def test_the_shipped_question_is_what_it_says() -> None:
         (changed(choices=choices("gps", costs={"0.1": 1, "1": 2, "1.0": 5, "3.5": 3})),
          "small: [choices.gps] costs: must have one for each level, got 2 for 1"),
         (changed(limit=-1.0),
-         "small: limit: must be at least 0, as the RMS total error always is, got -1"),
+         "small: limit: must be more than 0 m, as the RMS total error always is, got -1"),
         (changed(limit=None, limt=1.0), "small: there is no key 'limt'; did you mean 'limit'?"),
         (changed(scenario="paper-scenario1"), "small: scenario: must be a TOML file or one of"),
         (changed(choices=choices("gps", price=[1])), "[choices.gps] there is no key 'price'"),
@@ -327,19 +335,24 @@ def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     question = require.load(changed(most_runs=580))
     answer = pretended(question, dict.fromkeys(range(6), 1.0))
     least = question.rule.least
-    assert answer.designs["verdict"].eq("open").all() == (least > 96)
+    assert answer.designs["verdict"].eq("undecided").all() == (least > 96)
     if least > 96:
         assert f"takes at least {least} runs" in answer.answer()
         assert f"{least - 96} more are needed at each of the 6" in answer.answer()
     half = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 1.0))
     assert half.answer().endswith("3 were not tried: a first look at all designs takes a budget of "
-                                  "576 (most_runs).")
-    assert "all 6 stay open, 3 of them not tried." in half.answer()
-    assert "all of them good ones; those that are open have 0 to 96." in half.answer()
+                                  "576 runs.")
+    assert "all 6 stay undecided, 3 of them not tried." in half.answer()
+    assert "all of them good ones; those that are undecided have 0 to 96." in half.answer()
     assert "tried" not in answer.answer()
     exact = pretended(require.load(QUESTION), {0: 0.5, 1: 0.5, 2: 0.9, 3: 0.5, 4: 0.5, 5: 0.5})
-    assert "The nearest is open: GPS 1 m, baseline 0.4 m" in exact.answer()
-    assert "no number of runs is likely" in exact.answer() or "would decide it." in exact.answer()
+    assert "The nearest is undecided: GPS 1 m, baseline 0.4 m" in exact.answer()
+    # Where all that are undecided have as many runs: what is missing of each.
+    strict = require.load(changed(share=0.99, most_runs=6 * 96))
+    few = pretended(strict, dict.fromkeys(range(6), 1.0))
+    missing = strict.rule.least - 96
+    assert f"there are 96, {missing} more are needed at each of the 6 that" in few.answer()
+    assert strict.rule.verdict(96 + missing, 96 + missing) == "suffices"
 
 
 def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
@@ -351,20 +364,20 @@ def test_the_nearest_does_not_surely_fail_while_others_are_open() -> None:
         return weighing._nearest(designs.assign(**columns))
 
     estimates = [1.2, 1.1, 1.5, 1.4, float("nan"), float("nan")]
-    verdicts = ["fails", "fails", "open", "open", "open", "open"]
+    verdicts = ["fails", "fails", "undecided", "undecided", "undecided", "undecided"]
     runs = [96, 96, 96, 96, 0, 0]
     assert row(estimate=estimates, verdict=verdicts, runs=runs) == 3
-    assert row(estimate=estimates, verdict=["fails"] * 4 + ["open"] * 2, runs=runs) == 1
+    assert row(estimate=estimates, verdict=["fails"] * 4 + ["undecided"] * 2, runs=runs) == 1
     # Where all that were tried fail, it is said that others were not.
     tried = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 0.1))
-    assert tried.counts == {"suffices": 0, "fails": 3, "open": 3}
+    assert tried.counts == {"suffices": 0, "fails": 3, "undecided": 3}
     assert tried.nearest < 3
     text = tried.answer()
-    assert "of 6, 3 fail for sure, 3 stay open, none of them tried." in text
+    assert "of 6, 3 fail for sure, 3 stay undecided, none of them tried." in text
     assert f"The nearest of those that were tried, {tried.priced(tried.nearest)}, fails by" in text
     assert "3 were not tried: a first look at all designs takes a budget of 576" in text
     least = tried.question.rule.least
-    assert f"there are 0, {least} more are needed at each of the 3 that are open." in text
+    assert f"there are 0, {least} more are needed at each of the 3 that are undecided." in text
 
 
 def test_prices_are_added_as_on_paper() -> None:
@@ -395,19 +408,19 @@ def test_cheaper_designs_that_stay_open_are_told() -> None:
     """One of them may suffice, too, so the chosen one is not surely the cheapest."""
     answer = at(
         pretended(require.load(QUESTION), {0: 0.1, 1: 0.2, 2: 0.1, 3: 0.99, 4: 0.3, 5: 0.99}),
-        verdict=["open", "fails", "open", "suffices", "fails", "suffices"],
+        verdict=["undecided", "fails", "undecided", "suffices", "fails", "suffices"],
     )
     assert answer.chosen == 3
     beside = {0, 2} - {answer.cheaper}
     said = "2 stay" if len(beside) == 2 else "1 stays"
-    assert f"Of the cheaper ones, {said} open besides." in answer.answer()
+    assert f"Of the cheaper ones, {said} undecided besides." in answer.answer()
 
 
 def test_without_any_run_there_is_an_answer() -> None:
     answer = pretended(require.load(changed(most_runs=5)), dict.fromkeys(range(6), 1.0))
     assert answer.spent == 0
     assert answer.limits.without == {}
-    assert "all 6 stay open, none of them tried." in answer.answer()
+    assert "all 6 stay undecided, none of them tried." in answer.answer()
     assert "nearest" not in answer.answer()
     assert f"there are 0, {answer.question.rule.least} more are needed" in answer.answer()
     plot_front(answer)
@@ -419,7 +432,7 @@ def test_the_cheapest_that_suffices_is_chosen_and_the_next_cheaper_compared() ->
     answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
     assert answer.chosen == 1
     assert answer.cheaper == 0
-    assert answer.counts == {"suffices": 3, "fails": 3, "open": 0}
+    assert answer.counts == {"suffices": 3, "fails": 3, "undecided": 0}
     cheap = pretended(question, dict.fromkeys(range(6), 0.99))
     assert cheap.chosen == 0
     assert "Nothing is cheaper." in cheap.answer()
@@ -551,7 +564,7 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
     answer = at(
         pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5)),
         estimate=[inf, inf, 3.0, 2.0, nan, nan],
-        verdict=["fails", "open", "fails", "fails", "open", "open"],
+        verdict=["fails", "undecided", "fails", "fails", "undecided", "undecided"],
         runs=[96, 96, 96, 96, 0, 0], lower=[2.0, -inf, 2.0, 1.5, -inf, -inf], upper=[inf] * 6,
     )  # fmt: skip
     answer = replace(answer, nearest=1)
@@ -559,7 +572,7 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
     ax.figure.draw_without_rendering()
     (legend,) = ax.figure.legends
     labels = [text.get_text() for text in legend.get_texts()]
-    assert "open (3, 2 not tried: not shown)" in labels
+    assert "undecided (3, 2 not tried: not shown)" in labels
     assert "fails (3)" in labels
     assert "beyond (2): less than 90 % end well" in labels
     top = ax.get_ylim()[1]
@@ -628,9 +641,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert told["designs"][told["chosen"]]["levels"] == {"gps": 0.1, "arm": 3.0}
     assert Path(told["scenario"]).exists()
     assert Path(told["report"]).exists()
-    again = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "50"])
+    again = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "50", "--out", "few"])
     assert again.exit_code == 1
-    assert "No design surely suffices: all 6 stay open, none of them tried." in again.stdout
+    assert "No design surely suffices: all 6 stay undecided, none of them tried." in again.stdout
     wrong = CliRunner().invoke(app, ["require", "small.toml", "--most-runs", "0"])
     assert wrong.exit_code == 2
 
@@ -670,3 +683,251 @@ def test_costs_may_be_written_as_the_levels_are() -> None:
     assert costs == {0.1: 1.0, 1.0: 2.0, 3.5: 3.0}
     with pytest.raises(ConfigurationError, match=r"got none for 3\.5"):
         of_levels("x", {"0.1": 1, "1.0": 2}, (0.1, 1.0, 3.5))
+
+
+# --- What is sure, and what is not ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("passed", "runs"),
+    [(1851, 2056), (9, 10), (900, 1000), (1850, 2056), (1800, 2056), (1900, 2056)],
+)
+def test_what_is_missing_to_decide_is_true(passed: int, runs: int) -> None:
+    """Each number of runs that is said would decide it, and none before does."""
+    rule = Rule(0.9, 0.05, 6, 2)
+    text = words.missing(rule, passed, runs)
+    shares = [passed / runs]
+    if "not even" in text:
+        for n in (10**3, 10**5, 10**7):
+            assert rule.verdict(passed * n // runs, n) == "undecided"
+        # Clopper and Pearson's interval, by the quantiles of the beta distribution.
+        low = stats.beta.ppf(0.025, passed, runs - passed + 1)
+        high = stats.beta.ppf(0.975, passed + 1, runs - passed)
+        assert f"may as well be {100 * low:.4g} % or {100 * high:.4g} % (95 % interval)" in text
+        shares, text = [low, high], text.partition("then ")[2]
+    told = [int(n.replace(",", "")) for n in re.findall(r"\b\d[\d,]*", text)]
+    assert len(told) == len(shares)
+    for n, share in zip(told, shares, strict=True):
+        assert rule.verdict(int(share * n), n) != "undecided"
+        before = itertools.takewhile(n.__gt__, looks())
+        assert all(rule.verdict(int(share * m), m) == "undecided" for m in before if m > runs)
+
+
+def test_undecided_designs_have_intervals_of_the_confidence_that_is_said() -> None:
+    """All bounds of them together have the risk that the sentence names, both sides at once."""
+    question = require.load(changed(conditions=CONDITIONS))
+    answer = pretended(question, {0: 0.1, 1: 0.9, 2: 0.2, 3: 0.999, 4: 0.9, 5: 0.99})
+    rule, risk = question.rule, 0.05
+    undecided = answer.designs[answer.designs["verdict"] == "undecided"]
+    assert len(undecided)
+    arms = answer.arms[answer.arms["verdict"] == "undecided"]
+    each = risk / (2 * 6 * 2)  # two sides, six designs, two conditions
+    assert rule.risk == pytest.approx(risk)
+    for row in arms.itertuples():
+        few, many = (f(row.runs, 0.9, each) for f in (sequential.too_few, sequential.enough))
+        # Of the responses, whose ranks are known: as many are at most a bound as its rank says.
+        assert sequential.evidence(few, row.runs, 0.9, above=False) >= -np.log(each)
+        assert sequential.evidence(few + 1, row.runs, 0.9, above=False) < -np.log(each)
+        assert sequential.evidence(many, row.runs, 0.9, above=True) >= -np.log(each)
+        assert row.lower <= row.estimate <= row.upper
+    values = np.arange(1.0, 501.0)
+    _, low, high = percentile(values, rule, decided=False)
+    assert (low, high) == (
+        1 + sequential.too_few(500, 0.9, each), sequential.enough(500, 0.9, each)
+    )
+    _, lower, upper = percentile(values, rule)
+    assert low <= lower <= upper <= high
+    assert low < lower
+    assert high > upper
+    assert "Of undecided designs both hold, of all of them together" in answer.text(verbose=True)
+
+
+def test_an_undecided_condition_is_worse_than_one_that_suffices() -> None:
+    """Whatever the percentiles are: what is not sure in it is not sure of the design."""
+    question = require.load(changed(conditions=CONDITIONS))
+    runs, far, near = 200, np.linspace(0.5, 0.99, 200), np.linspace(0.1, 0.2, 200)
+    near[:15] = 2.0
+    values, done = {}, Elimination(question.rule, [d.group for d in question.designs], 10**6)
+    for number in range(6):
+        for condition, made in ((0, far), (1, near)):
+            values[number, condition] = made
+            done.runs[question.designs[number].group, condition] = runs
+            done.seen[number, condition] = runs
+            done.passed[number, condition] = int((made <= 1.0).sum())
+    assert [done.arm(0, c) for c in (0, 1)] == ["suffices", "undecided"]
+    found = answered(question, done, values, 1)
+    assert set(found.designs["verdict"]) == {"undecided"}
+    assert set(found.designs["condition"]) == {found.arms["condition"][1]}
+    assert (found.designs["estimate"] < 0.25).all()
+    done.passed[:, 1] = 100
+    failing = answered(question, done, values, 1)
+    assert set(failing.designs["verdict"]) == {"fails"}
+    assert set(failing.designs["condition"]) == {found.arms["condition"][1]}
+
+
+def test_what_limits_a_design_is_found_on_the_same_noise() -> None:
+    tables = []
+
+    def seen(runs: pd.DataFrame, label: str) -> float:
+        tables.append(runs)
+        return float(runs[f"{label}.absolute_total_rms_m"].mean())
+
+    scenario = sblcosim.load("paper-scenario-1", {"time.duration_s": 8.0})
+    about = {"name": "x", "settling_time_s": 2.0, "seed": 7}
+    limiting.limiting(scenario, "ekf", about, seen, 1e-6)
+    assert len(tables) > len(limiting.switches(scenario)) + 1
+    for runs in tables:
+        assert runs["seed"].tolist() == list(range(7, 7 + limiting.RUNS))
+
+
+@pytest.mark.parametrize(
+    ("without", "enough", "words_"),
+    [
+        ({"a": 0.5, "b": 1.2, "c": 2.0}, ("a",), "It would do without a alone."),
+        ({"a": 0.5, "b": 0.9, "c": 2.0}, ("a",), "It would do without any one of a and b."),
+        ({"a": 0.5, "b": 0.8, "c": 1.0}, ("a",), "It would do without any one of a, b and c."),
+        ({"a": 1.5, "b": 1.7, "c": 2.0}, ("a", "b"),
+         "It would do without a and b together, but not without one of them alone."),
+        ({"a": 1.5, "b": 1.7}, (), "Not even without all of them would it do."),
+    ],
+)  # fmt: skip
+def test_errors_without_which_it_would_do_are_alone_or_together(
+    without: dict[str, float], enough: tuple[str, ...], words_: str
+) -> None:
+    answer = pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.3))
+    found = replace(answer, limits=limiting.Limiting(2.5, without, enough))
+    assert found.limited().endswith(words_)
+
+
+def test_the_answer_ends_when_it_is_sure() -> None:
+    """The same design is named, with fewer runs; those of the same price go on."""
+    shares = {0: 0.1, 1: 0.8, 2: 0.99, 3: 0.91, 4: 0.9, 5: 0.92}
+    question = require.load(changed(most_runs=200_000))
+    whole = pretended(question, shares)
+    ended = pretended(question, shares, until_sure=True)
+    assert ended.chosen == whole.chosen == 2
+    assert ended.spent < whole.spent
+    cheaper = [*range(3)]
+    pd.testing.assert_frame_equal(ended.designs.loc[cheaper], whole.designs.loc[cheaper])
+    assert (ended.designs["runs"] < whole.designs["runs"])[3:].all()
+    left = int((ended.designs["verdict"] == "undecided").sum())
+    assert left == 3
+    assert "3 that are dearer were left undecided." in ended.answer()
+    assert "dearer" not in whole.answer()
+    free = require.load(changed(choices={
+        name: {k: v for k, v in table.items() if k != "costs"}
+        for name, table in QUESTION["choices"].items()
+    }))  # fmt: skip
+    every = [pretended(free, shares, until_sure=until) for until in (False, True)]
+    pd.testing.assert_frame_equal(every[0].designs, every[1].designs)
+
+
+def test_runs_that_are_there_count_whatever_the_budget_is(
+    found: tuple[Answer, Path], tmp_path: Path
+) -> None:
+    before, folder = found
+    shutil.copytree(folder, tmp_path / "again")
+    for budget in (1, 96, before.spent - 1, before.spent):
+        again = require.decide(QUESTION, tmp_path / "again", most_runs=budget)
+        pd.testing.assert_frame_equal(again.designs, before.designs)
+        said = f"That took {before.spent:,} runs: runs that were there count beyond"
+        assert (said in again.answer()) == (budget < before.spent)
+    assert len(store.table(tmp_path / "again" / "runs")) == before.spent
+    fresh = require.decide(QUESTION, tmp_path / "fresh", most_runs=2 * 96)
+    assert fresh.spent == 2 * 96
+
+
+def test_a_budget_that_is_kept_does_not_depend_on_what_is_there(tmp_path: Path) -> None:
+    """Runs beyond it count only if they are there: a part of a batch is no reason for the rest."""
+    asked = require.load(changed(most_runs=3 * 96))
+    whole, _ = decided(asked, tmp_path / "whole")
+    lost = sorted((tmp_path / "whole" / "parts").glob("*.parquet"))
+    for part in lost[1::2]:
+        part.unlink()
+    again, _ = decided(asked, tmp_path / "whole")
+    assert again.runs.tolist() == whole.runs.tolist()
+    assert again.spent == 3 * 96
+
+
+def test_the_report_has_the_conditions(tmp_path: Path) -> None:
+    conditions = {
+        "sea": {**CONDITIONS["sea"], "label": "Beaufort"},
+        "loss": {"label": "packet loss", "keys": ["acoustics.loss_probability"],
+                 "levels": [0.0, 0.3]},
+    }  # fmt: skip
+    question = require.load(changed(conditions=conditions))
+    answer = pretended(question, {0: 0.1, 1: 0.99, 2: 0.2, 3: 0.999, 4: 0.3, 5: 0.99})
+    page = html.unescape((report.save(answer, tmp_path) / "report.html").read_text("utf-8"))
+    part = page.partition('id="conditions"')[2].partition("<section")[0]
+    for text in ("Beaufort", "1, 4", "a design must suffice in each of them", "packet loss",
+                 "0, 0.3", "each run is in one of them, drawn at random"):  # fmt: skip
+        assert text in part
+    assert "in each of 2 conditions" in page
+    for row in answer.arms[answer.arms["design"].isin([*answer.roles])].itertuples():
+        cells = [row.condition, row.verdict, f"{row.passed}", f"{row.runs}"]
+        assert re.search(".*?".join(f">{cell}<" for cell in cells), part, re.DOTALL)
+    table = pd.read_csv(tmp_path / "conditions.csv")
+    assert len(table) == 6 * 2
+    assert table["passed"].tolist() == answer.arms["passed"].tolist()
+    assert table["gps"].tolist() == [x for x in answer.designs["gps"] for _ in range(2)]
+    plain = report.save(pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.3)),
+                        tmp_path / "plain")  # fmt: skip
+    assert "Conditions" not in (plain / "report.html").read_text("utf-8")
+    assert not (plain / "conditions.csv").exists()
+
+
+def test_without_runs_there_is_no_chart(tmp_path: Path) -> None:
+    answer = pretended(require.load(changed(most_runs=95)), dict.fromkeys(range(6), 1.0))
+    folder = report.save(answer, tmp_path)
+    assert not [*folder.glob("front*")]
+    page = (folder / "report.html").read_text("utf-8")
+    assert "<svg" not in page
+    assert "6 were not tried" in page
+    assert "no design was tried" in [text.get_text() for text in plot_front(answer).texts]
+    few = pretended(require.load(changed(most_runs=96)), dict.fromkeys(range(6), 1.0))
+    assert few.spent == 96
+    assert "<svg" in (report.save(few, tmp_path / "few") / "report.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", sorted(RESPONSES))
+def test_a_limit_that_no_run_can_be_within_is_refused(name: str) -> None:
+    signed = name.endswith(("_x_mean_m", "_y_mean_m", "_z_mean_m"))
+    none = name in ("lost", "broken", "inconsistent")
+    for limit, taken in ((-1.0, signed), (0.0, signed or none), (1e-9, True)):
+        if taken:
+            check_limit("limit", limit, name)
+        else:
+            with pytest.raises(ConfigurationError, match=r"limit: must be (more than|at least) 0"):
+                check_limit("limit", limit, name)
+
+
+def test_a_limit_of_0_is_refused_where_it_is_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"^small: limit: must be more than 0 m, as the R"):
+        require.load(changed(limit=0))
+    require.load(changed(limit=0, response="lost"))
+
+
+def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
+    """What its files hold decides, not where they are or how the question is named."""
+    here, there = tmp_path / "here", tmp_path / "elsewhere" / "deep"
+    here.mkdir()
+    here.joinpath("own.py").write_text("def spread(run):\n    return 0.5\n", "utf-8")
+    shutil.copy(factory.build("ekf", 2), here / "mine.fmu")
+    here.joinpath("dive.toml").write_text(sblcosim.load("paper-scenario-1").dump_toml(), "utf-8")
+    choice = {"keys": ["receivers"], "levels": ["ekf", "mine.fmu"], "costs": [5, 0]}
+    tables = changed(
+        name=None, scenario="dive.toml", response="own.py:spread", most_runs=96,
+        choices={"who": choice},
+    )  # fmt: skip
+    here.joinpath("asked.toml").write_text(as_toml(tables), "utf-8")
+    first = require.decide(here / "asked.toml", tmp_path / "out")
+    parts = sorted((tmp_path / "out" / "runs" / "parts").glob("*.parquet"))
+    there.parent.mkdir()
+    here.rename(there)
+    there.joinpath("asked.toml").rename(there / "other-name.toml")
+    again = require.decide(there / "other-name.toml", tmp_path / "out")
+    assert sorted((tmp_path / "out" / "runs" / "parts").glob("*.parquet")) == parts
+    pd.testing.assert_frame_equal(again.designs, first.designs)
+    there.joinpath("own.py").write_text("def spread(run):\n    return 0.6\n", "utf-8")
+    with pytest.raises(ConfigurationError, match=r"with other responses; answer into another"):
+        require.decide(there / "other-name.toml", tmp_path / "out")

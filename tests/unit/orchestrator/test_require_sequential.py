@@ -104,7 +104,7 @@ def test_a_third_of_the_runs_of_equal_allocation_is_enough(shares: Sequence[floa
     spent = []
     for _ in range(25):
         verdicts, runs = played(shares, contaminated, rng)
-        assert "open" not in verdicts
+        assert "undecided" not in verdicts
         spent.append(runs / len(shares))
     print(f"{np.mean(spent):.0f} runs a design for shares of {shares}")
     assert np.mean(spent) <= 5000 / 3
@@ -190,13 +190,13 @@ def test_a_claim_is_that_of_the_bound() -> None:
             assert (verdict == "fails") == (lower > LIMIT)
             assert lower <= estimate <= upper
             seen.add(verdict)
-    assert seen == {"suffices", "fails", "open"}
+    assert seen == {"suffices", "fails", "undecided"}
 
 
 def test_all_passing_runs_that_a_claim_takes() -> None:
     for rule in (Rule(0.95, 0.05, 1), Rule(0.95, 0.05, 8), Rule(0.99, 0.01, 20)):
         ends = [*takewhile(lambda n: n <= rule.least, looks())]  # noqa: B023
-        assert [rule.verdict(n, n) for n in ends] == ["open"] * (len(ends) - 1) + ["suffices"]
+        assert [rule.verdict(n, n) for n in ends] == ["undecided"] * (len(ends) - 1) + ["suffices"]
     assert Rule(0.95, 0.05, 8).least >= 99  # what any bound takes
 
 
@@ -205,9 +205,9 @@ def test_how_many_runs_would_decide() -> None:
     for passed, runs in ((932, 1000), (968, 1000), (96, 96), (940, 1000)):
         n = rule.runs_to_decide(passed, runs)
         assert n is not None
-        assert rule.verdict(passed * n // runs, n) != "open"
+        assert rule.verdict(passed * n // runs, n) != "undecided"
         before = [m for m in takewhile(lambda m: m < n, looks()) if m > runs]  # noqa: B023
-        assert all(rule.verdict(passed * m // runs, m) == "open" for m in before)
+        assert all(rule.verdict(passed * m // runs, m) == "undecided" for m in before)
     assert rule.runs_to_decide(95, 100) is None
 
 
@@ -229,7 +229,7 @@ def test_conditions_share_the_risk_of_not_and_need_all_for_good() -> None:
         passing = batch.stop if batch.group == 0 or batch.condition < 2 else 0
         e.add(batch, {batch.group: passing})
     assert e.verdict(1) == "fails"  # in a single condition
-    assert e.verdict(0) == "open"
+    assert e.verdict(0) == "undecided"
     assert {b.group for b in e.batches()} == {0}
     while batches := e.batches():
         for batch in batches:
@@ -272,7 +272,7 @@ def test_the_budget_is_kept_and_goes_to_the_cheaper_designs_first() -> None:
         e.add(batch, {batch.group: 96})
     assert e.spent == 288
     assert e.batches() == []
-    assert e.verdict(0) == e.verdict(7) == "open"
+    assert e.verdict(0) == e.verdict(7) == "undecided"
 
 
 def test_five_percent_of_bad_runs_goes_unseen_in_twenty() -> None:
@@ -280,4 +280,4 @@ def test_five_percent_of_bad_runs_goes_unseen_in_twenty() -> None:
     assert pytest.approx(0.36, abs=0.005) == 0.95**20
     n = optimize.brentq(lambda n: 0.95**n - 0.05, 1, 100)
     assert int(np.ceil(n)) == 59
-    assert Rule(0.95, 0.05, 1).verdict(20, 20) == "open"
+    assert Rule(0.95, 0.05, 1).verdict(20, 20) == "undecided"

@@ -17,6 +17,7 @@ from sblcosim.comparison import cost, many, tournament, tournament_figures
 from sblcosim.comparison.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus.build import factory
 from sblcosim.results.consistency import of_runs
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
@@ -546,3 +547,39 @@ def test_fewer_than_two_runs_are_refused(given: str) -> None:
         assert done.stderr == (
             f"error: --runs: must be a whole number of at least 2, got {given!r}\n"
         )
+
+
+# The same under two names ------------------------------------------------------------------------
+
+
+def test_the_same_scenario_under_two_names_does_not_count_twice(tmp_path: Path) -> None:
+    """However it is written: what decides is what runs."""
+    base = sblcosim.load("harbour-square", {"time.duration_s": 20.0})
+    tables = base.given() | {"name": "copy", "title": "Another"}
+    whole = tables | {"platform": tables["platform"] | {"mean_heading_deg": 0.0}}
+    for other in (tables, whole):
+        with pytest.raises(ConfigurationError, match=(
+            "scenarios: must differ in more than their names, got the same runs as "
+            "'harbour-square' and as 'copy'"
+        )):  # fmt: skip
+            tournament.compare([base, other], ["ekf"], runs=2)
+    moved = tables | {"platform": tables["platform"] | {"mean_heading_deg": 1.0}}
+    tournament.compare([base, moved], ["ekf"], runs=2, timed=False)
+
+
+def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) -> None:
+    one, other = tmp_path / "one.fmu", tmp_path / "other.fmu"
+    for path in (one, other):
+        path.write_bytes(factory.build("ekf", 2).read_bytes())
+    with pytest.raises(ConfigurationError, match=(
+        "receivers: must differ in more than their names, got the same content as 'one' and as "
+        "'other'"
+    )):  # fmt: skip
+        tournament.compare("harbour-square", [one, other], runs=2)
+    for path in (one := tmp_path / "one.py", other := tmp_path / "other.py"):
+        path.write_text(
+            "class Mine:\n    def initialise(self, *a): ...\n    def update(self, *a): ...\n"
+            "class Other(Mine):\n    pass\n", "utf-8",
+        )  # fmt: skip
+    with pytest.raises(ConfigurationError, match="got the same content as 'Mine' and as 'Mine_2'"):
+        tournament.compare("harbour-square", [f"{one}:Mine", f"{other}:Mine"], runs=2)

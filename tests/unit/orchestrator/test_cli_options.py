@@ -1,0 +1,230 @@
+"""What is wrong with an option is said with the option's name, whoever finds it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sblcosim
+import typer
+from sblcosim.cli import app
+from sblcosim.cli.options import in_options
+from sblcosim.fmus.build import factory
+from sblcosim.results.definitions import LOST
+from sblcosim.study import study
+from typer.testing import CliRunner
+
+ROOT: Any = typer.main.get_command(app)
+BEFORE: dict[str, tuple[str, ...]] = {
+    "run": ("paper-scenario-1",),
+    "smooth": ("run",),
+    "plan": ("paper-scenario-1",),
+    "calibrate": (),
+    "new": ("new.toml",),
+    "study": ("study.toml",),
+    "analyse": ("results",),
+    "advise": ("results", "--costs", "costs.toml"),
+    "paper": (),
+    "compare": ("paper-scenario-1", "--runs", "2"),
+    "budget": ("paper-scenario-1", "--runs", "30"),
+    "map": ("paper-scenario-1", "--area", "9x9", "--depth", "5", "--cells", "2", "--runs", "1"),
+    "require": ("one-metre",),
+    "build": ("ekf",),
+    "conformance": ("ekf.fmu",),
+    "export ssp": ("paper-scenario-1",),
+    "export fmu": ("paper-scenario-1",),
+}
+"""Arguments with which a command would work, by its name."""
+WRONG: dict[str, tuple[str, ...]] = {
+    "receiver": ("nobody",),
+    "set_": ("acoustics.range_std_m=-1", "nonsense", "platform.nothing=1"),
+    "seed": ("-1", "x", "99999999999"),
+    "fmi": ("4",),
+    "master": ("nobody",),
+    "step_timeout": ("-1", "0"),
+    "runs": ("0", "x"),
+    "sound_speed": ("1e300", "-1"),
+    "assumed_sound_speed": ("0", "1e300"),
+    "range_std": ("-1",),
+    "distance": ("0",),
+    "distance_std": ("-1",),
+    "clock_offset": ("x",),
+    "pings": ("1",),
+    "replicates": ("0", "x"),
+    "workers": ("0", "x"),
+    "executor": ("nobody",),
+    "scheduler": ("nobody",),
+    "response": ("nothing", "nothing.py:f"),
+    "order": ("0", "9"),
+    "transform": ("nothing",),
+    "error": ("nothing",),
+    "practical": ("0", "-1"),
+    "costs": ("nothing",),
+    "limit": ("0", "-1"),
+    "percentile": ("0", "100"),
+    "contamination": ("0", "1"),
+    "confidence": ("0", "1"),
+    "settling": ("1e300", "-1"),
+    "together": ("nothing", "clock"),
+    "frame": ("nothing",),
+    "area": ("nothing", "0x9"),
+    "depth": ("-1",),
+    "cells": ("nothing", "1"),
+    "duration": ("0", "-1"),
+    "radius": ("0",),
+    "speed": ("-1",),
+    "most_runs": ("99999999999", "0"),
+    "source": ("nothing",),
+    "like": ("nothing",),
+    "beacons": ("2", "9"),
+    "only": ("nothing",),
+    "checks": ("nothing",),
+    "timeout": ("0",),
+    "version": ("3",),
+}
+"""Values that no command takes, by parameter; all but the first are tried by the slow tests."""
+
+
+def commands(group: Any = ROOT, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield " ".join((*path, name)), command
+
+
+def options() -> Iterator[tuple[str, Any]]:
+    """Every option that takes a value, but for the folders and files of results."""
+    for name, command in commands():
+        for param in command.params:
+            flag = getattr(param, "is_flag", False)
+            if param.param_type_name == "option" and not flag and param.name != "out":
+                yield name, param
+
+
+CASES = [
+    pytest.param(name, param.opts[0], value, id=f"{name} {param.opts[0]}={value}",
+                 marks=[pytest.mark.slow] if number else [])
+    for name, param in options() for number, value in enumerate(WRONG[param.name])
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what commands read."""
+    here: Path = tmp_path_factory.mktemp("options")
+    result = sblcosim.run("paper-scenario-1", overrides={"time.duration_s": 5.0})
+    result.save(here / "run", figures=False)
+    text = (
+        'scenario = "paper-scenario-1"\nreplicates = 2\n[design]\nkind = "full"\n'
+        '[fixed]\n"time.duration_s" = 5.0\n'
+        '[factors.arm]\nkeys = ["platform.arm_length_m"]\nlevels = [0.4, 3.0]\n'
+        '[factors.gps]\nkeys = ["platform.gps_horizontal_std_m"]\nlevels = [0.1, 3.0]\n'
+    )
+    (here / "study.toml").write_text(text, "utf-8")
+    study.load(here / "study.toml").run(here / "results")
+    (here / "costs.toml").write_text("arm = [1, 2]\n", "utf-8")
+    (here / "ekf.fmu").write_bytes(factory.build("ekf", 2).read_bytes())
+    return here
+
+
+@pytest.mark.parametrize(("command", "option", "value"), CASES)
+def test_what_is_wrong_with_an_option_is_said_by_its_name(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: str, option: str, value: str
+) -> None:
+    monkeypatch.chdir(place)
+    before = [*BEFORE[command]]
+    if option in before:
+        at = before.index(option)
+        del before[at : at + 2]
+    result = CliRunner().invoke(app, [*command.split(), *before, f"{option}={value}"])
+    assert result.exit_code == 2, result.output
+    for line in result.stderr.splitlines():
+        assert re.match(rf"error: {re.escape(option)}\b", line), line
+
+
+def test_a_receiver_that_is_given_twice_is_refused(
+    monkeypatch: pytest.MonkeyPatch, place: Path
+) -> None:
+    monkeypatch.chdir(place)
+    twice = ["--receiver", "ekf", "--receiver", "sequential", "--receiver", "ekf"]
+    for name, command in commands():
+        if not any(p.name == "receiver" and p.multiple for p in command.params):
+            continue
+        result = CliRunner().invoke(app, [*name.split(), *BEFORE[name], *twice])
+        assert result.exit_code == 2
+        one = name in ("budget", "map")
+        words = "must be given once" if one else "must differ from each other, got 'ekf' twice"
+        assert result.stderr.startswith(f"error: --receiver: {words}"), result.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "typed", "said"),
+    [
+        ("runs: must be 2", ("--runs", "1"), "--runs: must be 2"),
+        ("runs: must have an error, got none", ("x.toml",), None),  # a scenario of this name
+        ("map speed: must be given", (), "--speed: must be given"),
+        ("override seed: must be 0, got -1", ("--seed", "-1"), "--seed: must be 0, got -1"),
+        ("override seed: must be 0, got -1", ("--set", "seed=-1"), "--set seed: must be 0, got -1"),
+        ("override a.b_m: must be 0", ("--set", "a.b_m=1"), "--set a.b_m: must be 0"),
+        ("override a.b_m: must be 0", (), None),
+        ("my.toml: seed: must be 0, got -2", ("--seed", "3"), None),  # what is in the file
+        ("my.toml: seed: must be 0, got 3", ("--seed=3",), "--seed: must be 0, got 3"),
+        ("paper: settling_time_s: must be less, got 1e+300", ("--settling", "1e300"),
+         "--settling: must be less, got 1e+300"),
+        ("no colon", ("--seed", "3"), None),
+    ],
+)  # fmt: skip
+def test_arguments_are_named_by_the_options_that_were_typed(
+    line: str, typed: tuple[str, ...], said: str | None
+) -> None:
+    assert in_options(line, dict(commands())["map"], typed) == (said or line)
+
+
+# --- What stands beside a number -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "study study.toml --out studied --verbose",
+        "run paper-scenario-1 --set time.duration_s=5 --runs 2 --no-figures --verbose",
+        "run paper-scenario-1 --set time.duration_s=5 --set acoustics.loss_probability=0.97 "
+        "--set platform.gps_horizontal_std_m=90 --runs 3 --no-figures",
+        "budget paper-scenario-1 --set time.duration_s=5 --set platform.gps_horizontal_std_m=90 "
+        "--runs 30 --no-figures",
+        "map paper-scenario-1 --set platform.gps_horizontal_std_m=90 --area 9x9 --depth 5 "
+        "--cells 2 --runs 2 --duration 5 --settling 1 --no-figures",
+        "require small.toml --verbose",
+        "compare paper-scenario-1 --receiver ekf --receiver coupled --set time.duration_s=5 "
+        "--runs 2 --no-figures --verbose",
+    ],
+)
+def test_where_a_share_of_lost_runs_is_printed_it_is_said_what_lost_is(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(place)
+    Path("small.toml").write_text(
+        'scenario = "paper-scenario-1"\nresponse = "total_p95_m"\nlimit = 1.0\nmost_runs = 200\n'
+        'settling_time_s = 1.0\n[fixed]\n"time.duration_s" = 5.0\n'
+        '[choices.arm]\nkeys = ["platform.arm_length_m"]\nlevels = [0.4, 3.0]\n', "utf-8",
+    )  # fmt: skip
+    result = CliRunner().invoke(app, command.split())
+    assert result.exit_code in (0, 1), result.output
+    assert "lost" in result.stdout
+    words = re.sub(r"\s+", " ", result.stdout)
+    assert words.count(LOST) == 1
+    if "--verbose" in command and command.split()[0] in ("run", "require"):
+        assert "order statistic" in words
+
+
+def test_percentiles_of_a_run_are_said_to_be_order_statistics(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(place)
+    argv = ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--no-figures", "--verbose"]
+    words = re.sub(r"\s+", " ", CliRunner().invoke(app, argv).stdout)
+    assert "order statistics, of n errors the one of rank 0.95 n, rounded up" in words
