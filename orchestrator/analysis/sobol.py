@@ -172,8 +172,8 @@ def answer(found: SobolIndices, most: int = 2) -> str:
     chance = "nothing" if nothing else _total(found, SEED_FACTOR)
     if not named:
         return _without(found, f"{text}; {CHANCE} explains {chance}.")
-    rough = "Roughly " if found.widest > WIDEST else ""
-    return _without(found, f"{rough}{text}{',' if len(named) > 1 else ''} and {chance} by {CHANCE}.")
+    rough, comma = "Roughly " if found.widest > WIDEST else "", "," if len(named) > 1 else ""
+    return _without(found, f"{rough}{text}{comma} and {chance} by {CHANCE}.")
 
 
 def _without(found: SobolIndices, sentence: str) -> str:
