@@ -22,6 +22,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from . import stopping
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -65,6 +67,7 @@ def write_file(
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
+        stopping.check()
         if replace or not _linked(hidden, path):
             hidden.replace(path)
         if durable:
@@ -171,12 +174,14 @@ def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
         The name, in the same folder, that what is moved here gets back from a `sweep`, unless
         there is something new under it.
     """
-    path, handle = _claim(folder, instead)
+    with stopping.deferred():
+        path, handle = _claim(folder, instead)
     try:
         yield path
     finally:
-        remove(path)
-        _release(path, handle)
+        with stopping.deferred():
+            remove(path)
+            _release(path, handle)
 
 
 def is_hidden(name: str) -> bool:
@@ -203,7 +208,7 @@ def scratch() -> Path:
             sweep(temporary)
             path, handle = _claim(temporary, "")
             path.mkdir(mode=0o700)
-            _scratch = os.getpid(), path
+            _scratch = os.getpid(), path, handle
             # The worker processes of multiprocessing end without atexit.
             processes: Any = sys.modules.get("multiprocessing.util")
             if processes is None:
@@ -213,7 +218,13 @@ def scratch() -> Path:
         return _scratch[1]
 
 
-_scratch: tuple[int, Path] | None = None
+def leave() -> None:
+    """Remove what `scratch` has given, before a process ends without saying so."""
+    if _scratch is not None:
+        _end(_scratch[1], _scratch[2], _scratch[0])
+
+
+_scratch: tuple[int, Path, int | None] | None = None
 _GUARD = threading.Lock()
 
 

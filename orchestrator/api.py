@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .errors import ConfigurationError, instance, nearest, shortened
@@ -34,6 +35,7 @@ from .simulation.resolve import resolve
 from .simulation.system import System
 
 
+@interruptible
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

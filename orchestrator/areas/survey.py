@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.fmus.stopping import interruptible
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..limits.places import still_beacons
@@ -39,6 +40,7 @@ _FIRST_PART, _LAST_PART = 0.1, 0.9
 """Shares of the progress when the first runs begin, and when the last have ended."""
 
 
+@interruptible
 def map_area(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     area: Area,

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, NoEffectWarning, instance, shortened
@@ -46,6 +47,7 @@ class _Row:
     sources: tuple[str, ...]
 
 
+@interruptible
 def budget(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Source | None = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from sblcosim.fmus.stopping import interruptible
 
 from .. import api, artifacts, style
 from ..errors import ConfigurationError
@@ -168,6 +169,7 @@ class Many(Shown):
         return page(self.scenario_name, verbatim(str(self)))
 
 
+@interruptible
 def run_many(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

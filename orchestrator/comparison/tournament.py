@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from sblcosim.fmus.files import sha256_of
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
@@ -189,6 +190,7 @@ class Tournament(Shown):
         return page("Comparison", verbatim(str(self)))
 
 
+@interruptible
 def compare(
     scenarios: AnyScenario | Sequence[AnyScenario],
     receivers: Receivers = (),

@@ -11,6 +11,7 @@ from typing import Any
 
 from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.stopping import interruptible
 
 from ..errors import ConfigurationError
 from ..scenario.overrides import Changes
@@ -21,6 +22,7 @@ from .parts import fmu_plan, links_of, outputs_of, parts_of, step_ns, written
 TOOLBOX = "fmu-manipulation-toolbox"
 
 
+@interruptible
 def export_fmu(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,

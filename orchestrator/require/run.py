@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
 from ..errors import ConfigurationError
@@ -27,6 +28,7 @@ RUNS, ANSWER = "runs", "answer"
 """Folders in that of an answer: a study's, with all runs, and the answer itself."""
 
 
+@interruptible
 def decide(
     question: str | Path | Mapping[str, Any] | Question,
     out: str | Path,

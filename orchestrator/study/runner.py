@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 
 from ..simulation.isolation import Children
 from ..simulation.process import strangers
@@ -43,6 +44,7 @@ ALONE = 16
 """Runs per worker and part, if they run alone: what a kill can cost."""
 
 
+@interruptible
 def run(
     study: Definition,
     out: str | Path,
@@ -98,6 +100,7 @@ def run(
     return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
 
 
+@interruptible
 def carry_out(
     study: Definition,
     out: str | Path,
@@ -141,6 +144,7 @@ def carry_out(
     return there
 
 
+@interruptible
 def simulated(
     study: Definition,
     *,
@@ -245,6 +249,7 @@ def _missing_of(campaign: Campaign, there: Finished) -> Missing:
     return Missing(done, sum(counts), steps, tuple(counts))
 
 
+@interruptible
 def estimate(
     campaign: Campaign, what: Missing, workers: int | None = None, master: str | None = None
 ) -> tuple[float, float]:
