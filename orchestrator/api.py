@@ -20,6 +20,7 @@ from .results import metrics
 from .results.definitions import TRUTH
 from .results.description import RunDescription
 from .results.result import Result
+from .scenario.files import naming_files
 from .scenario.labels import RAW
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
@@ -36,6 +37,7 @@ from .simulation.system import System
 
 
 @interruptible
+@naming_files
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

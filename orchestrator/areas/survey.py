@@ -14,6 +14,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..limits.places import still_beacons
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
@@ -41,6 +42,7 @@ _FIRST_PART, _LAST_PART = 0.1, 0.9
 
 
 @interruptible
+@naming_files
 def map_area(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     area: Area,

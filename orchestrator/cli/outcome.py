@@ -28,6 +28,7 @@ from ..errors import (
     one_line,
     shortened,
 )
+from ..scenario.files import naming
 
 TRACEBACK = "SBLCOSIM_TRACEBACK"
 """Set to anything, it lets what is no exception of ours through, with its traceback."""
@@ -68,8 +69,8 @@ class ErrorReportingGroup(Commands):
             return super().make_context("sblcosim", args, *arguments, **options)
 
     def invoke(self, ctx: Any) -> Any:
-        ends = (typer.Exit, typer.Abort)
-        with _in_lines(), _warnings_in_lines(), stopping.stoppable(command=True, ends=ends):
+        stoppable = stopping.stoppable(command=True, ends=(typer.Exit, typer.Abort))
+        with _in_lines(), _warnings_in_lines(), naming(), stoppable:
             return super().invoke(ctx)
 
 

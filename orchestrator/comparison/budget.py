@@ -20,6 +20,7 @@ from sblcosim.models import RECEIVERS
 from ..errors import ConfigurationError, NoEffectWarning, instance, shortened
 from ..scenario import scenario as scenarios
 from ..scenario.assumptions import SOURCES as ASSUMED
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import default
@@ -48,6 +49,7 @@ class _Row:
 
 
 @interruptible
+@naming_files
 def budget(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Source | None = None,

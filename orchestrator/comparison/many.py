@@ -16,6 +16,7 @@ from ..errors import ConfigurationError
 from ..layout import fitted
 from ..packages.read import is_package
 from ..results.result import Result
+from ..scenario.files import naming_files
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
 from . import tournament_words
@@ -170,6 +171,7 @@ class Many(Shown):
 
 
 @interruptible
+@naming_files
 def run_many(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

@@ -26,6 +26,7 @@ from ..lazy import Module
 from ..results.definitions import AXES, FRAMES
 from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
+from ..scenario.files import naming_files
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
@@ -191,6 +192,7 @@ class Tournament(Shown):
 
 
 @interruptible
+@naming_files
 def compare(
     scenarios: AnyScenario | Sequence[AnyScenario],
     receivers: Receivers = (),

@@ -14,6 +14,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.stopping import interruptible
 
 from ..errors import ConfigurationError
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
@@ -23,6 +24,7 @@ TOOLBOX = "fmu-manipulation-toolbox"
 
 
 @interruptible
+@naming_files
 def export_fmu(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,

@@ -26,6 +26,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ..errors import check_choice
 from ..packages.structure import DESCRIPTION, NAMESPACES
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
@@ -49,6 +50,7 @@ PARAMETER_SET = "scenario"
 
 
 @interruptible
+@naming_files
 def export_ssp(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,

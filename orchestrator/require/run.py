@@ -16,6 +16,7 @@ from sblcosim.fmus.stopping import interruptible
 from .. import artifacts
 from ..errors import ConfigurationError
 from ..results.responses import RESPONSES
+from ..scenario.files import naming_files
 from ..study import executors, parts, runner, store
 from ..study.campaign import Campaign, Run, prepare
 from .answer import Answer
@@ -29,6 +30,7 @@ RUNS, ANSWER = "runs", "answer"
 
 
 @interruptible
+@naming_files
 def decide(
     question: str | Path | Mapping[str, Any] | Question,
     out: str | Path,

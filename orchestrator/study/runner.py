@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
+from ..scenario.files import naming_files
 from ..simulation.isolation import Children
 from ..simulation.process import strangers
 from . import executors, parts
@@ -101,6 +102,7 @@ def run(
 
 
 @interruptible
+@naming_files
 def carry_out(
     study: Definition,
     out: str | Path,
