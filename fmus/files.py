@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import sys
 import tempfile
 import threading
@@ -118,6 +119,31 @@ def sync_file(path: Path) -> None:
         os.fsync(file.fileno())
 
 
+# --- What is read ---------------------------------------------------------------------------------
+
+
+def regular(path: Path) -> Path:
+    """The path of a file that has an end; a folder is refused by whoever opens it.
+
+    Raises
+    ------
+    OSError
+        It is a pipe, which may wait for ever, a device or a socket; or there is nothing.
+    """
+    kind = KINDS.get(stat.S_IFMT(path.stat().st_mode))
+    if kind is not None:
+        raise OSError(errno.EINVAL, kind, str(path))
+    return path
+
+
+KINDS = {
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
+"""What can be opened and is no file, by its type."""
+
 # --- What somebody else may have damaged ---------------------------------------------------------
 
 SEAL = ".sha256"
@@ -138,7 +164,7 @@ def write_sealed(path: Path, content: bytes) -> None:
 def intact(path: Path) -> bool:
     """Whether a file is as `write_sealed` wrote it; read once, until it changes."""
     try:
-        recorded = path.with_name(path.name + SEAL).read_bytes()[:64]
+        recorded = regular(path.with_name(path.name + SEAL)).read_bytes()[:64]
     except OSError:
         return False
     return len(recorded) == 64 and recorded == sha256_of(path).encode()
@@ -147,7 +173,7 @@ def intact(path: Path) -> bool:
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file in hexadecimal, read once, until it changes; nothing if there is none."""
     try:
-        about = path.stat()
+        about = regular(path).stat()
         known = str(path), about.st_size, about.st_mtime_ns, about.st_ino
         if known not in _HASHES:
             _HASHES[known] = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -279,7 +279,7 @@ def _refuse_foreign(path: Path) -> None:
 def _manifest_of(path: Path) -> dict[str, Any] | None:
     """The manifest in a folder; None if there is none that we wrote."""
     try:
-        content: Any = json.loads((path / MANIFEST).read_text("utf-8"))
+        content: Any = json.loads(files.regular(path / MANIFEST).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
     if not isinstance(content, dict):

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import parquet
+from sblcosim.fmus import files
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
 from ..artifacts import MANIFEST
@@ -86,7 +87,7 @@ def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
 def _is_of_package(path: Path) -> bool:
     """Whether a manifest is that of a run of a package."""
     try:
-        scenario = json.loads(path.read_text("utf-8"))["scenario"]
+        scenario = json.loads(files.regular(path).read_text("utf-8"))["scenario"]
     except (ValueError, RecursionError, KeyError, TypeError, OSError):
         return False
     return isinstance(scenario, dict) and "package" in scenario
@@ -97,7 +98,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     where = shown(path)
     kinds = {"scenario_name": str, "receivers": list, "fmus": dict, "seeds": dict, "remarks": list}
     try:
-        content: Any = json.loads(path.read_text("utf-8"))
+        content: Any = json.loads(files.regular(path).read_text("utf-8"))
     except (ValueError, RecursionError) as error:
         got = shortened(one_line(error))
         raise ConfigurationError(f"{where}: must be JSON, got {got}") from None
@@ -114,7 +115,7 @@ def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generi
     """Instants [ns], and the outputs in their shapes."""
     where = shown(path)
     try:
-        table = parquet.read_table(path)
+        table = parquet.read_table(files.regular(path))
         found = {name: table[name].to_numpy() for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         got = shortened(one_line(error))

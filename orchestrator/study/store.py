@@ -163,7 +163,7 @@ def described(folder: Path) -> dict[str, Any]:
     """Read the description of a folder."""
     path = folder / STUDY
     try:
-        content = json.loads(path.read_text("utf-8"))
+        content = json.loads(files.regular(path).read_text("utf-8"))
     except FileNotFoundError:
         raise ConfigurationError(
             f"{folder}: must be a folder of a study's results, got no {STUDY} in it"
