@@ -161,12 +161,13 @@ def of_tables(
     levels.name_receivers(where, raw, folder)
     if not isinstance(raw.get("model"), StandIn | None):
         raw["model"] = model_of(raw["model"], folder)
-    with files.about(where):
+    file = where if (folder / Path(where).name).is_file() else ""
+    with files.about(file):
         given = _responses(raw.get("responses", ()), folder)
     raw["responses"] = [*given, *_responses(responses, Path.cwd())]
-    with files.about(where):
+    with files.about(file):
         study = _checked(raw, where)
-    study.__dict__["_file"] = where
+    study.__dict__["_file"] = file
     return study
 
 
