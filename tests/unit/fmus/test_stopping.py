@@ -64,7 +64,7 @@ def in_user_code() -> None:
     interrupt()
     try:
         busy(PATIENCE)
-    except BaseException:  # noqa: BLE001
+    except BaseException:
         pass
 
 
