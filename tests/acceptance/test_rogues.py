@@ -182,7 +182,8 @@ def test_habits_of_an_fmu_change_no_other(
     with pytest.warns(ConfigurationWarning) as caught:
         result = sblcosim.run(SCENARIO, [file, "ekf"], SHORT, master=master)
     (message,) = {str(w.message) for w in caught if file.stem in str(w.message)}
-    thing = "the locale" if what in ("locale", "dates") else "the floating-point state of the processor"
+    state = "the floating-point state of the processor"
+    thing = "the locale" if what in ("locale", "dates") else state
     call = FUNCTIONS[phase].removesuffix(" at 0.1 s")
     assert message == (
         f"{file.stem}: FMU {file} must leave {thing} as it was, got a change in {call}; "

@@ -11,9 +11,11 @@ import time
 import weakref
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+import sblcosim
 from sblcosim.fmus import files, stopping
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGTERM")
@@ -62,10 +64,8 @@ def in_ctypes() -> None:
 
 def in_user_code() -> None:
     interrupt()
-    try:
+    with suppress(BaseException):
         busy(PATIENCE)
-    except BaseException:
-        pass
 
 
 DISCARDED = [in_del, in_weakref, in_ctypes, in_user_code]
@@ -75,7 +75,7 @@ DISCARDED = [in_del, in_weakref, in_ctypes, in_user_code]
 def test_what_is_discarded_is_raised_by_the_next_check(
     discard: Callable[[], None], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         discard()
         stopping.check()
         raise AssertionError("the check must raise")
@@ -86,7 +86,7 @@ def test_what_is_discarded_is_raised_by_the_next_check(
 def test_or_before_a_file_gets_its_name_or_at_the_end(
     discard: Callable[[], None], tmp_path: Path
 ) -> None:
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         discard()
         files.write_file(tmp_path / "result", b"content")
     assert list(tmp_path.iterdir()) == []
@@ -96,7 +96,7 @@ def test_or_before_a_file_gets_its_name_or_at_the_end(
 
 def test_without_a_check_the_handler_raises() -> None:
     began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         interrupt()
         threading.Event().wait(PATIENCE)
     assert time.monotonic() - began < PATIENCE
@@ -138,7 +138,7 @@ def test_in_another_thread_nothing_changes() -> None:
 
 def test_cleaning_up_is_not_interrupted() -> None:
     done = []
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         try:
             interrupt()
             stopping.check()
@@ -150,16 +150,28 @@ def test_cleaning_up_is_not_interrupted() -> None:
 
 
 def test_an_error_after_the_signal_is_its_consequence() -> None:
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         interrupt()
         raise AttributeError("partially initialised")
 
 
 def test_a_program_that_is_waited_for_is_killed_with_what_it_started(tmp_path: Path) -> None:
     script = f"import subprocess; subprocess.run(['sh', '-c', 'sleep 1000; touch {tmp_path}/a'])"
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: PT012
         threading.Timer(0.3, interrupt).start()
         stopping.completed([sys.executable, "-c", script])
+
+
+@pytest.mark.parametrize("master", ["native", "python", "lanes"])
+def test_ctrl_c_ends_a_run_in_a_program_or_notebook(master: str) -> None:
+    long = {"time.duration_s": 20000.0, "time.sampling_time_s": 0.01}
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(0.5, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        sblcosim.run("paper-scenario-1", overrides=long, master=master)
+    timer.join()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 SECOND = """

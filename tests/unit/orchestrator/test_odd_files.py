@@ -210,7 +210,8 @@ def test_closed_streams(closed: tuple[int, ...], tmp_path: Path) -> None:
     )  # fmt: skip
     if 1 in closed:
         assert done.returncode == 2
-        assert done.stderr == ("" if 2 in closed else "error: output: must be open, got it closed\n")
+        said = "" if 2 in closed else "error: output: must be open, got it closed\n"
+        assert done.stderr == said
         assert list(tmp_path.iterdir()) == []
     else:
         assert (done.returncode, done.stderr) == (0, "")
