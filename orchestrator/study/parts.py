@@ -231,12 +231,11 @@ def _columns(path: Path, wanted: Wanted | None = None) -> pa.Table:
 def _opened(path: Path) -> parquet.ParquetFile:
     try:
         file = parquet.ParquetFile(files.regular(path))
-        names = file.schema_arrow.names
         json.loads((file.schema_arrow.metadata or {}).get(b"pandas", b"{}"))
     except (OSError, ValueError, pa.ArrowException) as error:
         raise _unreadable(path, error) from None
     for name in _KEYS:
-        if name not in names:
+        if name not in file.schema_arrow.names:
             raise ConfigurationError(f"{path}: must have a column {name}, got none")
     return file
 
