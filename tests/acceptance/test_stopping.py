@@ -134,9 +134,8 @@ def stopped(
 ) -> tuple[float, int, str]:
     """Seconds until a command has ended after a signal, its code, what it said."""
     own = {"SBLCOSIM_CACHE": str(folder / "cache")} if command.own_cache else {}
-    out = ("--out", "made") if command.arguments[0] != "x" else ()
     process = subprocess.Popen(
-        [sys.executable, "-m", "sblcosim", *command.arguments, *out],
+        [sys.executable, "-m", "sblcosim", *command.arguments, "--out", "made"],
         cwd=folder, env={**os.environ, **own, "TMPDIR": str(folder / "tmp")},
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
