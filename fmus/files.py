@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import sys
 import tempfile
 import threading
@@ -21,6 +22,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from . import stopping
 
 try:
     import fcntl
@@ -65,6 +68,7 @@ def write_file(
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
+        stopping.check()
         if replace or not _linked(hidden, path):
             hidden.replace(path)
         if durable:
@@ -115,6 +119,31 @@ def sync_file(path: Path) -> None:
         os.fsync(file.fileno())
 
 
+# --- What is read ---------------------------------------------------------------------------------
+
+
+def regular(path: Path) -> Path:
+    """The path of a file that has an end; a folder is refused by whoever opens it.
+
+    Raises
+    ------
+    OSError
+        It is a pipe, which may wait for ever, a device or a socket; or there is nothing.
+    """
+    kind = KINDS.get(stat.S_IFMT(path.stat().st_mode))
+    if kind is not None:
+        raise OSError(errno.EINVAL, kind, str(path))
+    return path
+
+
+KINDS = {
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
+"""What can be opened and is no file, by its type."""
+
 # --- What somebody else may have damaged ---------------------------------------------------------
 
 SEAL = ".sha256"
@@ -135,7 +164,7 @@ def write_sealed(path: Path, content: bytes) -> None:
 def intact(path: Path) -> bool:
     """Whether a file is as `write_sealed` wrote it; read once, until it changes."""
     try:
-        recorded = path.with_name(path.name + SEAL).read_bytes()[:64]
+        recorded = regular(path.with_name(path.name + SEAL)).read_bytes()[:64]
     except OSError:
         return False
     return len(recorded) == 64 and recorded == sha256_of(path).encode()
@@ -144,7 +173,7 @@ def intact(path: Path) -> bool:
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file in hexadecimal, read once, until it changes; nothing if there is none."""
     try:
-        about = path.stat()
+        about = regular(path).stat()
         known = str(path), about.st_size, about.st_mtime_ns, about.st_ino
         if known not in _HASHES:
             _HASHES[known] = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -171,12 +200,14 @@ def unfinished(folder: Path, instead: str = "") -> Iterator[Path]:
         The name, in the same folder, that what is moved here gets back from a `sweep`, unless
         there is something new under it.
     """
-    path, handle = _claim(folder, instead)
+    with stopping.deferred():
+        path, handle = _claim(folder, instead)
     try:
         yield path
     finally:
-        remove(path)
-        _release(path, handle)
+        with stopping.deferred():
+            remove(path)
+            _release(path, handle)
 
 
 def is_hidden(name: str) -> bool:
@@ -203,7 +234,7 @@ def scratch() -> Path:
             sweep(temporary)
             path, handle = _claim(temporary, "")
             path.mkdir(mode=0o700)
-            _scratch = os.getpid(), path
+            _scratch = os.getpid(), path, handle
             # The worker processes of multiprocessing end without atexit.
             processes: Any = sys.modules.get("multiprocessing.util")
             if processes is None:
@@ -213,7 +244,13 @@ def scratch() -> Path:
         return _scratch[1]
 
 
-_scratch: tuple[int, Path] | None = None
+def leave() -> None:
+    """Remove what `scratch` has given, before a process ends without saying so."""
+    if _scratch is not None:
+        _end(_scratch[1], _scratch[2], _scratch[0])
+
+
+_scratch: tuple[int, Path, int | None] | None = None
 _GUARD = threading.Lock()
 
 

@@ -1,6 +1,49 @@
 """``python -m sblcosim`` is the command ``sblcosim``."""
 
-from .cli import main
+import os
+import sys
+
+from sblcosim.fmus import stopping
+
+_CLOSED = "error: output: must be open, got it closed\n"
+
+
+def main() -> None:
+    """Entry point: from here on a signal ends the command with a line and a code."""
+    _open_all()
+    try:
+        with stopping.stoppable(command=True):
+            from .cli import main as command
+
+            command()
+    except KeyboardInterrupt as stop:  # while importing, or after all is printed
+        from .cli.outcome import stopped, stopped_line
+
+        print(stopped_line(stop), file=sys.stderr)
+        sys.exit(stopped(stop))
+
+
+def _open_all() -> None:
+    """Open what is closed of the standard streams: the next file would get its number."""
+    closed = [number for number in range(3) if not _is_open(number)]
+    for number in closed:  # the lowest that is free is what opens
+        os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
+    if 2 in closed:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if 0 in closed:
+        sys.stdin = open(os.devnull)  # noqa: SIM115
+    if 1 in closed:
+        sys.stderr.write(_CLOSED)
+        sys.exit(2)
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
 
 if __name__ == "__main__":
     main()

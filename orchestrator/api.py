@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from .errors import ConfigurationError, instance, nearest, shortened
@@ -19,6 +20,7 @@ from .results import metrics
 from .results.definitions import TRUTH
 from .results.description import RunDescription
 from .results.result import Result
+from .scenario.files import naming_files
 from .scenario.labels import RAW
 from .scenario.overrides import Changes
 from .scenario.scenario import Receivers, Scenario, Source, load
@@ -34,6 +36,8 @@ from .simulation.resolve import resolve
 from .simulation.system import System
 
 
+@interruptible
+@naming_files
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

@@ -19,7 +19,7 @@ from typing import Any, Literal, get_args
 import pandas as pd
 import pyarrow as pa
 from pyarrow import csv, parquet
-from sblcosim.fmus import files
+from sblcosim.fmus import files, stopping
 
 from . import manifests
 from .errors import ConfigurationError, DamageWarning, check_choice
@@ -96,14 +96,26 @@ def draft(
             result = Draft(part, path)
             yield result
             _finish(part, manifest)
-            if not empty:
-                result.path = _name(path, part, manifest, other)
-            elif _fill(path, part):  # `part` is in the folder that may be replaced
-                with files.unfinished(path.parent) as beside:
-                    part.rename(beside)
-                    result.path = _name(path, beside, manifest, other)
+            stopping.check()
+            with stopping.deferred():
+                result.path = _named(path, part, manifest, other, empty)
     except OSError as error:
         raise _refusal(path, error) from error
+
+
+def _named(
+    path: Path, part: Path, manifest: Mapping[str, Any], other: Other, empty: bool
+) -> Path:
+    """Give a complete folder its name; which that is."""
+    if not empty:
+        path = _name(path, part, manifest, other)
+    elif _fill(path, part):  # `part` is in the folder that may be replaced
+        with files.unfinished(path.parent) as beside:
+            part.rename(beside)
+            path = _name(path, beside, manifest, other)
+    if not any(files.is_hidden(part) for part in path.parts):  # not a result within a result
+        stopping.named(path)
+    return path
 
 
 def _finish(part: Path, manifest: Mapping[str, Any]) -> None:

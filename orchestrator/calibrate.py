@@ -23,6 +23,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
@@ -176,6 +177,7 @@ FIGURES: Mapping[str, Figure[CalibrationResult]] = by_name(
 """The figures in a calibration's folder."""
 
 
+@interruptible
 def calibrate(
     *,
     sound_speed: float = 1530.0,

@@ -16,6 +16,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .. import stopping
 from ..errors import BuildError
 from ..platforms import PLATFORMS, ZIG_TARGETS, this_platform
 
@@ -80,13 +81,18 @@ class Compiler:
 
     def _run(self, arguments: Sequence[str], folder: Path) -> None:
         try:
-            done = subprocess.run(
+            done = stopping.completed(
                 [*self.command, *arguments],
                 cwd=folder,
-                env={**os.environ, "SOURCE_DATE_EPOCH": "315532800"},  # 1980: DLLs have a date
-                capture_output=True,
+                env={
+                    **os.environ,
+                    "SOURCE_DATE_EPOCH": "315532800",  # 1980: DLLs have a date
+                    "TMPDIR": str(folder),  # a compiler that is killed leaves its files
+                },
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
                 text=True,
-                check=False,
             )
         except OSError as error:
             raise BuildError(

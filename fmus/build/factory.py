@@ -22,7 +22,7 @@ from platformdirs import user_cache_path
 from sblcosim.models import COMPONENTS, file_name
 from sblcosim.models.declaration import Component
 
-from .. import unchanged
+from .. import stopping, unchanged
 from ..errors import BuildError, DamageWarning, nearest
 from ..files import SEAL, intact, scratch, sha256_of, write_sealed
 from ..platforms import suffix, this_platform
@@ -328,7 +328,8 @@ def compile_objects(
             return (folder / output).read_bytes()
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(pool.map(compiled, range(len(units)), units))
+            futures = [pool.submit(compiled, *each) for each in enumerate(units)]
+            return list(stopping.results(futures))
 
 
 @remember

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import FmuError, one_line
+from ..files import KINDS
 
 MAX_FILE = 1 << 30
 """Bytes of an FMU file."""
@@ -36,13 +37,7 @@ _MAX_READ = 16 << 20
 """Bytes that are read in one piece. Only an archive's directory can ask for more."""
 _PIECE = 1 << 20
 
-_KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-}
+_KINDS = {stat.S_IFDIR: "a folder", **KINDS}
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, OverflowError, RuntimeError,
     ValueError,

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
 from ..study.design import Level, shown
 
+MOST_COST = 1e15
+"""Largest cost of a level."""
 LEVEL_TOLERANCE = 1e-9
 """How far, relatively, a level may be from the one that a cost is given for."""
 
@@ -52,6 +54,11 @@ def of_levels(at: str, given: Any, levels: Sequence[Level]) -> dict[Level, float
             raise ConfigurationError(
                 f"{at}: must be numbers, finite and not negative, got {shortened(instance(cost))} "
                 f"for {shown(level)}"
+            )
+        if cost > MOST_COST:
+            raise ConfigurationError(
+                f"{at}: must be numbers of at most {MOST_COST:g}, so that their sums are exact, "
+                f"got {shortened(instance(cost))} for {shown(level)}"
             )
     return {level: float(cost) for level, cost in costs.items()}
 

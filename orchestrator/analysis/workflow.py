@@ -10,6 +10,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 import pandas as pd
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts, style
 from ..errors import ConfigurationError, nearest, quoted
@@ -96,6 +97,7 @@ def of_study(
     )
 
 
+@interruptible
 def of_table(
     study: Study,
     table: pd.DataFrame,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 
 from .runs import Sample
 
@@ -81,12 +82,14 @@ def pooled(
     counted = _counted(sample.cell, relative, span, shape)
 
     def drawn(number: int) -> Floats:
+        stopping.check()
         draw = np.random.Generator(np.random.Philox(key=[seed, number]))
         times = draw.poisson(1.0, len(sample.cell)).astype(np.float64)
         return np.exp(_percentile(counted, times))
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        draws = np.stack([*pool.map(drawn, range(DRAWS))])
+        futures = [pool.submit(drawn, number) for number in range(DRAWS)]
+        draws = np.stack([*stopping.results(futures)])
     with np.errstate(invalid="ignore"):
         spread = np.where(np.isfinite(draws).all(axis=0), draws.std(axis=0, ddof=1), np.inf)
     return Pooled(np.exp(middle) * scale, spread * scale)

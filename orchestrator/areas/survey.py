@@ -10,10 +10,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, check_choice, instance, shortened
 from ..limits.places import still_beacons
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
@@ -41,6 +43,8 @@ _FIRST_PART, _LAST_PART = 0.1, 0.9
 """Shares of the progress when the first runs begin, and when the last have ended."""
 
 
+@interruptible
+@naming_files
 def map_area(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     area: Area,

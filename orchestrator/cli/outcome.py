@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import sys
-import threading
 import warnings
 from collections import Counter
 from collections.abc import Iterator
@@ -15,6 +14,8 @@ from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 import typer
+from sblcosim.fmus import stopping
+from sblcosim.fmus.stopping import Terminated
 from typer.core import TyperGroup
 
 from ..errors import (
@@ -27,6 +28,7 @@ from ..errors import (
     one_line,
     shortened,
 )
+from ..scenario.files import naming
 from .options import in_options
 
 TRACEBACK = "SBLCOSIM_TRACEBACK"
@@ -71,7 +73,8 @@ class ErrorReportingGroup(Commands):
             return super().make_context("sblcosim", args, *arguments, **options)
 
     def invoke(self, ctx: Any) -> Any:
-        with _in_lines(), _warnings_in_lines(), _terminable():
+        stoppable = stopping.stoppable(command=True, ends=(typer.Exit, typer.Abort))
+        with _in_lines(), _warnings_in_lines(), naming(), stoppable:
             return super().invoke(ctx)
 
 
@@ -88,10 +91,6 @@ def _check_surroundings(args: list[str]) -> None:
             raise ConfigurationError(f"arguments: must be UTF-8, got {shown}")
 
 
-class Terminated(KeyboardInterrupt):
-    """The process received SIGTERM."""
-
-
 @contextmanager
 def _in_lines() -> Iterator[None]:
     try:
@@ -105,10 +104,8 @@ def _in_lines() -> Iterator[None]:
             "the memory of this machine must be enough, got too large a run; make it shorter or "
             "the sampling time longer"
         )
-    except Terminated:
-        _end("terminated; nothing was written", 128 + signal.SIGTERM)
-    except KeyboardInterrupt:
-        _end("interrupted; nothing was written", 130)
+    except KeyboardInterrupt as stop:
+        _end(stopped_line(stop), stopped(stop))
     except Exception as error:
         if isinstance(error, OSError) and error.filename is None and error.errno in _NO_OUTPUT:
             _forget(sys.stdout)
@@ -120,6 +117,18 @@ def _in_lines() -> Iterator[None]:
         if os.environ.get(TRACEBACK):
             raise
         _fail(_unforeseen(error))
+
+
+def stopped_line(stop: KeyboardInterrupt) -> str:
+    """What a stopped command says; the exception has the folders that were complete by then."""
+    what = "terminated" if isinstance(stop, Terminated) else "interrupted"
+    written = ", ".join(shortened(str(path), 240) for path in stop.args)
+    return f"{what}; {f'complete before that: {written}' if written else 'nothing was written'}"
+
+
+def stopped(stop: KeyboardInterrupt) -> int:
+    """Exit code."""
+    return 128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)
 
 
 def _fail(*lines: str) -> NoReturn:
@@ -224,21 +233,3 @@ def say_warnings() -> None:
         typer.echo(f"warning: {escaped(_in_options(text))}{again}", err=True)
     _said.update(_pending)
     _pending.clear()
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end a command as Ctrl-C does: what is half written is removed."""
-
-    def end(number: int, frame: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough
-        raise Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

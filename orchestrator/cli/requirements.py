@@ -21,7 +21,8 @@ from .base import (
     waiting,
     width,
 )
-from .studies import ExecutorOption, SchedulerOption, WorkersOption, stopped
+from .outcome import stopped
+from .studies import ExecutorOption, SchedulerOption, WorkersOption
 
 
 @app.command()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import signal
 import sys
 import time
 from pathlib import Path
@@ -32,7 +31,7 @@ from .base import (
     waiting,
     width,
 )
-from .outcome import Terminated
+from .outcome import stopped
 
 if TYPE_CHECKING:
     from ..study.study import Study
@@ -223,11 +222,6 @@ def _say_how_to_resume(out: Path, runs: int) -> None:
 def _say_what_is_there(done: int, runs: int, out: Path) -> None:
     command = shlex.join(["sblcosim", *sys.argv[1:]])
     typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
-
-
-def stopped(stop: KeyboardInterrupt) -> int:
-    """Exit code."""
-    return 128 + signal.SIGTERM if isinstance(stop, Terminated) else 130
 
 
 def _duration(least: float, most: float) -> str:

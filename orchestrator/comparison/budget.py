@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, NoEffectWarning, instance, shortened
 from ..results.over_runs import rms_over_runs
 from ..scenario import scenario as scenarios
 from ..scenario.assumptions import SOURCES as ASSUMED
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import default
@@ -49,6 +51,8 @@ class _Row:
     sources: tuple[str, ...]
 
 
+@interruptible
+@naming_files
 def budget(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Source | None = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from sblcosim.fmus.stopping import interruptible
 
 from .. import api, artifacts, style
 from ..errors import ConfigurationError
@@ -16,6 +17,7 @@ from ..layout import fitted
 from ..packages.read import is_package
 from ..results.definitions import LOST
 from ..results.result import Result
+from ..scenario.files import naming_files
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
 from ..study.kept import Kept
@@ -180,6 +182,8 @@ class Many(Shown):
         return page(self.scenario_name, verbatim(str(self)))
 
 
+@interruptible
+@naming_files
 def run_many(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     receiver: Receivers = (),

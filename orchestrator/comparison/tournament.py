@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from sblcosim.fmus.files import sha256_of
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
 from ..errors import ConfigurationError, instance, nearest, quoted, shortened
@@ -26,6 +27,7 @@ from ..lazy import Module
 from ..results.definitions import AXES, FRAMES
 from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
+from ..scenario.files import naming_files
 from ..scenario.overrides import pairs
 from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
@@ -193,6 +195,8 @@ class Tournament(Shown):
         return page("Comparison", verbatim(str(self)))
 
 
+@interruptible
+@naming_files
 def compare(
     scenarios: AnyScenario | Sequence[AnyScenario],
     receivers: Receivers = (),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..artifacts import Other, plain
@@ -112,6 +113,7 @@ class Smoothed(Shown):
         return f"{SMOOTHER}: {passes}, {moved}{how}"
 
 
+@interruptible
 def smooth(
     run: Result | str | Path, overrides: Changes = (), *, passes: int = PASSES
 ) -> Smoothed:

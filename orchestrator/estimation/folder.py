@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import parquet
+from sblcosim.fmus import files
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
 from .. import manifests
@@ -169,7 +170,7 @@ def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generi
     """Instants [ns], and the outputs in their shapes."""
     where = shown(path)
     try:
-        table = parquet.read_table(path)
+        table = parquet.read_table(files.regular(path))
         found = {name: table[name].to_numpy() for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         got = shortened(one_line(error))

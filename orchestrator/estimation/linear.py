@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -74,6 +75,7 @@ def smooth(problem: Problem, share: Share | None = None, doubtful: Flags | None 
     for k, (turn, begin, end) in enumerate(
         zip(problem.which, problem.first[:-1], problem.first[1:], strict=True)
     ):
+        stopping.check()
         phi = problem.phi[turn]
         x, P = phi @ x, phi @ P @ phi.T + problem.noise[turn]
         P = (P + P.T) / 2
@@ -102,6 +104,7 @@ def _backwards(
     leans, weights = np.empty((n, d)), np.empty((n, d, d))
     lean, weight = np.zeros(d), np.zeros((d, d))
     for k in range(n - 1, -1, -1):
+        stopping.check()
         leans[k], weights[k] = lean, weight
         for i in range(problem.first[k + 1] - 1, problem.first[k] - 1, -1):
             h, K = problem.H[i], gains[i]

@@ -26,6 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sblcosim.fmus import stopping
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models.receiver import surroundings
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
@@ -105,6 +107,7 @@ class Cloud:
         return np.asarray(weight / weight.sum())
 
 
+@interruptible
 def particle_filter(
     run: Result | str | Path,
     overrides: Changes = (),
@@ -168,6 +171,7 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
     first, fresh = outcome.first_ns(p, samples), samples.has_own_pose
     rows: list[tuple[Any, ...]] = []
     for epoch in samples.epochs_ns.tolist():
+        stopping.check()
         cloud = predicted(p, cloud, (epoch - then) / 1e9)
         if epoch in depths:
             cloud = sounded(p, cloud, depths[epoch])

@@ -11,8 +11,10 @@ from typing import Any
 
 from sblcosim.fmus.files import scratch, write_file
 from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.stopping import interruptible
 
 from ..errors import ConfigurationError
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
@@ -21,6 +23,8 @@ from .parts import fmu_plan, links_of, outputs_of, parts_of, step_ns, written
 TOOLBOX = "fmu-manipulation-toolbox"
 
 
+@interruptible
+@naming_files
 def export_fmu(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,

@@ -22,9 +22,11 @@ from fmpy.model_description import ModelVariable, Unit
 from sblcosim.fmus.build.archive import write_fmu
 from sblcosim.fmus.build.description import PACKAGE
 from sblcosim.fmus.host.nanoseconds import SECOND
+from sblcosim.fmus.stopping import interruptible
 
 from ..errors import check_choice
 from ..packages.structure import DESCRIPTION, NAMESPACES
+from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
@@ -47,6 +49,8 @@ PARAMETER_SET = "scenario"
 """Name of every parameter set: tools apply the sets of one name."""
 
 
+@interruptible
+@naming_files
 def export_ssp(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     path: str | Path | None = None,

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 from sblcosim.models.receiver import field as field_model
 from sblcosim.models.receiver import surroundings
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
@@ -117,6 +118,7 @@ def covariances(
         found = []
         P = np.repeat(model.prior[:, :, None], len(own.acceleration_psd), 2)
         for k, step in enumerate(steps):
+            stopping.check()
             position = path(step.end_s)[some]
             _advance(P, *model.transition(step.duration_s))
             _measure(P, model.rows(position, step))
@@ -127,7 +129,8 @@ def covariances(
         return absolute, relative, offset
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        parts = [*pool.map(part, range(0, n, _TOGETHER))]
+        futures = [pool.submit(part, first) for first in range(0, n, _TOGETHER)]
+        parts = [*stopping.results(futures)]
     absolute, relative, offset = (np.concatenate(it, axis=1) for it in zip(*parts, strict=True))
     return Covariances(absolute, relative, offset, own_errors)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 
 from ..results.definitions import held_at, recorded, state_at
@@ -34,6 +35,7 @@ MOST_EPOCHS = 20_000
 """Of a run that `of_run` looks at: about 2 s."""
 
 
+@interruptible
 def reference(
     record: Record,
     scenario: Scenario,

@@ -66,8 +66,9 @@ class Package:
     folder: Path
 
     def said(self, message: str) -> str:
-        """A message about an FMU, with the package in place of the folder."""
-        return message.replace(str(self.folder), str(self.path))
+        """A message about the package: its path in place of the folder, or in front."""
+        said = message.replace(str(self.folder), str(self.path))
+        return said if str(self.path) in said else f"{self.path}: {said}"
 
 
 def is_package(source: object) -> bool:

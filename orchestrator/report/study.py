@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import pandas as pd
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
 from ..analysis import covariance, workflow
@@ -33,6 +34,7 @@ from .space import Indices
 REPORT = "report.html"
 
 
+@interruptible
 def save(
     results: str | Path,
     directory: str | Path,

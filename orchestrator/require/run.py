@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
 from ..errors import ConfigurationError
 from ..results.responses import RESPONSES
+from ..scenario.files import naming_files
 from ..study import executors, parts, runner, store
 from ..study.campaign import Campaign, Run, prepare
 from .answer import Answer
@@ -27,6 +29,8 @@ RUNS, ANSWER = "runs", "answer"
 """Folders in that of an answer: a study's, with all runs, and the answer itself."""
 
 
+@interruptible
+@naming_files
 def decide(
     question: str | Path | Mapping[str, Any] | Question,
     out: str | Path,

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sblcosim.fmus.files import regular
+
 from ..errors import ConfigurationError, nearest, quoted, shortened
 
 DEEPEST = 16
@@ -37,8 +39,8 @@ def read_text(path: Path, names: Sequence[str], what: str = "scenario") -> str:
     if os.path.isdir(path):
         raise ConfigurationError(f"{where}: is a folder, not a {what} file")
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)  # a device file may never end
+        with regular(path).open("rb") as file:
+            content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise ConfigurationError(f"{where}: must have at most {LARGEST:,} bytes, got more")
         return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")

@@ -22,7 +22,7 @@ from sblcosim.models.ports import BEACONS
 from ..errors import ConfigurationError, instance, shortened
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
-from . import arrangement, effects, library, packets, tracks
+from . import arrangement, effects, files, library, packets, tracks
 from .assumptions import assumed, mounting_noise
 from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
@@ -366,6 +366,11 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
         scenario.__dict__["_track"] = found[1]
     elif isinstance(source, Scenario) and ("target", "track_m") not in changed:
         scenario.__dict__["_track"] = source.__dict__.get("_track", "")
+    file = source.__dict__.get("_file", "") if isinstance(source, Scenario) else where
+    if isinstance(source, Scenario) or (folder / Path(where).name).is_file():
+        scenario.__dict__["_file"] = file
+    if scenario.__dict__.get("_file"):
+        files.note(scenario.name, file)
     scenario.__dict__["_changed"] = frozenset(changed)  # not a field: it does not affect the run
     vain = effects.in_vain(scenario, effects.components_of(scenario), changed & SETTERS)
     if vain:

@@ -23,6 +23,7 @@ from typing import IO, Any
 import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 from sblcosim.fmus.files import scratch
 from sblcosim.fmus.host import libraries
 from sblcosim.fmus.host.instances import LOADING, UNLOADING
@@ -254,6 +255,7 @@ class Process:
         before: object = None
         still = 0.0
         while True:
+            stopping.check()
             with contextlib.suppress(queue.Empty):
                 message = self._answers.get(timeout=period)
                 if message is None:

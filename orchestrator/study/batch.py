@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
 from ..results.definitions import TRUTH
@@ -82,6 +83,7 @@ def _of_function(campaign: Campaign, runs: Sequence[Run], model: StandIn) -> pd.
     names = [*campaign.study.varied]
     values, errors = np.full(len(runs), np.nan), [None] * len(runs)
     for i, run in enumerate(runs):
+        stopping.check()
         levels = dict(zip(names, campaign.points[run.place].values, strict=True))
         values[i] = model(levels, run.seed)
     columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}
@@ -228,7 +230,7 @@ def _one_by_one(
     alone = not apart and (master == "python" or native.unsupported(group.plan) is not None)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
-            for i, result in enumerate(pool.map(one, runs), 1):
+            for i, result in enumerate(stopping.results([pool.submit(one, r) for r in runs]), 1):
                 results.append(result)
                 progress(i / len(runs))
         except BaseException:

@@ -27,6 +27,7 @@ from ..errors import (
 )
 from ..results.responses import Response
 from ..scenario import effects
+from ..scenario.files import about
 from ..scenario.labels import RAW
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import CORE_COMPONENTS
@@ -34,7 +35,7 @@ from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
 from ..simulation.plan import Plan
-from ..simulation.process import patience
+from ..simulation.process import check_patience, patience
 from ..simulation.resolve import resolve
 from ..simulation.system import Connection, System
 from .definition import Definition
@@ -168,6 +169,12 @@ def prepare(
         check_choice("master", master, execution.MASTERS)
     if study.model is not None:
         return _of_function(study, study.model)
+    check_patience(step_timeout)
+    with about(study.__dict__.get("_file", "")):
+        return _prepared(study, master, step_timeout)
+
+
+def _prepared(study: Definition, master: str | None, step_timeout: float | None) -> Campaign:
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]

@@ -14,6 +14,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
@@ -22,13 +23,15 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from multiprocessing import resource_tracker
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
+from sblcosim.fmus import stopping
 from sblcosim.fmus.build.factory import cache
-from sblcosim.fmus.files import sha256_of, write_file
+from sblcosim.fmus.files import leave, sha256_of, write_file
 from sblcosim.fmus.host.libraries import ours, trust
 from sblcosim.fmus.read.ports import Fmu
 
@@ -91,7 +94,7 @@ def ready(
     elif isinstance(executor, Executor):
         yield partial(_spread, executor, pack(campaign), number, master)
     else:
-        with _processes(number) as pool:
+        with processes(number) as pool:
             yield partial(_spread, pool, pack(campaign), number, master)
 
 
@@ -160,7 +163,7 @@ _ENDED = (
 
 def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
     try:
-        return future.result()
+        return stopping.result(future)
     except SblcosimError:
         raise
     except CancelledError:
@@ -169,6 +172,8 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
             "finished are kept, the same command goes on"
         ) from None
     except BrokenExecutor:
+        time.sleep(stopping.PERIOD)  # who ends the workers may mean this process, too
+        stopping.check()
         raise ConfigurationError(_ENDED) from None
     except Exception as error:
         raise ConfigurationError(
@@ -178,28 +183,34 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
 
 
 @contextmanager
-def _processes(workers: int) -> Iterator[Executor]:
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), begin)
+def processes(workers: int) -> Iterator[Executor]:
+    """Processes of this machine that end when the body of the statement is stopped."""
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    pool = ProcessPoolExecutor(workers, context, begin, (stop,))
     try:
         yield pool
+    except BaseException:
+        stop.set()
+        _end(pool)
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
 
+def _end(pool: ProcessPoolExecutor) -> None:
+    """Kill the workers that do not end as they are told, being busy or not ready yet."""
+    until = time.monotonic() + 2 * stopping.GRACE
+    for process in [*(pool._processes or {}).values()]:
+        process.join(max(until - time.monotonic(), 0))
+        process.kill()
+
+
 @contextmanager
 def deferring_sigint() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C; this process handles it at the end of the block."""
-    came: list[int] = []
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
-    try:
-        with _blocked_in_children():
-            yield
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, before or signal.SIG_DFL)
-    if came:
-        signal.raise_signal(signal.SIGINT)
+    """Start processes that ignore Ctrl-C; this process handles it after the block."""
+    with stopping.deferred(), _blocked_in_children():
+        yield
 
 
 @contextmanager
@@ -215,8 +226,14 @@ def _blocked_in_children() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def begin() -> None:
-    """Initialise a worker: ignore Ctrl-C, and end with the parent process, however that ends."""
+def begin(stop: Event | None = None) -> None:
+    """Initialise a worker: ignore Ctrl-C, and end with the parent process, however that ends.
+
+    Parameters
+    ----------
+    stop
+        When it is set, the worker's task is to end: at the next check, or with the worker.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -225,7 +242,16 @@ def begin() -> None:
             parent.join()
         os._exit(1)
 
+    def obey(stop: Event) -> None:
+        stop.wait()
+        stopping.tell()
+        time.sleep(stopping.GRACE)
+        leave()
+        os._exit(1)
+
     threading.Thread(target=follow, daemon=True).start()
+    if stop is not None:
+        threading.Thread(target=obey, args=(stop,), daemon=True).start()
 
 
 @contextmanager

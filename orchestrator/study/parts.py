@@ -9,6 +9,7 @@ Rows stay in columns; no row becomes a Python object.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -111,7 +112,7 @@ def is_intact(path: Path) -> bool:
 def _sha256(path: Path) -> str:
     """Hash of a file; nothing if there is none."""
     try:
-        with path.open("rb") as file:
+        with files.regular(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except FileNotFoundError:
         return ""
@@ -229,8 +230,9 @@ def _columns(path: Path, wanted: Wanted | None = None) -> pa.Table:
 
 def _opened(path: Path) -> parquet.ParquetFile:
     try:
-        file = parquet.ParquetFile(path)
-    except (OSError, pa.ArrowInvalid) as error:
+        file = parquet.ParquetFile(files.regular(path))
+        json.loads((file.schema_arrow.metadata or {}).get(b"pandas", b"{}"))
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise _unreadable(path, error) from None
     for name in _KEYS:
         if name not in file.schema_arrow.names:

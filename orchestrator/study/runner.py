@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from sblcosim.fmus.stopping import interruptible
 
+from ..scenario.files import naming_files
 from ..simulation.isolation import Children
 from ..simulation.process import strangers
 from . import executors, parts
@@ -46,6 +48,7 @@ KEPT_STEPS, KEPT_ALONE = 10_000_000, 4
 """As `BATCH_STEPS` and `ALONE`, of runs whose table is no study's: about a second."""
 
 
+@interruptible
 def run(
     study: Definition,
     out: str | Path,
@@ -101,6 +104,8 @@ def run(
     return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
 
 
+@interruptible
+@naming_files
 def carry_out(
     study: Definition,
     out: str | Path,
@@ -157,6 +162,7 @@ def _completed(
     return there.added(written)
 
 
+@interruptible
 def simulated(
     study: Definition,
     *,
@@ -299,6 +305,7 @@ def _missing_of(campaign: Campaign, there: Finished) -> Missing:
     return Missing(done, sum(counts), steps, tuple(counts))
 
 
+@interruptible
 def estimate(
     campaign: Campaign, what: Missing, workers: int | None = None, master: str | None = None
 ) -> tuple[float, float]:

@@ -205,7 +205,7 @@ def described(folder: Path) -> dict[str, Any]:
     """Read the description of a folder."""
     path = folder / STUDY
     try:
-        text = path.read_text("utf-8")
+        text = files.regular(path).read_text("utf-8")
         content = json.loads(text)
     except FileNotFoundError:
         raise ConfigurationError(

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from ..errors import ConfigurationError, instance, shortened
 from ..results.responses import Response
 from ..results.user_responses import of_file, of_function, of_origin
-from ..scenario import library
+from ..scenario import files, library
 from ..scenario.reading import check_values, parse, read_text, shown
 from ..scenario.scenario import Source
 from ..scenario.schema import SEED
@@ -132,6 +132,8 @@ def load(
         The study does not exist or is invalid.
     """
     where, raw, folder = read(source)
+    if not isinstance(source, Mapping):
+        files.note(str(raw["name"]), where)
     return of_tables(where, raw, folder, responses, receivers)
 
 
@@ -159,10 +161,14 @@ def of_tables(
     levels.name_receivers(where, raw, folder)
     if not isinstance(raw.get("model"), StandIn | None):
         raw["model"] = model_of(raw["model"], folder)
-    raw["responses"] = [
-        *_responses(raw.get("responses", ()), folder), *_responses(responses, Path.cwd())
-    ]
-    return _checked(raw, where)
+    file = where if (folder / Path(where).name).is_file() else ""
+    with files.about(file):
+        given = _responses(raw.get("responses", ()), folder)
+    raw["responses"] = [*given, *_responses(responses, Path.cwd())]
+    with files.about(file):
+        study = _checked(raw, where)
+    study.__dict__["_file"] = file
+    return study
 
 
 def _checked(raw: Mapping[str, Any], where: str) -> Study:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from gpxpy.gpx import GPXTrack, GPXTrackPoint
 
 _TIME, _LATITUDE, _LONGITUDE, _ELEVATION = "time", "lat", "lon", "ele"
+_ENCODING = re.compile(r"\A(\s*<\?xml[^>]*?)(\sencoding\s*=\s*(?:\"[^\"]*\"|'[^']*'))")
+"""What a declaration says of the file's bytes; the text has none any more."""
 _ATTRIBUTES = (_TIME, _LATITUDE, _LONGITUDE, _ELEVATION)
 
 
@@ -31,8 +33,10 @@ def read(name: str, text: str) -> Recorded:
     ConfigurationError
         It is not GPX, or a point lacks something; the message names line and column.
     """
+    text = _ENCODING.sub(lambda found: found[1] + " " * len(found[2]), text)
     places = _places(name, text)
     tracks = _tracks(name, text, places)
+    _check_zones(name, tracks, places)
     numbered, left_out = _in_turn(tracks)
     points = [point for _, point in numbered]
 
@@ -67,6 +71,25 @@ def read(name: str, text: str) -> Recorded:
                     f"{where(i, j)}: must be a number from {-most:g} to {most:g}, got {value:g}"
                 )
     return Recorded(name, times, rows, True, where, tuple(left_out))
+
+
+def _check_zones(
+    name: str, tracks: Sequence[GPXTrack], places: Sequence[tuple[int, int]]
+) -> None:
+    """Refuse times with a time zone beside times without: nobody knows how far they are apart."""
+    points = [p for track in tracks for segment in track.segments for p in segment.points]
+    first: bool | None = None
+    for point, (line, column) in zip(points, places, strict=True):
+        if point.time is None:
+            continue
+        zoned = point.time.tzinfo is not None
+        first = zoned if first is None else first
+        if zoned != first:
+            raise ConfigurationError(
+                f"{name}, line {line}, column {column} (trkpt, time): must have a time "
+                f"{'with' if first else 'without'} a time zone, as the points before, got "
+                f"{point.time.isoformat()}"
+            )
 
 
 def _in_turn(tracks: Sequence[GPXTrack]) -> tuple[list[tuple[int, GPXTrackPoint]], list[str]]:
@@ -140,7 +163,7 @@ def _places(name: str, text: str) -> list[tuple[int, int]]:
     parser.StartElementHandler = begin
     parser.StartDoctypeDeclHandler = declared
     try:
-        parser.Parse(text.encode(), True)
+        parser.Parse(text.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
         raise ConfigurationError(
             f"{name}, line {error.lineno}, column {error.offset + 1}: must be XML, got "

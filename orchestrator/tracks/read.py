@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 from pathlib import Path
+
+from sblcosim.fmus.files import regular
 
 from ..errors import ConfigurationError, quoted, shortened
 from .track import LONGEST, MOST_POINTS, Recorded
@@ -57,8 +61,8 @@ def _text(path: Path, name: str) -> str:
     try:
         if os.path.isdir(path):
             raise ConfigurationError(f"{name}: is a folder, not the file of a track")
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)  # a device file may never end
+        with regular(path).open("rb") as file:
+            content = file.read(LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         if isinstance(error, FileNotFoundError):
             raise ConfigurationError(f"{name}: no such file") from None
@@ -68,12 +72,37 @@ def _text(path: Path, name: str) -> str:
         ) from None
     if len(content) > LARGEST:
         raise ConfigurationError(f"{name}: must have at most {LARGEST:,} bytes, got more")
+    encoding = _encoding(content) if path.suffix.lower() == ".gpx" else "utf-8-sig"
     try:
-        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         column = error.start - content.rfind(b"\n", 0, error.start)
+        what = encoding.upper().removesuffix("-SIG")
         raise ConfigurationError(
-            f"{name}, line {line}, column {column}: must be text in UTF-8, got the byte "
-            f"0x{content[error.start]:02x}"
+            f"{name}, line {line}, column {column}: must be text in {shortened(what)}, got the "
+            f"byte 0x{content[error.start]:02x}"
         ) from None
+    except (LookupError, UnicodeError):
+        raise ConfigurationError(
+            f"{name}, line 1, column 1: must be XML in an encoding that Python knows, got "
+            f"{quoted(encoding)}"
+        ) from None
+
+
+def _encoding(content: bytes) -> str:
+    """Encoding of XML: of its first bytes or its declaration (XML 1.0, appendix F)."""
+    for begin, encoding in _BEGIN.items():
+        if content.startswith(begin):
+            return encoding
+    declared = re.match(rb"<\?xml[^>]*?\sencoding\s*=\s*[\"']([^\"'>]*)[\"']", content[:1000])
+    return declared[1].decode("ascii", "replace") if declared else "utf-8"
+
+
+_BEGIN = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32",  # before those of UTF-16
+    codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16",
+    b"<\0\0\0": "utf-32-le", b"\0\0\0<": "utf-32-be",
+    b"<\0": "utf-16-le", b"\0<": "utf-16-be",
+}  # fmt: skip

@@ -107,7 +107,7 @@ def test_workers_of_a_cluster_get_the_fmus_over_the_wire(tmp_path: Path, referen
             study.load(MADE).run(tmp_path / "out", scheduler=made.scheduler_address)
         finally:
             worker.terminate()
-            worker.communicate(timeout=60)
+            worker.communicate(timeout=300)
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == reference
     received = {p.name for p in (own / "received").glob("*/*.fmu")}
     assert received == {
@@ -155,7 +155,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
     assert ended.returncode == -signal.SIGKILL
     children = [int(pid) for pid in ended.stdout.split()]
     assert len(children) == 2
-    until = time.monotonic() + 30
+    until = time.monotonic() + 300
     while time.monotonic() < until and any(map(_lives, children)):
         time.sleep(0.05)
     assert not any(map(_lives, children))
@@ -238,7 +238,7 @@ def started(folder: Path) -> subprocess.Popen[str]:
 def interrupted(process: subprocess.Popen[str]) -> str:
     """What a command writes to stderr after a Ctrl-C in its terminal."""
     os.killpg(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert process.returncode == 130
     return err
 
@@ -246,7 +246,7 @@ def interrupted(process: subprocess.Popen[str]) -> str:
 def test_ctrl_c_ends_processes_quietly(tmp_path: Path) -> None:
     process = started(tmp_path)
     parts = tmp_path / "studies" / "paper-scenario-1" / "parts"
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while time.monotonic() < until and not (parts.is_dir() and list(parts.glob("*.parquet"))):
         assert process.poll() is None, process.communicate()
         time.sleep(0.005)
@@ -268,7 +268,7 @@ def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) ->
             return False
 
     process = started(tmp_path)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while not any(map(of_a_worker, Path("/proc").glob("[0-9]*"))):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
@@ -313,7 +313,7 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
         for name, *options in programs
     ]  # fmt: skip
     try:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 300
         while time.monotonic() < until and not (address.exists() and address.read_text()):
             time.sleep(0.05)
         scheduler = json.loads(address.read_text())["address"]
@@ -369,7 +369,7 @@ def test_processes_that_draw_end_with_the_one_that_started_them(tmp_path: Path) 
         subprocess.run([sys.executable, "script.py"], cwd=tmp_path, stdout=out, check=False)
     children = [int(pid) for pid in (tmp_path / "out").read_text().split()]
     assert len(children) == 2
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while time.monotonic() < until and any(map(_lives, children)):
         time.sleep(0.05)
     assert not any(map(_lives, children))

@@ -143,7 +143,7 @@ class Place:
 
 def gone(group: int) -> None:
     """Wait until nothing lives that a process has started: compilers, workers."""
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while time.monotonic() < until:
         try:
             os.killpg(group, 0)

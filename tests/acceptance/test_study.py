@@ -61,7 +61,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def some_parts(folder: Path, process: subprocess.Popen[str], number: int = 3) -> None:
     """Wait until a campaign has written some parts."""
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     parts = folder / "studies" / "gps" / "parts"
     while time.monotonic() < until:
         if parts.is_dir() and len([p for p in parts.iterdir() if p.suffix == ".parquet"]) >= number:

@@ -189,7 +189,7 @@ def test_an_editor_completes_the_keys(folder: Path) -> None:
     assert "platform.arm_length_m" in {label.strip("\"'") for label in offered}
 
 
-PATIENCE = 60
+PATIENCE = 300
 """How often an editor asks."""
 
 

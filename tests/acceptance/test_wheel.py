@@ -59,7 +59,7 @@ def test_the_wheel_has_the_licence_and_the_command(wheel: Path) -> None:
     archive = zipfile.ZipFile(wheel)
     names = archive.namelist()
     (entry_points,) = (name for name in names if name.endswith("entry_points.txt"))
-    assert "sblcosim = sblcosim.cli:main" in archive.read(entry_points).decode()
+    assert "sblcosim = sblcosim.__main__:main" in archive.read(entry_points).decode()
     (metadata,) = (name for name in names if name.endswith(".dist-info/METADATA"))
     assert "License-Expression: MIT" in archive.read(metadata).decode()
     assert any(name.endswith("licenses/LICENSE") for name in names)

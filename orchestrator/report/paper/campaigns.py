@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ FAVOURABLE: dict[str, dict[str, float]] = {
 """The design point that fits the paper's Table 4, with what else was changed of the preset."""
 
 
+@cache
 def all_campaigns(quick: bool = False) -> dict[str, Study]:
     """The campaigns, by the names of their folders."""
     replicates = QUICK_REPLICATES if quick else REPLICATES

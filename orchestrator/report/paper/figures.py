@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from sblcosim.fmus import stopping
 from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
@@ -32,7 +32,7 @@ from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
 from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
-from ...study.executors import begin, deferring_sigint
+from ...study.executors import deferring_sigint, processes
 from ...style import ThemeName, new_figure, use
 from .. import factorial
 from ..factorial import Findings
@@ -398,21 +398,20 @@ def painters(workers: int | None) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
-        try:
-            with deferring_sigint():
-                for _ in range(count):
-                    pool.submit(factorial.get_ready)
-            yield pool
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    with processes(count) as pool:
+        with deferring_sigint():
+            for _ in range(count):
+                pool.submit(factorial.get_ready)
+        yield pool
 
 
 def draw(material: Material, pool: Executor | None, tell: Progress) -> dict[str, str]:
     """The SVG texts of the figures, by name."""
     jobs = jobs_of(FIGURES, material)
-    results = (map if pool is None else pool.map)(Job.svg, jobs)
+    results = (
+        map(Job.svg, jobs) if pool is None
+        else stopping.results([pool.submit(Job.svg, job) for job in jobs])
+    )
     drawings: dict[str, str] = {}
     for i, (job, svg) in enumerate(zip(jobs, results, strict=True), 1):
         drawings[job.name] = svg

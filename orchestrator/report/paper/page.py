@@ -15,6 +15,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from sblcosim.fmus.stopping import interruptible
 
 from ... import artifacts
 from ...analysis.sentences import answer
@@ -81,6 +82,7 @@ class Outcome:
     seconds: Mapping[str, float]
 
 
+@interruptible
 def run(
     out: str | Path,
     *,

@@ -146,14 +146,15 @@ static void set_floating(uint64_t state)
 static uint64_t usual_floating;
 static char usual_locale[1024];
 
-static bool numbers_are_usual(void)
+/* All of it: what an FMU does to dates, say, is to be told of the call that does it. */
+static bool locale_is_usual(void)
 {
-    const char *const name = setlocale(LC_NUMERIC, NULL);
+    const char *const name = setlocale(LC_ALL, NULL);
 #ifndef _WIN32
     if (uselocale((locale_t)0) != LC_GLOBAL_LOCALE)
         return false;
 #endif
-    return name && name[0] == 'C' && !name[1];
+    return name && !strcmp(name, usual_locale);
 }
 
 /* Take the current state as the usual one, with numbers formatted as in C. */
@@ -174,14 +175,14 @@ static void settle_locale(void)
 }
 
 /* Restore the usual state; return what had changed, as bits of enum habit. */
-static int settle(bool whole_locale)
+static int settle(void)
 {
     int habits = 0;
     if (floating() != usual_floating) {
         set_floating(usual_floating);
         habits |= FLOATING;
     }
-    if (!numbers_are_usual() || (whole_locale && strcmp(setlocale(LC_ALL, NULL), usual_locale))) {
+    if (!locale_is_usual()) {
         settle_locale();
         habits |= LOCALE;
     }
@@ -189,14 +190,14 @@ static int settle(bool whole_locale)
 }
 
 /* For calls outside the loop. */
-EXPORT int native_settle(void) { return settle(true); }
+EXPORT int native_settle(void) { return settle(); }
 
 /* After each call of a component. */
 static void watch(struct component *c, size_t call)
 {
     if (!c->watched)
         return;
-    const int habits = settle(false);
+    const int habits = settle();
     if (habits && !c->habits)
         c->habits_at = (int64_t)call;
     c->habits |= habits;

@@ -12,12 +12,13 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 
 from ...errors import ConfigurationError, FmuError, nearest
 from ..plan import Plan, PlannedComponent
@@ -351,13 +352,11 @@ class _Batch:
                 futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
                 total = groups * max(len(self.instants) - 1, 1)
                 for future in futures:
-                    while True:
-                        try:
-                            future.result(timeout=0.1 if progress else None)
-                            break
-                        except TimeoutError:
-                            if progress:
-                                progress(min(sum(c.value for c in counters) / total, 1.0))
+                    while not wait((future,), stopping.PERIOD).done:
+                        stopping.check()
+                        if progress:
+                            progress(min(sum(c.value for c in counters) / total, 1.0))
+                    future.result()
             except BaseException:
                 cancel.value = 1
                 pool.shutdown(cancel_futures=True)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from sblcosim.fmus import stopping
 from sblcosim.fmus.host.instances import DTYPES, Instance, Vector
 from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.host.watch import watch
@@ -377,6 +378,7 @@ def _drive(
         threading.Thread(target=work, name="native master", daemon=True).start()
         row = 0
         while not done.wait(PROGRESS_INTERVAL):
+            stopping.check()
             if progress is not None and program.progress.row != row:
                 row = program.progress.row
                 progress(row / (len(program.instants) - 1))

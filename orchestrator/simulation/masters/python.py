@@ -1,8 +1,7 @@
 """The Python master: runs a plan with FMPy.
 
-At each communication instant it reads the outputs of all components that are due, records them,
-sets the inputs of these components, and only then lets each of them step. So the order of the
-components has no effect, and an output reaches an input without delay.
+At each communication instant it reads and records the outputs of all components that are due, sets
+their inputs, and only then lets each step: their order has no effect, and inputs have no delay.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.fmus import stopping
 from sblcosim.fmus.host import instances
 from sblcosim.fmus.host.instances import DTYPES, WARNING, Vector
 from sblcosim.fmus.host.nanoseconds import SECOND, text_of
@@ -113,6 +113,7 @@ def _loop(
     same = len({interval for interval, _ in runners}) == 1
     last = len(plan.instants) - 1
     for row, now in enumerate(plan.instants.tolist()):
+        stopping.check()
         noted.row = row
         if not same:
             elapsed = now - plan.start_ns
@@ -394,9 +395,7 @@ class _PythonRunner:
             with self._named(f"at {text_of(now)}"):
                 value = np.asarray(outputs[name])
             if not np.can_cast(value.dtype, target.dtype, "same_kind"):
-                raise self._failure(
-                    f"{where}: {name} must be {target.dtype}, got {value.dtype}"
-                )
+                raise self._failure(f"{where}: {name} must be {target.dtype}, got {value.dtype}")
             if value.shape != target.shape:
                 raise self._failure(
                     f"{where}: {name} must have the shape {target.shape}, got {value.shape}"

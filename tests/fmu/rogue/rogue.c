@@ -100,6 +100,8 @@ static void misbehave(void)
 #endif
     } else if (!strcmp(what, "locale"))
         setlocale(LC_ALL, "C.UTF-8");
+    else if (!strcmp(what, "dates"))
+        setlocale(LC_TIME, "C.UTF-8");
     else if (!strcmp(what, "flood"))
         flood();
     else if (!strcmp(what, "complain") && newest) {

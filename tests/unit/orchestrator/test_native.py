@@ -18,7 +18,7 @@ from sblcosim.fmus.build.factory import Unit, build, compile_shared
 from sblcosim.fmus.host import instances as fmus
 from sblcosim.fmus.host.watch import Progress
 from sblcosim.fmus.read import ports
-from sblcosim.simulation import c_libraries, execution, isolation, process
+from sblcosim.simulation import c_libraries, execution, isolation
 from sblcosim.simulation.masters import native, python
 from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
@@ -299,10 +299,8 @@ def test_ctrl_c_ends_a_run_and_leaves_the_instances_usable(wild):
 def test_ctrl_c_does_not_wait_for_a_step_that_hangs(wild):
     timer = threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
-    began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        isolated(wild(2), HANG)
-    assert time.monotonic() - began < process.STEP_TIMEOUT / 2
+        isolated(wild(2), HANG, step_timeout=3600.0)
 
 
 @pytest.mark.parametrize("run", [failing, isolated])

@@ -85,7 +85,7 @@ def test_questions_are_asked_on_a_terminal_and_asked_again(tmp_path: Path) -> No
     pexpect = pytest.importorskip("pexpect")
     child = pexpect.spawn(
         sys.executable, ["-m", "sblcosim", "new", "mine.toml", "--like", "lbl"],
-        cwd=str(tmp_path), encoding="utf-8", timeout=60,
+        cwd=str(tmp_path), encoding="utf-8", timeout=300,
     )
     child.expect("beacons are.*:")
     child.sendline("[[0, 0, 9], [50, 0, 9]]")

@@ -1,0 +1,221 @@
+"""SIGTERM and Ctrl-C at any moment of commands that last: a line, a code, nothing half done.
+
+The commands have more to do than fits into the patience of the tests, so one that ends was stopped.
+Some moments run with all tests, 200 with ``pytest -m slow -s`` of this file; any other number, and
+other moments, with ``SBLCOSIM_STOPS=1000 SBLCOSIM_STOPS_SEED=7`` before it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from sblcosim.fmus import files
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGTERM")
+
+SEED = int(os.environ.get("SBLCOSIM_STOPS_SEED", "1"))
+STOPS = int(os.environ.get("SBLCOSIM_STOPS", "200"))
+PATIENCE = float(os.environ.get("SBLCOSIM_STOPS_PATIENCE", "300"))
+"""For what takes a second at most [s]."""
+CODES = {signal.SIGTERM: 143, signal.SIGINT: 130}
+
+STUDY = """
+name = "endless"
+scenario = "paper-scenario-1"
+replicates = 20000
+[fixed.time]
+duration_s = 2000.0
+[factors.gps]
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+"""
+ALONE = """
+name = "alone"
+scenario = "paper-scenario-1"
+receivers = ["mine.py:Slow"]
+replicates = 2000
+[fixed.time]
+duration_s = 200.0
+[factors.gps]
+keys = ["platform.gps_horizontal_std_m"]
+levels = [0.1, 3.5]
+"""
+RECEIVER = """
+import sblcosim
+
+class Slow(sblcosim.Receiver):
+    def update(self, time_s, ranges, depth):
+        return None
+"""
+ENDLESS = ("--set", "time.duration_s=20000", "--set", "time.sampling_time_s=0.01")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command; whether it has a cache of its own, and whether it may have finished before."""
+
+    arguments: tuple[str, ...]
+    own_cache: bool = False
+    may_finish: bool = False
+    latest: float = 4.0
+    """Of the moments, after the handlers are there [s]."""
+
+
+def _run(*arguments: str) -> Command:
+    return Command(("run", "paper-scenario-1", *ENDLESS, *arguments))
+
+
+COMMANDS = {
+    "run": _run(),
+    "run python": _run("--master", "python"),
+    "run lanes": _run("--master", "lanes"),
+    "run python receiver": _run("--receiver", "mine.py:Slow"),
+    "run runs": Command(
+        ("run", "paper-scenario-1", "--runs", "200000", "--set", "time.duration_s=2000")
+    ),
+    "study": Command(("study", "endless.toml")),
+    "study processes": Command(
+        ("study", "endless.toml", "--executor", "processes", "--workers", "2"), latest=8.0
+    ),
+    "study native": Command(("study", "endless.toml", "--master", "native")),
+    "study python": Command(("study", "endless.toml", "--master", "python")),
+    "study of a python receiver": Command(("study", "alone.toml")),
+    "map": Command(
+        ("map", "paper-scenario-1", "--area", "100x100", "--depth", "10", "--cells", "100",
+         "--runs", "2000")
+    ),
+    "map, possible": Command(
+        ("map", "paper-scenario-1", "--area", "100x100", "--depth", "10", "--cells", "200",
+         "--runs", "1", "--duration", "20000", "--set", "time.sampling_time_s=0.01")
+    ),
+    "budget": Command(("budget", "paper-scenario-1", "--runs", "500000")),
+    "compare": Command(("compare", "paper-scenario-1", "--receiver", "ekf", "--receiver",
+                        "coupled", "--runs", "500000")),
+    "require": Command(("require", "paper-baseline", "--most-runs", "100000000")),
+    "smooth": Command(("smooth", "long"), may_finish=True),
+    "paper": Command(("paper",), may_finish=True, latest=10.0),
+    "calibrate": Command(
+        ("calibrate", "--pings", "3000000"), may_finish=True
+    ),
+    "build": Command(("build",), own_cache=True, may_finish=True, latest=10.0),
+}  # fmt: skip
+
+
+def place_of(folder: Path) -> Path:
+    for name in ("tmp", "cache"):
+        (folder / name).mkdir(parents=True)
+    (folder / "endless.toml").write_text(STUDY)
+    (folder / "alone.toml").write_text(ALONE)
+    (folder / "mine.py").write_text(RECEIVER)
+    return folder
+
+
+def catches(process: subprocess.Popen[str]) -> bool:
+    """Whether its handlers are there."""
+    status = Path(f"/proc/{process.pid}/status")
+    if not status.exists():
+        time.sleep(1.0)  # no Linux: more than Python takes to begin
+        return True
+    mask = next(x for x in status.read_text().splitlines() if x.startswith("SigCgt"))
+    return bool(int(mask.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def stopped(
+    folder: Path, command: Command, number: int, after: float
+) -> tuple[float, int, str]:
+    """Seconds until a command has ended after a signal, its code, what it said."""
+    own = {"SBLCOSIM_CACHE": str(folder / "cache")} if command.own_cache else {}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sblcosim", *command.arguments, "--out", "made"],
+        cwd=folder, env={**os.environ, **own, "TMPDIR": str(folder / "tmp")},
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    while process.poll() is None and not catches(process):
+        time.sleep(0.005)
+    time.sleep(after)
+    finished = process.poll() is not None
+    process.send_signal(number)
+    began = time.monotonic()
+    try:
+        err = process.communicate(timeout=PATIENCE)[1]
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
+    assert not finished or command.may_finish, err
+    return time.monotonic() - began, -1 if finished else process.returncode, err
+
+
+def check(folder: Path, command: Command, number: int, code: int, err: str) -> None:
+    if code in (-1, 0) and command.may_finish:  # it was quicker
+        assert (folder / "made").is_dir(), err
+    else:
+        assert code == CODES[signal.Signals(number)], err
+        assert any(word in err for word in ("terminated", "interrupted")), err
+    for word in ("Traceback", "Exception ignored", "error:"):
+        assert word not in err, err
+    half = [p for p in folder.rglob("*") if files.is_hidden(p.name)]
+    assert not half, (half, err)
+    for manifest in (folder / "made").rglob("manifest.json"):
+        content = json.loads(manifest.read_text())
+        assert all((manifest.parent / name).exists() for name in content["files"])
+    gone(folder)
+
+
+def gone(folder: Path) -> None:
+    """Nothing that the command has started lives on: its folder for temporary files is empty."""
+    until = time.monotonic() + PATIENCE
+    while any((folder / "tmp").iterdir()):
+        assert time.monotonic() < until, list((folder / "tmp").iterdir())
+        time.sleep(0.05)
+
+
+def long_run(folder: Path) -> None:
+    subprocess.run(
+        [sys.executable, "-m", "sblcosim", "run", "paper-scenario-1", "--receiver", "coupled",
+         "--set", "time.duration_s=2000", "--no-figures", "--out", "long"],
+        cwd=folder, check=True, capture_output=True, timeout=PATIENCE,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("run", signal.SIGTERM),
+        ("study processes", signal.SIGTERM),
+        ("study native", signal.SIGINT),
+        ("map, possible", signal.SIGTERM),
+        ("budget", signal.SIGINT),
+    ],
+)
+def test_a_signal_ends_a_command(tmp_path: Path, name: str, number: int) -> None:
+    place, command = place_of(tmp_path), COMMANDS[name]
+    after = random.Random(f"{SEED} {name}").uniform(0.0, command.latest / 2)
+    _, code, err = stopped(place, command, number, after)
+    check(place, command, number, code, err)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_signal_at_any_moment(tmp_path: Path, name: str) -> None:
+    command, draw = COMMANDS[name], random.Random(f"{SEED} {name}")
+    seconds = []
+    for turn in range(-(-STOPS // len(COMMANDS))):
+        place = place_of(tmp_path / str(turn))
+        if name == "smooth":
+            long_run(place)
+        number = draw.choice([signal.SIGTERM, signal.SIGINT])
+        after = draw.uniform(0.0, command.latest)
+        took, code, err = stopped(place, command, number, after)
+        seconds.append(took)
+        print(f"{name}: {number.name} after {after:.2f} s: code {code}, {took:.2f} s; {err[:90]!r}")
+        check(place, command, number, code, err)
+    print(f"{name}: {len(seconds)} stops, {max(seconds):.2f} s at most")
