@@ -164,7 +164,7 @@ def prepare(
     if master is not None:
         check_choice("master", master, execution.MASTERS)
     if study.model is not None:
-        return _of_function(study, study.model)
+        return _of_function(study, study.model, step_timeout)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
@@ -196,7 +196,7 @@ def prepare(
     )
 
 
-def _of_function(study: Definition, model: StandIn) -> Campaign:
+def _of_function(study: Definition, model: StandIn, step_timeout: float | None) -> Campaign:
     """The campaign of a function that stands in for the simulation."""
     points = [
         Point(
@@ -205,7 +205,7 @@ def _of_function(study: Definition, model: StandIn) -> Campaign:
         )
         for number, values in enumerate(study.points.values, 1)
     ]  # fmt: skip
-    return Campaign(study, tuple(points), (), (model.name,), (), (), {})
+    return Campaign(study, tuple(points), (), (model.name,), (), (), {}, step_timeout)
 
 
 def point_digest(

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..simulation.isolation import Children
-from ..simulation.process import strangers
+from ..simulation.children import Children
+from ..simulation.process import foreign
 from . import executors, parts
 from .batch import silent, simulate, steps_of
 from .campaign import (
@@ -285,7 +285,7 @@ def _estimated(
         size *= 4
     times = [first]
     times += [_timed(campaign, sample, workers, master, children) for _ in range(SAMPLES - 1)]
-    if any(strangers(group.plan) for group in campaign.groups):  # process_time omits children
+    if any(foreign(group.plan) for group in campaign.groups):  # process_time omits children
         times = [(wall, wall * threads) for wall, _ in times]
     share = what.steps / sum(steps_of(campaign, sample))
     idle = min(min(wall, processor / threads) for wall, processor in times)
