@@ -147,11 +147,13 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
+        from ..simulation.process import patience
         from ..study import runner
         from ..study import study as studies
         from . import contents
 
-        settled = studies.load(source)
+        with patience(step_timeout):
+            settled = studies.load(source)
         if replicates is not None:
             settled = settled.with_replicates(replicates)
         out = out or Path("studies", settled.name)

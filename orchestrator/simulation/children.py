@@ -60,10 +60,10 @@ class _Waiting:
             self._idle = {key: idle[:1] for key, idle in self._idle.items() if idle}
         _end(ended)
 
-    def close(self, key: str | None = None) -> None:
-        """End the children, or those for some files."""
+    def close(self, key: str = "") -> None:
+        """End the children, or those for a file."""
         with self._lock:
-            gone = list(self._idle) if key is None else [key]
+            gone = [name for name in self._idle if name.startswith(key)]
             ended = [child for name in gone for child in self._idle.pop(name, [])]
         _end(ended)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +38,7 @@ def execute(
     A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
     Python components on which nothing depends, such as receivers, are no part of it with the other
     masters than python: they run afterwards, on the record of the others. Those from a file always
-    do, each file in a process of its own; classes and functions given in Python run here.
+    do, each in a process of its own; classes and functions given in Python run here.
 
     Parameters
     ----------
@@ -50,9 +50,8 @@ def execute(
         if all components are FMUs, but for Python components on which nothing depends, and the loop
         can be compiled; else python.
     step_timeout
-        Time limit for a call of an FMU or of a component from a Python file [s]; None: one minute.
-        It needs a separate process. Without one there is no limit: our own components always
-        return, and a class that was given in Python is waited for.
+        Time limit for a call in a separate process [s]; None: one minute. Without such a process
+        there is none: our own components return, and a class given in Python is waited for.
     children
         Long-lived child processes to use.
     apart
@@ -64,11 +63,7 @@ def execute(
         As the master's own function; the master is unknown; an FMU has crashed, has ended its
         process or does not return. The exception carries the component's name.
     """
-    if master is not None:
-        check_choice("master", master, MASTERS)
-    else:
-        master = "native" if not needs_python(plan) and native.available() else "python"
-    _check_timeout(plan, master, step_timeout)
+    master = _master_of(plan, master, step_timeout)
     files = process.from_files(plan)
     later = [name for name in _sinks(plan) if master != "python" or name in files]
     rest = _without(plan, later)
@@ -83,7 +78,8 @@ def execute(
     def go_on(stage: int, played: Record, names: Sequence[str]) -> Record:
         own = stages[stage - 1]
         if own[0] in files:
-            return isolation.go_on(plan, own, played, names, step_timeout, children, told[stage])
+            (name,) = own
+            return isolation.go_on(plan, name, played, names, step_timeout, children, told[stage])
         return python.execute(plan, told[stage], names, played)
 
     return _joined(plan, first, wanted, stages, go_on)
@@ -118,25 +114,29 @@ def _joined(
         others = {k: v for k, v in plan.intervals_ns.items() if k not in own}
         names = [name for name in wanted if name.partition(".")[0] in own]
         values |= go_on(stage, replace(whole, intervals_ns=others), names).values
-    recorded = {name: values[name] for name in wanted}
+    recorded = {name: values[name] for name in wanted if name in values}
     return Record(whole.time_ns, recorded, plan.intervals_ns, first.failures)
 
 
-def _check_timeout(plan: Plan, master: str, step_timeout: float | None) -> None:
+def _master_of(plan: Plan, master: str | None, step_timeout: float | None) -> str:
+    """Which master runs a plan; refuses a time limit that nobody would keep."""
+    if master is not None:
+        check_choice("master", master, MASTERS)
+    else:
+        master = "native" if not needs_python(plan) and native.available() else "python"
     process.check_patience(step_timeout)
     if step_timeout is not None and master != "native" and not process.foreign(plan):
         raise ConfigurationError(
             f"step_timeout: must be left out with the {master} master and neither FMU of others "
             f"nor Python file, as it waits for ever, got {step_timeout}"
         )
+    return master
 
 
-def _stages(sinks: Sequence[str], files: Mapping[str, str]) -> list[list[str]]:
-    """Python components that run together: those of a file, and all that are no files."""
-    stages: dict[str, list[str]] = {}
-    for name in sinks:
-        stages.setdefault(files.get(name, ""), []).append(name)
-    return list(stages.values())
+def _stages(sinks: Sequence[str], files: Collection[str]) -> list[list[str]]:
+    """Python components that run together: all that are not from files; each of those is alone."""
+    here = [name for name in sinks if name not in files]
+    return [*([here] if here else []), *([name] for name in sinks if name in files)]
 
 
 def _on(record: Record, plan: Plan) -> Record:

@@ -9,7 +9,7 @@ component did it, in which call and when. The same holds for components from Pyt
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -83,14 +83,14 @@ def execute(
 
 def go_on(
     plan: Plan,
-    names: Collection[str],
+    name: str,
     played: Record,
     record: Sequence[str],
     step_timeout: float | None,
     children: Children | None,
     progress: Callable[[float], None] | None,
 ) -> Record:
-    """Run some components from one file in a child, on the record of all that they depend on.
+    """Run a component from a file in a child, on the record of all that it depends on.
 
     Parameters
     ----------
@@ -104,9 +104,12 @@ def go_on(
     FmuError, ConfigurationError
         As `execute`.
     """
+    files = from_files(plan)
+    beside = [other for other, file in files.items() if file == files[name]]
+    # Several classes of a file get a child each, as one may spoil what the others share.
+    key = files[name] if beside[0] == name else f"{files[name]} {name}"
     plan = replace(
-        plan,
-        components=tuple(c if c.name in names else _shadow(c) for c in plan.components),
+        plan, components=tuple(c if c.name == name else _shadow(c) for c in plan.components)
     )
     needed = {
         column.name
@@ -122,7 +125,7 @@ def go_on(
         replace(played, values={k: v for k, v in played.values.items() if k in needed}),
     )
     patience = PATIENCE.get() if step_timeout is None else step_timeout
-    with (children or Children()).lend(_key(plan)) as child:
+    with (children or Children()).lend(key) as child:
         return child.run(task, patience, progress)
 
 
