@@ -78,8 +78,7 @@ RAISED = {
     "stop": ("raise StopIteration('s')", "StopIteration: s"),
     "memory": ("raise MemoryError('much')", "MemoryError: much"),
     "own_error": (
-        "from sblcosim.cli import app
-from sblcosim.errors import ConfigurationError\n"
+        "from sblcosim.errors import ConfigurationError\n"
         "class Mine(ConfigurationError): pass\nraise Mine('mine')", "mine",
     ),
     "no_module": ("import there_is_no_such_module", "ModuleNotFoundError: No module named"),
