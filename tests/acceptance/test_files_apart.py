@@ -507,7 +507,7 @@ def test_a_component_from_a_file_on_which_others_depend(place: str, tmp_path: Pa
 def test_the_command_ends_with_a_line_and_a_code(tmp_path: Path) -> None:
     """The results of the others are written; without others nothing is."""
     file = written(tmp_path, "do_step", "import os; os._exit(0)")
-    words = ("--set", "time.duration_s=2", "--no-figures", "--out", tmp_path / "out")
+    words = ("--set", "time.duration_s=2", "--no-figures", "--force", "--out", tmp_path / "out")
     done = command("run", SCENARIO, "--receiver", "ekf", "--receiver", file, *words, "--json")
     assert done.returncode == 1
     printed = json.loads(done.stdout)
