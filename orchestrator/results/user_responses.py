@@ -9,7 +9,7 @@ from typing import Any
 
 from sblcosim.fmus.host.watch import watch
 
-from ..errors import ConfigurationError, quoted
+from ..errors import ConfigurationError, escaped, quoted
 from ..simulation.children import Children
 from ..simulation.user_code import InFile, fingerprint
 from ..simulation.user_files import call, function_of_file
@@ -93,7 +93,7 @@ def values_of(
     for key, places in apart.items():
         some = [asked[k] for k in places]
         named = {
-            f"{run.receiver}.{r.name}": f"the response {Path(r.origin).name}"
+            f"{run.receiver}.{r.name}": f"the response {escaped(Path(r.origin).name)}"
             for run in runs for r in some
         }  # fmt: skip
         found = call(partial(_values, some, runs), key, named, children=children)

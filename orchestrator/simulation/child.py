@@ -210,16 +210,21 @@ def main() -> None:
     warnings.showwarning = lambda text, kind, file, line, *_: warned.append(
         (_text(text), _warning(kind), str(file), line)
     )
-    shared = Shared(telling.settle)
+    shared, own = Shared(telling.settle), os.getpid()
     user_code.allow(shared.look)
     send(answers, Answer())
     while True:
         task, answer = _done(todo.get(), telling)
+        if os.getpid() != own:  # the user's code has forked, and this is the copy
+            os._exit(0)
         answer = replace(answer, warned=tuple(warned[:_MOST_WARNINGS]))
         warned.clear()
         if isinstance(task, Call | Execute) and not task.strangers:
             answer = replace(answer, spoilt=shared.changed())
-        send(answers, _packed(answer, telling.blamed()))
+        try:
+            send(answers, _packed(answer, telling.blamed()))
+        except BaseException:  # the user's code has closed the stream, or taken what pickle needs
+            os._exit(1)
         if isinstance(task, End):
             _end(task)
         if isinstance(task, Call) and task.afterwards:
@@ -277,7 +282,7 @@ def _done(content: bytes, telling: _Telling) -> tuple[Task | None, Answer]:
             error = RuntimeError(traceback.format_exc())
         else:  # of code that the user's code has changed or is called by
             error = ConfigurationError(
-                f"{blamed}: must leave the process as it was, got {raised(problem)}"
+                f"{blamed}: must let its process go on, got {raised(problem)}"
             )
             error.component = blamed
     return task, Answer(

@@ -17,7 +17,15 @@ from typing import Any
 
 import cloudpickle
 
-from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+from ..errors import (
+    ConfigurationError,
+    escaped,
+    instance,
+    nearest,
+    one_line,
+    quoted,
+    shortened,
+)
 
 FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
@@ -117,7 +125,7 @@ class PythonSource:
     def __init__(self, maker: Callable[[], Any], origin: str, sha256: str) -> None:
         self.maker, self.origin, self.sha256 = maker, origin, sha256
         self.__name__ = origin.rpartition(":")[2]
-        self.__qualname__ = Path(origin).name  # for display: without folders
+        self.__qualname__ = escaped(Path(origin).name)  # for display: without folders
 
     def __call__(self) -> Any:
         return self.maker()

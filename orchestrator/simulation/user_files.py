@@ -11,7 +11,7 @@ from typing import Any
 from sblcosim.fmus import unchanged
 from sblcosim.models.declaration import Variable
 
-from ..errors import ConfigurationError, FmuError, quoted
+from ..errors import ConfigurationError, FmuError, quoted, shortened
 from . import loading
 from .children import Children, waiting
 from .messages import Call, Here
@@ -83,11 +83,9 @@ def _found(
     key = hashlib.sha256(f"{path} ".encode(errors="surrogatepass") + content).hexdigest()
 
     def ask() -> tuple[InFile, str]:
-        label = where.partition(":")[0]
-        ask = partial(look, path, content, key, name, where)
-        found: tuple[InFile, str] = call(
-            ask, key, {label: f"the Python file {path.name}"}, afterwards=afterwards
-        )
+        named = {where.partition(":")[0]: f"the Python file {shortened(path.name)}"}
+        question = partial(look, path, content, key, name, where)
+        found: tuple[InFile, str] = call(question, key, named, afterwards=afterwards)
         return found
 
     def asked() -> tuple[InFile, str]:
@@ -139,7 +137,7 @@ def for_others(thing: InFile) -> InFile:
     """
     if thing.content is None:
         return thing
-    named = {"workers": f"the Python file {thing.path.name}"}
+    named = {"workers": f"the Python file {shortened(thing.path.name)}"}
     found: InFile = call(partial(loading.packed, thing), thing.key, named)
     return found
 

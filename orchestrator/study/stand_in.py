@@ -22,7 +22,7 @@ import cloudpickle
 import numpy as np
 from sblcosim.fmus.host.watch import watch
 
-from ..errors import ConfigurationError, instance, nearest, quoted, shortened
+from ..errors import ConfigurationError, escaped, instance, nearest, quoted, shortened
 from ..simulation.children import Children
 from ..simulation.user_code import InFile, by_value, fingerprint, foreseen, raised
 from ..simulation.user_files import call, function_of_file
@@ -207,7 +207,7 @@ def values_of(
         return _values(model, runs)
     found: Floats = call(
         partial(_values, model, runs), model.function.key,
-        {"model": f"the function {Path(model.origin).name}"},
+        {"model": f"the function {escaped(Path(model.origin).name)}"},
         cases=_Cases(model, runs), children=children,
     )  # fmt: skip
     return found

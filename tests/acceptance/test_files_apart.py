@@ -76,6 +76,10 @@ RAISED = {
     "recursion": ("def f(): f()\nf()", "RecursionError: "),
     "group": ("raise ExceptionGroup('g', [ValueError('no')])", "ExceptionGroup: g"),
     "stop": ("raise StopIteration('s')", "StopIteration: s"),
+    "array": (
+        "class Odd:\n    def __array__(self, *_, **__): raise BaseException('odd')\n"
+        "import numpy; numpy.asarray(Odd())", "BaseException: odd",
+    ),
     "memory": ("raise MemoryError('much')", "MemoryError: much"),
     "own_error": (
         "from sblcosim.errors import ConfigurationError\n"
@@ -107,6 +111,7 @@ HARMLESS = {
     "path": "import sys; sys.path.clear()",
     "settrace": "import sys; sys.settrace(lambda *_: None)",
     "recursion_limit": "import sys; sys.setrecursionlimit(10_000)",
+    "fork": "import os\nif not hasattr(os, 'forked'): os.forked = 1; os.fork()",
     "umask": "import os; os.umask(0o777)",
     "np_sqrt": "import numpy as np; np.hypot = lambda *_: 1 / 0",
 }  # fmt: skip
@@ -116,6 +121,8 @@ RUIN = {
     "zeros": "import numpy as np; np.zeros = lambda *_, **__: None",
     "asarray": "import numpy as np; np.asarray = None",
     "len": "import builtins; builtins.len = None",
+    "modules": "import sys; sys.modules.clear()",
+    "files": "import os; os.closerange(3, 300)",
     "isinstance": "import builtins; builtins.isinstance = lambda *_: 1 / 0",
 }
 """What also takes away what our own code needs."""
@@ -335,7 +342,7 @@ def test_what_a_file_changes_reaches_nobody_else(
 
 CHANGES = {
     "zeros": ("np.zeros = lambda *_, **__: None", "np.zeros(3) is None"),
-    "hypot": ("np.hypot = lambda *_: 5.0", "np.hypot(3.0, 4.0) is not 5.0"),
+    "hypot": ("np.hypot = lambda *_: 5.0", "np.hypot(3.0, 5.0) == 5.0"),
     "chdir": ("import os; os.chdir('/')", "os.getcwd() == '/'"),
     "environment": ("import os; os.environ['MINE'] = '1'", "'MINE' in os.environ"),
     "path": ("import sys; sys.path.insert(0, '/mine')", "'/mine' in sys.path"),
