@@ -664,3 +664,20 @@ def test_what_it_is_given_by_value_is_what_its_file_says(tmp_path: Path) -> None
     sent = for_others(source.maker)  # type: ignore[union-attr, arg-type]
     assert sent.content is None
     assert b"Estimate" in (sent.packed or b"")
+
+
+def test_what_a_file_declares_brings_no_code_of_its_own_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "only_there.py").write_text("class Odd(float):\n    pass\n")
+    (tmp_path / "mine.py").write_text(
+        "import only_there\nimport sblcosim\nfrom dataclasses import replace\n"
+        "class Mine(sblcosim.Receiver):\n    @property\n    def variables(self):\n"
+        "        first, *rest = super().variables\n"
+        "        return (replace(first, start=only_there.Odd(0.1)), *rest)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigurationError) as caught:
+        sblcosim.run(SCENARIO, str(tmp_path / "mine.py"), SHORT)
+    assert "must be plain values, got an instance of only_there.Odd" in one_line(str(caught.value))
+    assert "only_there" not in sys.modules
