@@ -63,7 +63,7 @@ class _Waiting:
     def close(self, key: str = "") -> None:
         """End the children, or those for a file."""
         with self._lock:
-            gone = [name for name in self._idle if name.startswith(key)]
+            gone = [key] if key else list(self._idle)
             ended = [child for name in gone for child in self._idle.pop(name, [])]
         _end(ended)
 

@@ -104,10 +104,6 @@ def go_on(
     FmuError, ConfigurationError
         As `execute`.
     """
-    files = from_files(plan)
-    beside = [other for other, file in files.items() if file == files[name]]
-    # Several classes of a file get a child each, as one may spoil what the others share.
-    key = files[name] if beside[0] == name else f"{files[name]} {name}"
     plan = replace(
         plan, components=tuple(c if c.name == name else _shadow(c) for c in plan.components)
     )
@@ -125,7 +121,7 @@ def go_on(
         replace(played, values={k: v for k, v in played.values.items() if k in needed}),
     )
     patience = PATIENCE.get() if step_timeout is None else step_timeout
-    with (children or Children()).lend(key) as child:
+    with (children or Children()).lend(_key(plan)) as child:
         return child.run(task, patience, progress)
 
 

@@ -265,6 +265,7 @@ def checked(deed: str, place: str, tmp_path: Path, alone: sblcosim.Result) -> No
         assert f"{words}{CALLS[place]}" in message
     else:
         assert words in message
+        assert "must let its process go on" not in message
         assert deed == "own_error" or "mine.py" in message or place == "response"
 
 
@@ -438,11 +439,22 @@ def test_a_child_follows_its_parent(
     for depth in ("1.5", "2.5"):
         monkeypatch.setenv("DEPTH", depth)
         monkeypatch.syspath_prepend(tmp_path)
-        (tmp_path / (3 * depth)).mkdir()
-        monkeypatch.chdir(tmp_path / (3 * depth))
+        (tmp_path / (int(float(depth)) * "folder")).mkdir()
+        monkeypatch.chdir(tmp_path / (int(float(depth)) * "folder"))
         result = sblcosim.run(SCENARIO, str(tmp_path / "mine.py"), SHORT)
         expected = [float(depth), len(sys.path), len(os.getcwd())]
         assert result.record.values["Mine.position"][-1].tolist() == expected
+    assert len(started) == 1
+
+
+def test_a_copy_of_a_child_answers_nothing(
+    started: list[child_process.Process], tmp_path: Path
+) -> None:
+    deed = "import os\nif not hasattr(os, 'forked'): os.forked = 1; os.fork()"
+    file = str(written(tmp_path, "do_step", deed))
+    first, *others = [sblcosim.run(SCENARIO, file, SHORT) for _ in range(4)]
+    for other in others:
+        same(other, first, first.receivers)
     assert len(started) == 1
 
 
