@@ -38,7 +38,7 @@ def execute(
     A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
     Python components on which nothing depends, such as receivers, are no part of it with the other
     masters than python: they run afterwards, on the record of the others. Those from a file always
-    do, each in a process of its own; classes and functions given in Python run here.
+    do, in a process for that file; classes and functions given in Python run here.
 
     Parameters
     ----------
