@@ -184,9 +184,8 @@ def study(
 
 
 def _what_would_run(
-    definition: Study, out: Path, workers: int | None, master: str | None,
-    step_timeout: float | None,
-) -> StudyDocument:  # fmt: skip
+    definition: Study, out: Path, workers: int | None, master: str | None, step_timeout: float | None
+) -> StudyDocument:
     from ..study import campaign, runner
     from . import contents
 
