@@ -184,12 +184,12 @@ def study(
 
 
 def _what_would_run(
-    definition: Study, out: Path, workers: int | None, master: str | None, step_timeout: float | None
+    definition: Study, out: Path, workers: int | None, master: str | None, timeout: float | None
 ) -> StudyDocument:
     from ..study import campaign, runner
     from . import contents
 
-    prepared = campaign.prepare(definition, master, step_timeout)
+    prepared = campaign.prepare(definition, master, timeout)
     missing = runner.missing(prepared, out, tell=True)
     seconds = runner.estimate(prepared, missing, workers, master) if missing.runs else (None, None)
     return contents.study(
