@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds, text_of
 from sblcosim.fmus.read.ports import Fmu
 from sblcosim.fmus.stopping import interruptible
@@ -30,7 +31,7 @@ from .scenario.wiring import applied, connect
 from .simulation.execution import execute, needs_python, survive
 from .simulation.plan import Plan
 from .simulation.plan_checks import check_size
-from .simulation.process import patience, strangers
+from .simulation.process import foreign, patience, strangers
 from .simulation.record import Record
 from .simulation.resolve import resolve
 from .simulation.system import System
@@ -104,20 +105,20 @@ def run(
         with patience(step_timeout), packages.opened(cast(str | Path, scenario)) as package:
             return _run_package(package, master, step_timeout, progress, before)
     settled = load(scenario, overrides)
-    with patience(step_timeout):
+    with patience(step_timeout), unchanged.assumed():
         system = connect(settled, receiver, fmi, components)
         plan = resolve(system)
-    check_size(plan)
-    _check_truth(plan)
-    description = RunDescription(
-        scenario_name=settled.name,
-        scenario=applied(settled, receiver, fmi, components),
-        receivers=_labels(system),
-        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
-        seeds={name: getattr(settled, name).seed for name in CORE_COMPONENTS},
-        origins=_origins(choose(settled, receiver), system, plan),
-        remarks=_remarks(settled, system, plan),
-    )
+        check_size(plan)
+        _check_truth(plan)
+        description = RunDescription(
+            scenario_name=settled.name,
+            scenario=applied(settled, receiver, fmi, components),
+            receivers=_labels(system),
+            fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+            seeds={name: getattr(settled, name).seed for name in CORE_COMPONENTS},
+            origins=_origins(choose(settled, receiver), system, plan),
+            remarks=_remarks(settled, system, plan),
+        )
     if before is not None:
         before(description.manifest())
     outcome = survive(
@@ -209,7 +210,7 @@ def _executor(
 
     def executed(left: Plan) -> Record:
         # Without the failed receivers there may be no third-party FMU left to time.
-        timed = len(left.components) == len(plan.components) or strangers(left)
+        timed = len(left.components) == len(plan.components) or foreign(left)
         record = execute(
             left,
             progress,

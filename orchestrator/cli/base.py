@@ -113,7 +113,7 @@ StepTimeoutOption = Annotated[
         "--step-timeout",
         float,
         "SECONDS",
-        "Until an FMU of others that hangs is given up [default: 60].",
+        "Until a call of an FMU of others or of a Python file is given up [default: 60].",
     ),
 ]
 ForceOption = Annotated[

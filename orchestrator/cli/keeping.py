@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..errors import SblcosimError
+from .outcome import stopped
 
 if TYPE_CHECKING:
     from ..study.kept import Kept
@@ -30,8 +31,6 @@ def keeping(result: Path) -> Iterator[Kept]:
         if not runs:
             kept.remove()
             raise
-        from .studies import stopped  # here, as help lists commands in the order of their import
-
         command = shlex.join(["sblcosim", *sys.argv[1:]])
         typer.echo(
             f"interrupted; {runs} runs are in {kept.folder}; go on with: {command}", err=True

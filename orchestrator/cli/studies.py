@@ -146,11 +146,13 @@ def study(
     The exit code is 1 if all runs failed.
     """
     with waiting(remaining=True) as progress:
+        from ..simulation.process import patience
         from ..study import runner
         from ..study import study as studies
         from . import contents
 
-        settled = studies.load(source)
+        with patience(step_timeout):
+            settled = studies.load(source)
         if replicates is not None:
             settled = settled.with_replicates(replicates)
         out = out or Path("studies", settled.name)
@@ -181,13 +183,12 @@ def study(
 
 
 def _what_would_run(
-    definition: Study, out: Path, workers: int | None, master: str | None,
-    step_timeout: float | None,
-) -> StudyDocument:  # fmt: skip
+    definition: Study, out: Path, workers: int | None, master: str | None, timeout: float | None
+) -> StudyDocument:
     from ..study import campaign, runner, store
     from . import contents
 
-    prepared = campaign.prepare(store.as_begun(definition, out), master, step_timeout)
+    prepared = campaign.prepare(store.as_begun(definition, out), master, timeout)
     missing = runner.missing(prepared, out, tell=True)
     seconds = runner.estimate(prepared, missing, workers, master) if missing.runs else (None, None)
     return contents.study(

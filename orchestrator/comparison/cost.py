@@ -20,7 +20,7 @@ from ..scenario.sources import choose
 from ..simulation import execution
 from ..simulation.masters import lanes, lanes_driver
 from ..simulation.plan import Plan
-from ..simulation.process import strangers
+from ..simulation.process import foreign
 from ..simulation.resolve import resolve
 from ..simulation.system import System
 from ..study.campaign import receivers_of, resolved
@@ -85,7 +85,7 @@ def _called(plan: Plan, without: Plan) -> float | None:
         record = execution.execute(which, record=counts or None)
         return float(sum(record.values[name][-1] for name in counts))
 
-    clock = time.perf_counter if strangers(plan) else time.process_time
+    clock = time.perf_counter if foreign(plan) else time.process_time
     return _less(lambda: run(plan), lambda: run(without), run(plan), clock)
 
 

@@ -33,6 +33,7 @@ from ..scenario.scenario import Receivers, Scenario, Source
 from ..scenario.scenario import load as load_scenario
 from ..scenario.sources import file_of, known_source, labelled
 from ..shown import Picture, Shown, page, verbatim
+from ..simulation.process import patience
 from ..simulation.user_code import PythonSource
 from ..study import runner
 from ..study.campaign import prepare
@@ -263,7 +264,8 @@ def compare(
         "replicates": runs, "settling_time_s": settling_s, "seed": 1 if first is None else first,
         "responses": [PERCENTILE, *(() if asked in (None, PERCENTILE) else (asked,))],
     }  # fmt: skip
-    studies = [study_of(scenario, receivers, keys, about) for scenario in several]
+    with patience(step_timeout):
+        studies = [study_of(scenario, receivers, keys, about) for scenario in several]
     if not studies:
         raise ConfigurationError("scenarios: must be at least one, got none")
     names = [study.base.name for study in studies]

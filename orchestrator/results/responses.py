@@ -24,11 +24,11 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ConfigurationError, instance, one_line, shortened
+from ..errors import ConfigurationError, instance, shortened
 from ..shown import Shown
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..simulation.record import Record
-from ..simulation.user_code import by_value
+from ..simulation.user_code import InFile, by_value, foreseen, said
 from .definitions import (
     AXES,
     FRAMES,
@@ -130,6 +130,8 @@ class Response:
     def __reduce__(self) -> Any:
         if self.shipped:
             return _of_name, (self.name,)
+        if isinstance(self.definition, InFile):
+            return _of_file, (self.definition, self.name, self.origin, self.sha256)
         # By value: a worker may have neither the file nor the module.
         return _unpacked, (by_value(self.definition), self.name, self.origin, self.sha256)
 
@@ -366,10 +368,9 @@ def value_of(response: Response, run: Run) -> float:
             value = response.definition(run)
         except ConfigurationError:
             raise
-        except (Exception, SystemExit) as error:
+        except foreseen() as error:
             raise ConfigurationError(
-                f"{run.receiver}.{response.name}: must not raise an exception, got "
-                f"{type(error).__name__}: {one_line(error)}"
+                f"{run.receiver}.{response.name}: must not raise an exception, got {said(error)}"
             ) from error
     if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
@@ -385,6 +386,10 @@ def readable(name: str) -> str:
 
 def _of_name(name: str) -> Response:
     return RESPONSES[name]
+
+
+def _of_file(function: InFile, name: str, origin: str, sha256: str) -> Response:
+    return Response(name, readable(name), function, False, origin=origin, sha256=sha256)
 
 
 def _unpacked(packed: bytes, name: str, origin: str, sha256: str) -> Response:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, quoted
-from ..simulation.user_code import fingerprint, function_of_file
-from .responses import RESPONSES, Response, Run, readable
+from sblcosim.fmus.host.watch import watch
+
+from ..errors import ConfigurationError, escaped, quoted
+from ..simulation.children import Children
+from ..simulation.user_code import InFile, fingerprint
+from ..simulation.user_files import call, function_of_file
+from .responses import RESPONSES, Response, Run, readable, value_of
 
 
 def of_function(function: Callable[[Run], Any]) -> Response:
@@ -39,9 +44,8 @@ def of_file(text: str, folder: Path) -> Response:
     ConfigurationError
         There is no such file or function, or the file cannot be run.
     """
-    function, sha256 = function_of_file(text, folder, "responses")
-    name = text.rpartition(":")[2]
-    _checked_name(function.__name__, function)
+    function, sha256 = function_of_file(text, folder, "responses", __name__)
+    name = _checked_name(function.name, function)
     return Response(name, readable(name), function, False, origin=text, sha256=sha256)
 
 
@@ -53,6 +57,61 @@ def _checked_name(name: str, function: object) -> str:
     if name in RESPONSES:
         raise ConfigurationError(f"responses: {name} must not be the name of one that is shipped")
     return name
+
+
+def values_of(
+    asked: Sequence[Response], runs: Sequence[Run], children: Children | None = None
+) -> list[list[float]]:
+    """Evaluate responses of runs; those that are functions of a file in a child process.
+
+    Parameters
+    ----------
+    runs
+        One for each receiver, of the same record.
+    children
+        Those of whoever asks; None: any.
+
+    Returns
+    -------
+    values
+        By run and response.
+
+    Raises
+    ------
+    ConfigurationError
+        A function has raised an exception, has not returned a number or not returned at all, or has
+        ended its process.
+    """
+    values = [[float("nan")] * len(asked) for _ in runs]
+    apart: dict[str, list[int]] = {}
+    for k, response in enumerate(asked):
+        if isinstance(response.definition, InFile):
+            apart.setdefault(response.definition.key, []).append(k)
+        else:
+            for i, run in enumerate(runs):
+                values[i][k] = value_of(response, run)
+    for key, places in apart.items():
+        some = [asked[k] for k in places]
+        named = {
+            f"{run.receiver}.{r.name}": f"the response {escaped(Path(r.origin).name)}"
+            for run in runs for r in some
+        }  # fmt: skip
+        found = call(partial(_values, some, runs), key, named, children=children)
+        for i, own in enumerate(found):
+            for k, value in zip(places, own, strict=True):
+                values[i][k] = value
+    return values
+
+
+def _values(asked: Sequence[Response], runs: Sequence[Run]) -> list[list[float]]:
+    """The same where the file may be run."""
+    values: list[list[float]] = []
+    for run in runs:
+        values.append([])
+        for response in asked:
+            with watch().calling(f"{run.receiver}.{response.name}", "its call"):
+                values[-1].append(value_of(response, run))
+    return values
 
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:

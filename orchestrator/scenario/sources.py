@@ -10,7 +10,8 @@ from pathlib import Path
 from sblcosim.models import RECEIVERS
 
 from ..errors import ConfigurationError, instance, nearest, quoted
-from ..simulation.user_code import PythonSource, component_of_file, is_python
+from ..simulation.user_code import PythonSource, is_python
+from ..simulation.user_files import component_of_file
 from .labels import RAW
 from .reading import shown
 from .scenario import Receivers, Scenario, Source

@@ -36,8 +36,8 @@ from ..errors import (
 )
 from ..simulation.execution import initial_outputs
 from ..simulation.receiver import for_beacons
-from ..simulation.resolve import variables_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
+from ..simulation.user_files import variables_of
 from . import effects, tracks
 from .doubts import doubts
 from .scenario import Receivers, Scenario, Source, load

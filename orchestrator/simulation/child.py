@@ -1,11 +1,12 @@
-"""The process in which third-party FMUs run; `isolation` in the parent gives it tasks.
+"""The process in which third-party FMUs and the user's Python files run; its parent gives it tasks.
 
 The shared memory holds the current state, which outlives the process. Tasks arrive on standard
-input and answers leave on standard output; the FMUs have access to neither.
+input and answers leave on standard output; FMUs and files have access to neither.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import mmap
 import os
@@ -17,8 +18,10 @@ import sys
 import tempfile
 import threading
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from importlib import import_module
 from typing import IO, Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -27,114 +30,31 @@ from sblcosim.fmus.host import instances as lending
 from sblcosim.fmus.host.watch import Progress, Watch, install
 
 from ..errors import BuildError, ConfigurationError, SblcosimError, one_line
+from . import user_code
 from .masters import native, python
 from .memory import Memory, up
-from .plan import Plan
+from .messages import (
+    Answer,
+    Begun,
+    Call,
+    End,
+    Execute,
+    InitialOutputs,
+    SharedArray,
+    Start,
+    Task,
+    read,
+)
 from .record import Record
+from .shared import Shared
 from .state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
-from .system import ComponentSpec
+from .user_code import raised
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-
-@dataclass(frozen=True)
-class Start:
-    """The first message to the child.
-
-    Attributes
-    ----------
-    folder
-        For temporary files.
-    memory
-        Handle of the shared memory.
-    """
-
-    folder: str
-    memory: int | str
-
-
-@dataclass(frozen=True)
-class Task:
-    """Fields common to all tasks.
-
-    Attributes
-    ----------
-    here
-        The parent's working directory; None if it was deleted.
-    components
-        Names; the shared memory refers to them by index.
-    strangers
-        Names of the components to watch.
-    """
-
-    here: str | None
-    components: tuple[str, ...]
-    strangers: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Execute(Task):
-    """Run a plan with the given master."""
-
-    plan: Plan
-    record: tuple[str, ...] | None
-    master: str
-
-
-@dataclass(frozen=True)
-class InitialOutputs(Task):
-    """Read outputs at the start."""
-
-    spec: ComponentSpec
-    names: tuple[str, ...]
-    start_ns: int
-
-
-@dataclass(frozen=True)
-class End(Task):
-    """Free all instances and unload their libraries."""
-
-
-@dataclass(frozen=True)
-class Begun:
-    """Message: the loop starts. Lists its calls and the record's arrays in the shared memory."""
-
-    labels: tuple[tuple[str, str], ...]
-    arrays: tuple[SharedArray, ...]
-
-
-@dataclass(frozen=True)
-class SharedArray:
-    """An array in the shared memory, and the variables stored in it."""
-
-    start: int
-    size: int
-    dtype: str
-    values: tuple[tuple[str, tuple[int, ...], tuple[int, ...], int], ...]
-    """Name, shape, strides and offset of each variable."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Message: the task has ended.
-
-    Attributes
-    ----------
-    value
-        Outputs; None for a record, which is in the shared memory.
-    error
-        The exception, if the task failed.
-    late
-        Failures after the last instant, by component.
-    habits
-        Changes to the process state: component, function, bits of ``enum habit`` in c/native.c.
-    """
-
-    value: Any = None
-    error: Exception | None = None
-    late: tuple[tuple[str, str], ...] = ()
-    habits: tuple[tuple[str, str, int], ...] = ()
+_MOST_WARNINGS = 100
+"""Limit on the warnings of a task that are told."""
 
 
 class _Telling(Watch):
@@ -158,12 +78,13 @@ class _Telling(Watch):
                 f"is not seen and not undone, as the native master cannot be built: {error}",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
-        self.take(Task(None, (), ()))
+        self.take(())
 
-    def take(self, task: Task) -> None:
+    def take(self, components: Sequence[str], strangers: Sequence[str] = ()) -> None:
         """Reset the state for a new task."""
-        self._numbers = {name: i for i, name in enumerate(task.components)}
-        self._strangers = frozenset(task.strangers)
+        self._names = tuple(components)
+        self._numbers = {name: i for i, name in enumerate(components)}
+        self._strangers = frozenset(strangers)
         self._labels: list[tuple[str, str]] = []
         # The previous task's arrays live until here: Windows frees memory with its last user.
         self._arrays: list[tuple[int, mmap.mmap, NDArray[Any]]] = []
@@ -255,6 +176,18 @@ class _Telling(Watch):
     def late(self, component: str, error: SblcosimError) -> None:
         self.failures[component] = str(error)
 
+    def settle(self) -> bool:
+        """Undo changes to the state of the processor and the locale; whether there were any."""
+        return self._settle is not None and bool(self._settle())
+
+    def blamed(self) -> str | None:
+        """The component of the latest call."""
+        if self._state.where == LOOP and self._labels:
+            at: int = self._state.progress.at
+            return self._labels[at][0]
+        number: int = self._state.component
+        return self._names[number] if 0 <= number < len(self._names) else None
+
 
 def main() -> None:
     """Work until the parent ends or asks for the end."""
@@ -273,12 +206,40 @@ def main() -> None:
     threading.Thread(target=_follow, args=(tasks, todo, start.folder), daemon=True).start()
     telling = _Telling(Memory(start.memory), answers)
     install(telling)
+    warned: list[Any] = []
+    warnings.showwarning = lambda text, kind, file, line, *_: warned.append(
+        (_text(text), _warning(kind), str(file), line)
+    )
+    shared, own = Shared(telling.settle), os.getpid()
+    user_code.allow(shared.look)
     send(answers, Answer())
     while True:
-        ended, answer = _done(todo.get(), telling)
-        send(answers, answer)
-        if ended:  # skip exit handlers, which may belong to the FMUs
+        task, answer = _done(todo.get(), telling)
+        if os.getpid() != own:  # the user's code has forked, and this is the copy
             os._exit(0)
+        answer = replace(answer, warned=tuple(warned[:_MOST_WARNINGS]))
+        warned.clear()
+        if isinstance(task, Call | Execute) and not task.strangers:
+            answer = replace(answer, spoilt=shared.changed())
+        try:
+            send(answers, _packed(answer, telling.blamed()))
+        except BaseException:  # the user's code has closed the stream, or taken what pickle needs
+            os._exit(1)
+        if isinstance(task, End):
+            _end(task)
+        if isinstance(task, Call) and task.afterwards:
+            with contextlib.suppress(Exception):
+                import_module(task.afterwards)
+
+
+def _end(task: End) -> None:
+    """End the process, without the exit handlers of FMUs."""
+    if not task.strangers:
+        with contextlib.suppress(BaseException):
+            atexit._run_exitfuncs()
+        with contextlib.suppress(BaseException):
+            sys.stdout.flush()
+    os._exit(0)
 
 
 def _streams() -> tuple[IO[bytes], IO[bytes]]:
@@ -302,24 +263,29 @@ def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> No
     os._exit(1)
 
 
-def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
-    """Do a task; return whether it was the last one, and the answer."""
-    ended, value = False, None
+def _done(content: bytes, telling: _Telling) -> tuple[Task | None, Answer]:
+    """Do a task; return it and its answer."""
+    task, value = None, None
     error: Exception | None = None
     try:
         task = _unpacked(content)
-        ended = isinstance(task, End)
-        if task.here is not None:
-            os.chdir(task.here)
-        telling.take(task)
+        task.here.take_over()
+        telling.take(task.components, task.strangers)
         value = _value(task)
     except SblcosimError as problem:
-        error = problem
+        error = _ours(problem)
     except MemoryError:
         error = MemoryError()
-    except Exception:  # our own bug
-        error = RuntimeError(traceback.format_exc())
-    return ended, Answer(
+    except BaseException as problem:
+        blamed = telling.blamed()
+        if blamed is None:  # our own bug
+            error = RuntimeError(traceback.format_exc())
+        else:  # of code that the user's code has changed or is called by
+            error = ConfigurationError(
+                f"{blamed}: must let its process go on, got {raised(problem)}"
+            )
+            error.component = blamed
+    return task, Answer(
         value,
         error,
         tuple(telling.failures.items()),
@@ -327,13 +293,49 @@ def _done(content: bytes, telling: _Telling) -> tuple[bool, Answer]:
     )
 
 
+def _ours(problem: SblcosimError) -> SblcosimError:
+    """The same as an exception whose class is not the user's."""
+    kind = next(k for k in type(problem).__mro__ if k.__module__.partition(".")[0] == "sblcosim")
+    error: SblcosimError = kind(_text(problem))
+    error.component, error.suspects = problem.component, tuple(problem.suspects)
+    return error
+
+
+def _warning(kind: type[Warning]) -> type[Warning]:
+    """A category of warnings that the parent knows."""
+    known = {"builtins", "sblcosim"}
+    return next(k for k in kind.__mro__ if k.__module__.partition(".")[0] in known)
+
+
+def _text(of: object) -> str:
+    try:
+        return str(of)
+    except BaseException:  # the user's code may do anything
+        return f"{type(of).__name__}, which cannot be shown"
+
+
+def _packed(answer: Answer, blamed: str | None) -> bytes:
+    """An answer pickled, if its reader can read it."""
+    try:
+        content = pickle.dumps(answer)
+        read(content)
+    except BaseException as problem:
+        error = ConfigurationError(
+            f"{blamed or 'the answer'}: must be possible to send to another process, got "
+            f"{raised(problem)}"
+        )
+        error.component = blamed
+        return pickle.dumps(Answer(error=error, spoilt=True))
+    return content
+
+
 def _unpacked(content: bytes) -> Task:
     try:
         task: Task = pickle.loads(content)
     except Exception as error:
         raise ConfigurationError(
-            "a Python component beside an FMU of somebody else: must be importable in another "
-            f"process, got {type(error).__name__}: {one_line(error)}"
+            "a Python component in a process of its own: must be importable there, got "
+            f"{type(error).__name__}: {one_line(error)}"
         ) from error
     return task
 
@@ -341,10 +343,15 @@ def _unpacked(content: bytes) -> Task:
 def _value(task: Task) -> Any:
     if isinstance(task, Execute):
         run = native.execute if task.master == "native" else python.execute
-        run(task.plan, None, task.record)
+        if task.played is not None:
+            python.execute(task.plan, None, task.record, task.played)
+        else:
+            run(task.plan, None, task.record)
         return None
     if isinstance(task, InitialOutputs):
         return python.initial_outputs(task.spec, task.names, task.start_ns)
+    if isinstance(task, Call):
+        return task.function()
     _free_all(task.strangers)
     return None
 

@@ -6,12 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
 from . import isolation, process
-from .isolation import Children
+from .children import Children
 from .masters import lanes, native, python
 from .plan import Plan
 from .record import Record
@@ -36,7 +37,8 @@ def execute(
 
     A plan with a third-party FMU runs in a separate process, see `sblcosim.simulation.isolation`.
     Python components on which nothing depends, such as receivers, are no part of it with the other
-    masters than python: they are run here, afterwards, on the record of the others.
+    masters than python: they run afterwards, on the record of the others. Those from a file always
+    do, in a process for that file; classes and functions given in Python run here.
 
     Parameters
     ----------
@@ -48,9 +50,8 @@ def execute(
         if all components are FMUs, but for Python components on which nothing depends, and the loop
         can be compiled; else python.
     step_timeout
-        Time limit for a call of an FMU [s]; None: one minute. It needs a separate process. Without
-        one there is no limit: our own components always return, and a Python component is waited
-        for.
+        Time limit for a call in a separate process [s]; None: one minute. Without such a process
+        there is none: our own components return, and a class given in Python is waited for.
     children
         Long-lived child processes to use.
     apart
@@ -62,20 +63,90 @@ def execute(
         As the master's own function; the master is unknown; an FMU has crashed, has ended its
         process or does not return. The exception carries the component's name.
     """
+    master = _master_of(plan, master, step_timeout)
+    files = process.from_files(plan)
+    later = [name for name in _sinks(plan) if master != "python" or name in files]
+    rest = _without(plan, later)
+    if not later or not rest.components:
+        return _all(plan, progress, record, master, step_timeout, children, apart)
+    wanted = [c.name for c in python.chosen(plan, record)]
+    names = [c.name for c in rest.columns if c.name in {*wanted, *_sources(plan)}]
+    stages = _stages(later, files)
+    told = [_share(progress, stage, len(stages)) for stage in range(len(stages) + 1)]
+    first = _all(rest, told[0], names, master, step_timeout, children, apart)
+
+    def go_on(stage: int, played: Record, names: Sequence[str]) -> Record:
+        own = stages[stage - 1]
+        if own[0] in files:
+            (name,) = own
+            return isolation.go_on(plan, name, played, names, step_timeout, children, told[stage])
+        return python.execute(plan, told[stage], names, played)
+
+    return _joined(plan, first, wanted, stages, go_on)
+
+
+def _share(
+    progress: Callable[[float], None] | None, stage: int, stages: int
+) -> Callable[[float], None] | None:
+    """The progress of a stage, from 0, as that of the whole."""
+    return None if progress is None else lambda share: progress((stage + share) / (1 + stages))
+
+
+def _joined(
+    plan: Plan,
+    first: Record,
+    wanted: Sequence[str],
+    stages: Sequence[Collection[str]],
+    go_on: Callable[[int, Record, Sequence[str]], Record],
+) -> Record:
+    """A record of a part of a plan, with the outputs of the components that run on it.
+
+    Parameters
+    ----------
+    wanted
+        The outputs to record.
+    go_on
+        Runs a stage, from 1, on a record of all others; records its outputs.
+    """
+    whole = _on(first, plan)
+    values = dict(whole.values)
+    for stage, own in enumerate(stages, 1):
+        others = {k: v for k, v in plan.intervals_ns.items() if k not in own}
+        names = [name for name in wanted if name.partition(".")[0] in own]
+        values |= go_on(stage, replace(whole, intervals_ns=others), names).values
+    recorded = {name: values[name] for name in wanted if name in values}
+    return Record(whole.time_ns, recorded, plan.intervals_ns, first.failures)
+
+
+def _master_of(plan: Plan, master: str | None, step_timeout: float | None) -> str:
+    """Which master runs a plan; refuses a time limit that nobody would keep."""
     if master is not None:
         check_choice("master", master, MASTERS)
     else:
         master = "native" if not needs_python(plan) and native.available() else "python"
     process.check_patience(step_timeout)
-    rest = without_sinks(plan)
-    if master == "python" or len(rest.components) == len(plan.components):
-        return _all(plan, progress, record, master, step_timeout, children, apart)
-    wanted = {c.name for c in python.chosen(plan, record)} | _sources(plan)
-    names = [c.name for c in rest.columns if c.name in wanted]
-    first = None if progress is None else lambda share: progress(share / 2)
-    second = None if progress is None else lambda share: progress((1 + share) / 2)
-    played = _all(rest, first, names, master, step_timeout, children, apart)
-    return replace(python.execute(plan, second, record, played), failures=played.failures)
+    if step_timeout is not None and master != "native" and not process.foreign(plan):
+        raise ConfigurationError(
+            f"step_timeout: must be left out with the {master} master and neither FMU of others "
+            f"nor Python file, as it waits for ever, got {step_timeout}"
+        )
+    return master
+
+
+def _stages(sinks: Sequence[str], files: Collection[str]) -> list[list[str]]:
+    """Python components that run together: all that are not from files; each of those is alone."""
+    here = [name for name in sinks if name not in files]
+    return [*([here] if here else []), *([name] for name in sinks if name in files)]
+
+
+def _on(record: Record, plan: Plan) -> Record:
+    """A record at the instants of a plan, which may have more; between its own, outputs hold."""
+    if len(record) == plan.count:
+        return record
+    rows = np.searchsorted(record.time_ns, plan.instants, side="right") - 1
+    return replace(
+        record, time_ns=plan.instants, values={k: v[rows] for k, v in record.values.items()}
+    )
 
 
 def _all(
@@ -89,13 +160,11 @@ def _all(
 ) -> Record:
     """Run all components of a plan with one master."""
     if master == "lanes":
-        _refuse_timeout(master, step_timeout)
         return _one_lane(plan, progress, record)
-    if apart or process.strangers(plan):
+    if apart or process.foreign(plan):
         return isolation.execute(plan, progress, record, master, step_timeout, children)
     if master == "native":
         return native.execute(plan, progress, record)
-    _refuse_timeout(master, step_timeout)
     return python.execute(plan, progress, record)
 
 
@@ -104,13 +173,23 @@ def _sources(plan: Plan) -> set[str]:
     return {c.name for own in plan.components for w in own.writes for c in w.columns}
 
 
+def _sinks(plan: Plan) -> list[str]:
+    """The Python components on which nothing depends."""
+    used = {source.partition(".")[0] for source in _sources(plan)}
+    return [c.name for c in plan.components if not isinstance(c.source, Fmu) and c.name not in used]
+
+
+def _without(plan: Plan, names: Collection[str]) -> Plan:
+    """The plan without some components on which nothing depends."""
+    left = tuple(c for c in plan.components if c.name not in names)
+    columns = tuple(c for c in plan.columns if c.name.partition(".")[0] not in names)
+    return replace(plan, components=left, columns=columns)
+
+
 def without_sinks(plan: Plan) -> Plan:
     """The plan without its Python components on which nothing depends; whole if nothing is left."""
-    used = {source.partition(".")[0] for source in _sources(plan)}
-    left = tuple(c for c in plan.components if isinstance(c.source, Fmu) or c.name in used)
-    names = {c.name for c in left}
-    columns = tuple(c for c in plan.columns if c.name.partition(".")[0] in names)
-    return replace(plan, components=left, columns=columns) if left else plan
+    rest = _without(plan, _sinks(plan))
+    return rest if rest.components else plan
 
 
 def needs_python(plan: Plan) -> bool:
@@ -118,12 +197,12 @@ def needs_python(plan: Plan) -> bool:
     return native.unsupported(without_sinks(plan)) is not None
 
 
-def _refuse_timeout(master: str, step_timeout: float | None) -> None:
-    if step_timeout is not None:
-        raise ConfigurationError(
-            f"step_timeout: must be left out with the {master} master and no FMU of others, as it "
-            f"waits for ever, got {step_timeout}"
-        )
+def is_here(plan: Plan, master: str | None) -> bool:
+    """Whether a part of the plan is run in Python in this process."""
+    if master == "python" or needs_python(plan):
+        return not process.foreign(without_sinks(plan))
+    files = process.from_files(plan)
+    return any(name not in files for name in _sinks(plan))
 
 
 def initial_outputs(
@@ -133,7 +212,7 @@ def initial_outputs(
     children: Children | None = None,
 ) -> dict[str, NDArray[Any]]:
     """As `masters.python.initial_outputs`, with a third-party FMU in a separate process."""
-    if process.strangers(python.alone(spec, start_ns)):
+    if process.foreign(python.alone(spec, start_ns)):
         return isolation.initial_outputs(spec, names, start_ns, children)
     return python.initial_outputs(spec, names, start_ns)
 
@@ -176,7 +255,7 @@ def survive(
     """
     failures: dict[str, SblcosimError] = {}
     while True:
-        plan = resolve(_without(system, failures), again=True)
+        plan = resolve(_healthy(system, failures), again=True)
         try:
             record = execute(plan)
         except BuildError:
@@ -213,7 +292,7 @@ def _failing(
                 continue
             rest = {*failed, *suspects} - set(tried)
             try:
-                execute(resolve(_without(system, rest), again=True))
+                execute(resolve(_healthy(system, rest), again=True))
             except SblcosimError as own:
                 if not tried:
                     raise  # fails without any suspect
@@ -231,7 +310,7 @@ def _failing(
         yield error.component, error
 
 
-def _without(system: System, names: Collection[str]) -> System:
+def _healthy(system: System, names: Collection[str]) -> System:
     """The system without some components; nothing must depend on them."""
     return replace(
         system,

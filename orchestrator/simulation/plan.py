@@ -30,6 +30,9 @@ from .user_code import PythonSource
 TICK_PARAMETERS = frozenset(c.interval for c in COMPONENTS.values() if c.interval is not None)
 """Names of the parameters that hold a component's tick interval [s]."""
 
+PROGRESS_INTERVAL = 0.1
+"""Minimum time between two progress reports of a run [s]."""
+
 
 @dataclass(frozen=True)
 class Setting:

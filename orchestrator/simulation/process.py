@@ -1,10 +1,9 @@
-"""A child process that runs plans, seen from the parent: tasks, answers, time limits, crashes."""
+"""A child process, seen from the parent: tasks, answers, time limits, crashes."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import mmap
 import os
 import pickle
 import queue
@@ -14,10 +13,9 @@ import subprocess
 import sys
 import tempfile
 import threading
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import IO, Any
 
 import cloudpickle
@@ -26,17 +24,27 @@ from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 from sblcosim.fmus.files import scratch
 from sblcosim.fmus.host import libraries
-from sblcosim.fmus.host.instances import LOADING, UNLOADING
-from sblcosim.fmus.host.nanoseconds import text_of
 from sblcosim.fmus.read.ports import Fmu
 
-from ..errors import ConfigurationError, ConfigurationWarning, FmuError, one_line
-from .child import Answer, Begun, End, Execute, InitialOutputs, Start, Task
-from .masters.python import PROGRESS_INTERVAL
+from ..errors import ConfigurationError, FmuError, one_line
 from .memory import Memory
-from .plan import Plan, PlannedComponent
+from .messages import (
+    Answer,
+    Begun,
+    Call,
+    End,
+    Execute,
+    Here,
+    InitialOutputs,
+    Start,
+    Task,
+    read,
+)
+from .plan import PROGRESS_INTERVAL, Plan
 from .record import Record
 from .state import CALLING, LOOP, SIZE, State, receive, send
+from .user_code import PythonSource
+from .watched import Watched, who
 
 STEP_TIMEOUT = 60.0
 """Default time limit for a call [s]."""
@@ -48,10 +56,7 @@ _GRACE = 5.0
 """Seconds for a process to end after it has closed its pipes."""
 
 _OUTPUT = 20_000
-"""Limit on the FMU output shown per process [bytes]."""
-
-_PHRASES = {LOADING: "loading its library", UNLOADING: "unloading its library"}
-_HABITS = {1: "the floating-point state of the processor", 2: "the locale"}
+"""Limit on the output of FMUs and Python files that is shown of a task [bytes]."""
 
 _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -92,20 +97,18 @@ def strangers(plan: Plan) -> tuple[str, ...]:
     )
 
 
-@dataclass
-class _Watched:
-    """The current task: the data needed to name a component that fails."""
-
-    components: Mapping[str, PlannedComponent]
-    suspects: tuple[str, ...]
-    instants: Sequence[int] = ()
-    begun: Begun | None = None
-    parts: Sequence[mmap.mmap] = ()
-    """Mapped parts of the record. Windows frees them with their last user, so keep them here."""
+def from_files(plan: Plan) -> dict[str, str]:
+    """The components from Python files, with the key of each file."""
+    return {
+        c.name: c.source.file.key
+        for c in plan.components
+        if isinstance(c.source, PythonSource) and c.source.file is not None
+    }
 
 
-class _EndedError(Exception):
-    """The process has ended or was killed."""
+def foreign(plan: Plan) -> bool:
+    """Whether a plan holds what must not run in this process."""
+    return bool(strangers(plan) or from_files(plan))
 
 
 class Process:
@@ -117,12 +120,15 @@ class Process:
         self._memory.grow(SIZE)
         self._state = State.from_buffer(self._memory.part(0, SIZE))
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._known: dict[str, PlannedComponent] = {}
+        self._known: dict[str, str] = {}
         self._suspects: dict[str, None] = {}
         self._lock = threading.Lock()
         self.rests: threading.Timer | None = None
         self.busy = False
         self.alive = True
+        self.spoilt = False
+        """Whether the user's code has changed what all code of the process shares."""
+        self._left = _OUTPUT
         self._process = self._started()
         assert self._process.stdout is not None
         assert self._process.stderr is not None
@@ -130,14 +136,14 @@ class Process:
             threading.Thread(target=work, args=arguments, daemon=True)
             for work, arguments in (
                 (_take, (self._process.stdout, self._answers)),
-                (_show, (self._process.stderr,)),
+                (self._show, (self._process.stderr,)),
             )
         ]
         for reader in self._readers:
             reader.start()
         try:
             self._send(Start(self._folder, self._memory.handle))
-            self._next(_Watched({}, ()), STEP_TIMEOUT, None)
+            self._next(Watched({}, ()), STEP_TIMEOUT, None)
         except BaseException:
             self.kill()
             raise
@@ -158,7 +164,8 @@ class Process:
             self.alive = False
             shutil.rmtree(self._folder, ignore_errors=True)
             raise FmuError(
-                f"FMUs of others must run in a process of their own, got none: {one_line(error)}"
+                "FMUs of others and Python files must run in a process of their own, got none: "
+                f"{one_line(error)}"
             ) from error
 
     # ---- tasks ----
@@ -168,11 +175,9 @@ class Process:
     ) -> Record:
         """Run a plan."""
         plan = task.plan
-        watched = self._watched(plan)
+        watched = self._watched(task)
         watched.instants = plan.instants.tolist()
-        content = _packed(task)
-        self.busy = True
-        self._send(content)
+        self._begin(_packed(task))
         last = max(len(watched.instants) - 1, 1)
 
         def report() -> None:
@@ -200,17 +205,22 @@ class Process:
             progress(1.0)
         return record
 
-    def outputs(self, task: InitialOutputs, plan: Plan) -> dict[str, NDArray[Any]]:
-        """Read outputs at the start."""
-        watched = self._watched(plan)
-        self.busy = True
-        self._send(_packed(task))
+    def call(self, task: Call | InitialOutputs, watched: Watched) -> Any:
+        """Call a function of ours, or read outputs at the start; return what it gives."""
+        self._begin(_packed(task))
         answer = self._next(watched, PATIENCE.get(), None)
         self.busy = False
         self._tell(answer, watched)
         if answer.error is not None:
             raise answer.error
-        outputs: dict[str, NDArray[Any]] = answer.value
+        return answer.value
+
+    def outputs(self, task: InitialOutputs, plan: Plan) -> dict[str, NDArray[Any]]:
+        """Read outputs at the start."""
+        names = {c.name: who(c) for c in plan.components}
+        self._known.update(names)
+        self._suspects.update(dict.fromkeys(task.strangers))
+        outputs: dict[str, NDArray[Any]] = self.call(task, Watched(names, tuple(names)))
         return outputs
 
     def finish(self, patience: float) -> dict[str, str]:
@@ -218,27 +228,41 @@ class Process:
         if not self.alive:
             return {}
         names = tuple(self._known)
-        watched = _Watched(self._known, tuple(self._suspects))
-        self.busy = True
-        self._send(pickle.dumps(End(None, names, tuple(self._suspects))))
+        watched = Watched(self._known, tuple(self._suspects))
+        self._begin(pickle.dumps(End(Here.now(), names, tuple(self._suspects))))
         try:
             answer = self._next(watched, patience, None)
         except FmuError as error:
+            if not watched.suspects:  # nothing is left to fail
+                return {}
             return {error.component or ", ".join(watched.suspects): str(error)}
         finally:
+            if not watched.suspects:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._process.wait(1.0)  # for exit handlers of the user's code
             self.kill()
         self._tell(answer, watched)
         if answer.error is not None:
             raise answer.error
         return {}
 
-    def _watched(self, plan: Plan) -> _Watched:
-        components = {c.name: c for c in plan.components}
-        known = strangers(plan)
-        self._known.update(components)
+    def _watched(self, task: Execute) -> Watched:
+        known = task.strangers
+        names = {c.name: who(c) for c in task.plan.components}
+        self._known.update(names)
         self._suspects.update(dict.fromkeys(known))
-        python = [c.name for c in plan.components if not isinstance(c.source, Fmu)]
-        return _Watched(components, (*known, *python))
+        played = () if task.played is None else task.played.intervals_ns
+        python = [
+            c.name for c in task.plan.components
+            if not isinstance(c.source, Fmu) and c.name not in played
+        ]
+        return Watched(names, (*known, *python))
+
+    def _begin(self, content: bytes) -> None:
+        """Send a task."""
+        self.busy = True
+        self._left = _OUTPUT
+        self._send(content)
 
     def _send(self, message: Any) -> None:
         assert self._process.stdin is not None
@@ -248,7 +272,7 @@ class Process:
     # ---- waiting ----
 
     def _next(
-        self, watched: _Watched, patience: float, report: Callable[[], None] | None
+        self, watched: Watched, patience: float, report: Callable[[], None] | None
     ) -> Any:
         """Wait for the next message."""
         period = min(PROGRESS_INTERVAL, patience)
@@ -277,9 +301,9 @@ class Process:
             limit = patience if s.where in (CALLING, LOOP) else max(patience, STEP_TIMEOUT)
             if still >= limit:
                 self.kill()
-                raise self._failure(watched, limit)
+                raise watched.failure(self._state, limit)
 
-    def _death(self, watched: _Watched) -> FmuError:
+    def _death(self, watched: Watched) -> FmuError:
         """The exception for a process that has ended on its own."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_GRACE)
@@ -291,71 +315,23 @@ class Process:
             what = f"crashed (signal {_signal(-code)})"
         else:
             what = f"ended the process (exit code {code if code < 256 else hex(code)})"
-        return self._failure(watched, None, what)
+        return watched.failure(self._state, None, what)
 
-    def _failure(
-        self, watched: _Watched, seconds: float | None, what: str = ""
-    ) -> FmuError:
-        s = self._state
-        name, function, when = self._place(watched)
-        suspects = watched.suspects
-        sure = name in suspects
-        if not sure and seconds is None:
-            name = suspects[0] if len(suspects) == 1 else None
-        if name is None:
-            if seconds is not None:
-                what = f"not gone on for {seconds:g} s"
-            error = FmuError(
-                f"{', '.join(suspects) or 'the process for FMUs of others'}: one of these has "
-                f"{what}{when}"
-            )
-        else:
-            component = watched.components[name]
-            whose = (
-                f"FMU {component.source.path}"
-                if isinstance(component.source, Fmu)
-                else f"the Python component {component.origin}"
-            )
-            if seconds is not None:
-                what = f"has not returned from {function}{when} for {seconds:g} s"
-            elif sure:
-                what = f"{what} in {function}{when}"
-            else:
-                what = f"{what} outside of its calls, in a thread perhaps{when}"
-            said = ""
-            if s.saying >= 0 and list(watched.components)[s.saying : s.saying + 1] == [name]:
-                said = s.said.decode(errors="replace").removeprefix(f"{name}: ")
-            error = FmuError(f"{name}: {whose} {what}" + (f": {said}" if said else ""))
-            error.component = name
-        if seconds is None and len(suspects) > 1:
-            error.suspects = suspects
-        return error
+    def _tell(self, answer: Answer, watched: Watched) -> None:
+        self.spoilt |= answer.spoilt
+        watched.tell(answer)
 
-    def _place(self, watched: _Watched) -> tuple[str | None, str, str]:
-        """Component and function of the current call, and its time as text."""
-        s = self._state
-        if s.where == LOOP:
-            when = f" at {text_of(watched.instants[s.progress.row])}"
-            if watched.begun is None:
-                return None, "", when
-            return *watched.begun.labels[s.progress.at], when
-        names = list(watched.components)
-        if s.where != CALLING or not 0 <= s.component < len(names):
-            return None, "", ""
-        function = s.function.decode()
-        return names[s.component], _PHRASES.get(function, function), ""
-
-    def _tell(self, answer: Answer, watched: _Watched) -> None:
-        for name, function, habits in answer.habits:
-            source = watched.components[name].source
-            assert isinstance(source, Fmu)
-            what = " and ".join(text for bit, text in _HABITS.items() if habits & bit)
-            warnings.warn(
-                f"{name}: FMU {source.path} must leave {what} as it was, got a change in "
-                f"{_PHRASES.get(function, function)}; it was undone",
-                ConfigurationWarning,
-                3,
-            )
+    def _show(self, stream: IO[bytes]) -> None:
+        """Show the output of FMUs and files, up to a limit."""
+        with contextlib.suppress(OSError, ValueError), stream:
+            while content := os.read(stream.fileno(), 65536):
+                if self._left > 0:
+                    shown = content[: self._left].decode(errors="replace")
+                    print(shown, end="", file=sys.stderr, flush=True)
+                    self._left -= len(content)
+                    if self._left <= 0:
+                        note = "[more output of FMUs is not shown]"
+                        print(f"\n{note}", file=sys.stderr, flush=True)
 
     # ---- the end ----
 
@@ -380,7 +356,7 @@ class Process:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def _record(plan: Plan, watched: _Watched) -> Record:
+def _record(plan: Plan, watched: Watched) -> Record:
     """A copy of the record in the shared memory."""
     assert watched.begun is not None
     values = {
@@ -400,7 +376,7 @@ def _packed(task: Task) -> bytes:
     except Exception as error:
         raise ConfigurationError(
             f"{_unpackable(task)}: must be possible to send to another process, as it runs beside "
-            f"an FMU of somebody else, got {type(error).__name__}: {one_line(error)}"
+            f"an FMU of somebody else or a file, got {type(error).__name__}: {one_line(error)}"
         ) from error
     return packed
 
@@ -420,20 +396,8 @@ def _take(stream: IO[bytes], answers: queue.SimpleQueue[Any]) -> None:
     # Anything but an answer ends the stream: an FMU may have written into the pipe.
     with contextlib.suppress(Exception), stream:
         while (content := receive(stream)) is not None:
-            answers.put(pickle.loads(content))
+            answers.put(read(content))
     answers.put(None)
-
-
-def _show(stream: IO[bytes]) -> None:
-    """Show the output of FMUs, up to a limit."""
-    left = _OUTPUT
-    with contextlib.suppress(OSError, ValueError), stream:
-        while content := os.read(stream.fileno(), 65536):
-            if left > 0:
-                print(content[:left].decode(errors="replace"), end="", file=sys.stderr, flush=True)
-                left -= len(content)
-                if left <= 0:
-                    print("\n[more output of FMUs is not shown]", file=sys.stderr, flush=True)
 
 
 def _signal(number: int) -> str:

@@ -36,7 +36,7 @@ from sblcosim.models.ports import (
 from ..errors import ConfigurationError, instance, nearest, quoted
 from ..shown import Shown
 from .system import PythonComponent
-from .user_code import PythonSource
+from .user_code import InFile, PythonSource
 
 Floats = NDArray[np.float64]
 
@@ -323,13 +323,16 @@ def _of_position(covariance: Floats) -> Floats:
 class _ForBeacons:
     """Makes a receiver of a class for a number of beacons."""
 
-    def __init__(self, maker: Callable[[], Receiver], beacons: int) -> None:
-        self._maker, self._beacons = maker, beacons
-        self.__name__, self.__qualname__ = maker.__name__, maker.__qualname__
+    def __init__(self, maker: Callable[[], Any], beacons: int) -> None:
+        self._maker = maker
+        self.beacons = beacons
+        self.file = maker if isinstance(maker, InFile) else None
+        self.__name__ = getattr(maker, "__name__", "receiver")
+        self.__qualname__ = getattr(maker, "__qualname__", self.__name__)
 
     def __call__(self) -> Receiver:
-        made = self._maker()
-        made.beacons = self._beacons
+        made: Receiver = self._maker()
+        made.beacons = self.beacons
         return made
 
 
@@ -339,7 +342,10 @@ def for_beacons(
     """A receiver's class made for a number of beacons; what declares its own ports stays as it is.
     """
     maker = source.maker if isinstance(source, PythonSource) else source
-    if beacons == BEACONS or not (isinstance(maker, type) and issubclass(maker, Receiver)):
+    derived = isinstance(maker, type) and issubclass(maker, Receiver)
+    if isinstance(maker, InFile):
+        derived = maker.is_receiver
+    if beacons == BEACONS or not derived:
         return source
     sized = _ForBeacons(maker, beacons)
     if isinstance(source, PythonSource):

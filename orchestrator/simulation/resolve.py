@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -17,13 +16,13 @@ from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, SECOND, nanoseconds, tex
 from sblcosim.fmus.read import ports as fmi
 from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models.declaration import Number, Variable
+from sblcosim.models.declaration import Number
 
-from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest
+from ..errors import ConfigurationError, ConfigurationWarning, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
-from .user_code import PythonSource, raised
+from .user_files import variables_of
 
 
 def resolve(system: System, *, again: bool = False) -> Plan:
@@ -188,56 +187,6 @@ def _source(
     raise ConfigurationError(
         f"{name}: must be the path of an FMU or make a Python component, got {spec.fmu!r}"
     )
-
-
-def variables_of(where: str, maker: Any) -> Iterable[Variable]:
-    """The variables of a Python component; makes an object to ask it.
-
-    Parameters
-    ----------
-    where
-        Start of error messages.
-
-    Raises
-    ------
-    ConfigurationError
-        The component cannot be made, or the object is not a component.
-    """
-    if not callable(maker):
-        raise ConfigurationError(
-            f"{where}: must be a class or function that makes the component, got {instance(maker)}"
-        )
-    name = getattr(maker, "__qualname__", instance(maker))
-    maker = maker.maker if isinstance(maker, PythonSource) else maker
-    try:
-        inspect.signature(maker).bind()
-    except TypeError as error:
-        raise ConfigurationError(
-            f"{where}: must make the component without arguments, got {name} ({error})"
-        ) from None
-    except ValueError:  # a callable in C has no signature
-        pass
-    try:
-        component = maker()
-    except (Exception, SystemExit) as error:
-        raise ConfigurationError(
-            f"{where}: must make the component, got {raised(error, name)}"
-        ) from error
-    missing = [m for m in ("variables", "initialise", "do_step") if not hasattr(component, m)]
-    if missing:
-        raise ConfigurationError(
-            f"{where}: must make a component, got {name}, whose object has no "
-            f"{' and no '.join(missing)}"
-        )
-    declared: Any = component.variables
-    must = f"{where}: variables must be a sequence of Variable, got"
-    if not isinstance(declared, Iterable) or isinstance(declared, str):
-        raise ConfigurationError(f"{must} {instance(declared)}")
-    variables: tuple[Variable, ...] = tuple(declared)
-    for variable in variables:
-        if not isinstance(variable, Variable):
-            raise ConfigurationError(f"{must} {instance(variable)} in it")
-    return variables
 
 
 def _by_type(ports: Iterator[Port]) -> Iterator[tuple[str, tuple[Port, ...]]]:

@@ -9,6 +9,7 @@ import sys
 import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -16,13 +17,97 @@ from typing import Any
 
 import cloudpickle
 
-from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+from ..errors import (
+    ConfigurationError,
+    escaped,
+    instance,
+    nearest,
+    one_line,
+    quoted,
+    shortened,
+)
 
-_FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
+FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
-_METHODS = ("variables", "initialise", "do_step")
 _KNOWN_BY_NAME = {"numpy", "scipy", "pandas", "sblcosim", "builtins"}
 """Packages whose functions and classes are what they are called."""
+
+
+CONSTRUCTOR = "its constructor"
+"""What the making of an object is called where it fails."""
+
+_allowed: Callable[[], None] | None = None
+
+
+def allow(loaded: Callable[[], None]) -> None:
+    """Let this process run files of the user: a child process that is there for it.
+
+    Parameters
+    ----------
+    loaded
+        Called when a file has been run.
+    """
+    global _allowed
+    _allowed = loaded
+
+
+def is_allowed() -> bool:
+    """Whether files of the user may be run in this process."""
+    return _allowed is not None
+
+
+def foreseen() -> tuple[type[BaseException], ...]:
+    """What the user's code may raise: in a process of its own nothing else raises anything."""
+    return (BaseException,) if is_allowed() else (Exception, SystemExit)
+
+
+@dataclass(frozen=True)
+class InFile:
+    """A class or function in a file of the user, which is called in child processes only.
+
+    Attributes
+    ----------
+    path, content
+        The file, and its bytes; None: it is known by value.
+    name
+        Its name in the file.
+    key
+        What tells the file from others.
+    is_receiver
+        Whether it is a class derived from `sblcosim.Receiver`.
+    parameters
+        Of a function: its parameters, without their defaults.
+    packed
+        Its value, for processes that may not have the file.
+    """
+
+    path: Path
+    content: bytes | None
+    name: str
+    key: str
+    is_receiver: bool = False
+    parameters: tuple[inspect.Parameter, ...] = ()
+    packed: bytes | None = None
+
+    @property
+    def file(self) -> InFile:
+        """Itself, as whatever it is part of says."""
+        return self
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.Signature(self.parameters)
+
+    def load(self) -> Any:
+        """The class or function itself; the file is run, once."""
+        assert _allowed is not None, "files of the user are run in child processes only"
+        if self.content is None:
+            assert self.packed is not None
+            return _by_value(self.packed)
+        return vars(_module(self.path, self.content))[self.name]
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.load()(*arguments, **named)
 
 
 class PythonSource:
@@ -40,10 +125,16 @@ class PythonSource:
     def __init__(self, maker: Callable[[], Any], origin: str, sha256: str) -> None:
         self.maker, self.origin, self.sha256 = maker, origin, sha256
         self.__name__ = origin.rpartition(":")[2]
-        self.__qualname__ = Path(origin).name  # for display: without folders
+        self.__qualname__ = escaped(Path(origin).name)  # for display: without folders
 
     def __call__(self) -> Any:
         return self.maker()
+
+    @property
+    def file(self) -> InFile | None:
+        """Where it comes from, if that is a file that this process does not run."""
+        file: InFile | None = getattr(self.maker, "file", None)
+        return file if isinstance(file, InFile) else None
 
     @property
     def is_file(self) -> bool:
@@ -58,6 +149,8 @@ class PythonSource:
         return hash((self.origin, self.sha256))
 
     def __reduce__(self) -> Any:
+        if self.file is not None:
+            return PythonSource, (self.maker, self.origin, self.sha256)
         # By value: a worker may have neither the file nor the module.
         return _unpacked, (by_value(self.maker), self.origin, self.sha256)
 
@@ -67,47 +160,7 @@ class PythonSource:
 
 def is_python(text: str) -> bool:
     """Whether a text is ``file.py`` or ``file.py:name``."""
-    return _FILE.fullmatch(text) is not None
-
-
-def component_of_file(text: str) -> PythonSource:
-    """The component of ``file.py:Class``, or of ``file.py`` if that defines a single one.
-
-    It is known by the file, not by what that imports.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such file or class, or the file cannot be run.
-    """
-    match = _FILE.fullmatch(text)
-    assert match is not None
-    path, name = Path(match["file"]), match["name"]
-    where = f"receiver: {quoted(text)}"
-    module, sha256 = run_file(path, f"{where} must be FILE.py:CLASS, got", where)
-    known = {n: t for n, t in vars(module).items() if _is_component(t, module)}
-    if name is None:
-        if len(known) != 1:
-            got = ", ".join(f"{path.name}:{n}" for n in known) or "none"
-            raise ConfigurationError(
-                f"{where} must be FILE.py:CLASS if the file does not have a single class with "
-                f"{', '.join(_METHODS)}, got {got}"
-            )
-        (name,) = known
-    maker = vars(module).get(name)
-    if not callable(maker):
-        got = quoted(name) if maker is None else f"{quoted(name)}, {instance(maker)}"
-        others = nearest(name, known) or (f"; it has {', '.join(known)}" if known else "")
-        raise ConfigurationError(
-            f"{where} must name a class of {quoted(path.name)}, got {got}{others}"
-        )
-    return _source(maker, f"{path.absolute()}:{name}", sha256)
-
-
-@lru_cache(64)
-def _source(maker: Callable[[], Any], origin: str, sha256: str) -> PythonSource:
-    """One object for all points of a study, so that it is packed once."""
-    return PythonSource(maker, origin, sha256)
+    return FILE.fullmatch(text) is not None
 
 
 def component_of(maker: Any) -> PythonSource:
@@ -138,11 +191,6 @@ def component_of_origin(origin: str, sha256: str) -> PythonSource:
     return PythonSource(gone, origin, sha256)
 
 
-def _is_component(thing: Any, module: ModuleType) -> bool:
-    own = inspect.isclass(thing) and thing.__module__ == module.__name__
-    return own and all(hasattr(thing, method) for method in _METHODS)
-
-
 def _unpacked(packed: bytes, origin: str, sha256: str) -> PythonSource:
     return PythonSource(cloudpickle.loads(packed), origin, sha256)
 
@@ -150,8 +198,8 @@ def _unpacked(packed: bytes, origin: str, sha256: str) -> PythonSource:
 # --- Files ---------------------------------------------------------------------------------------
 
 
-def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
-    """Run a Python file; its module, and the SHA-256 of the file.
+def read_file(path: Path, must: str, where: str) -> bytes:
+    """The content of a Python file.
 
     Parameters
     ----------
@@ -161,45 +209,29 @@ def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
     Raises
     ------
     ConfigurationError
-        There is no such file, or it cannot be run.
+        There is no such file, or it cannot be read.
     """
     if not path.is_file() or path.suffix != ".py":
         close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
         raise ConfigurationError(f"{must} no Python file {quoted(str(path))}{close}")
     try:
-        source = path.read_bytes()
-        return _module(path.absolute(), source), hashlib.sha256(source).hexdigest()
-    except (Exception, SystemExit) as error:
-        raise ConfigurationError(
-            f"{where} must be importable, got {raised(error)}"
-        ) from error
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"{where} must be importable, got {raised(error)}") from error
 
 
-def function_of_file(text: str, folder: Path, key: str) -> tuple[Callable[..., Any], str]:
-    """The function of ``file.py:function``, and the SHA-256 of the file.
-
-    Parameters
-    ----------
-    folder
-        The file may be relative to it.
-    key
-        The key that has this text, for messages.
+def run_file(path: Path, content: bytes, where: str) -> tuple[ModuleType, str]:
+    """Run a Python file; its module, and the SHA-256 of the file.
 
     Raises
     ------
     ConfigurationError
-        There is no such file or function, or the file cannot be run.
+        It cannot be run.
     """
-    file, _, name = text.rpartition(":")
-    where = f"{key}: {quoted(text)}"
-    module, sha256 = run_file(folder / file, f"{where} must be FILE.py:FUNCTION, got", where)
-    functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
-    if name not in functions:
-        raise ConfigurationError(
-            f"{where} must name a function of {quoted(file)}, got {quoted(name)}"
-            f"{nearest(name, functions)}"
-        )
-    return functions[name], sha256
+    try:
+        return _module(path, content), hashlib.sha256(content).hexdigest()
+    except foreseen() as error:
+        raise ConfigurationError(f"{where} must be importable, got {raised(error)}") from error
 
 
 @lru_cache(64)
@@ -211,8 +243,27 @@ def _module(path: Path, source: bytes) -> ModuleType:
     try:
         exec(compile(source, path, "exec"), vars(module))
     finally:
-        del sys.modules[path.name]
+        sys.modules.pop(path.name, None)
+    if _allowed is not None:
+        _allowed()
     return module
+
+
+@lru_cache(64)
+def _by_value(packed: bytes) -> Any:
+    thing = cloudpickle.loads(packed)
+    if _allowed is not None:
+        _allowed()
+    return thing
+
+
+def said(error: BaseException) -> str:
+    """Type and text of an exception, whose ``__str__`` may be the user's."""
+    try:
+        text = shortened(one_line(error), _LONGEST)
+    except foreseen():
+        text = "its text cannot be shown"
+    return f"{type(error).__name__}: {text}"
 
 
 def raised(error: BaseException, name: str = "") -> str:
@@ -222,7 +273,7 @@ def raised(error: BaseException, name: str = "") -> str:
         for frame, line in traceback.walk_tb(error.__traceback__)
         if frame.f_globals.get("__name__", "").partition(".")[0] != "sblcosim"
     ]
-    text = f"{type(error).__name__}: {shortened(one_line(error), _LONGEST)}"
+    text = said(error)
     if not frames:
         return text
     file = frames[0][0].co_filename  # below it are the libraries that it calls

@@ -17,17 +17,19 @@ from sblcosim.fmus import stopping
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
 from ..results.definitions import TRUTH
-from ..results.responses import Percentile, value_of
+from ..results.responses import Percentile
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
+from ..results.user_responses import values_of
 from ..simulation import execution
-from ..simulation.isolation import Children
-from ..simulation.masters import lanes, native
+from ..simulation.children import Children
+from ..simulation.masters import lanes
 from ..simulation.masters.lanes_driver import LENGTHS, SUMS
 from ..simulation.plan import Plan
-from ..simulation.process import patience, strangers
+from ..simulation.process import patience
 from ..simulation.record import Record
 from ..simulation.system import System
+from . import stand_in
 from .campaign import Campaign, Run
 from .groups import Group, Point
 from .stand_in import StandIn
@@ -51,7 +53,7 @@ def simulate(
     Third-party FMUs run in ``children``; None: start some for these runs.
     """
     if campaign.study.model is not None:
-        return _of_function(campaign, runs, campaign.study.model)
+        return _of_function(campaign, runs, campaign.study.model, children)
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
             return simulate(campaign, runs, workers, master, progress, children)
@@ -78,16 +80,19 @@ def simulate(
     return _table(campaign, runs, sums, extra, durations, errors)
 
 
-def _of_function(campaign: Campaign, runs: Sequence[Run], model: StandIn) -> pd.DataFrame:
+def _of_function(
+    campaign: Campaign, runs: Sequence[Run], model: StandIn, children: Children | None
+) -> pd.DataFrame:
     """The table of a function that stands in for the simulation."""
     names = [*campaign.study.varied]
-    values, errors = np.full(len(runs), np.nan), [None] * len(runs)
-    for i, run in enumerate(runs):
-        stopping.check()
-        levels = dict(zip(names, campaign.points[run.place].values, strict=True))
-        values[i] = model(levels, run.seed)
+    given = [
+        (dict(zip(names, campaign.points[run.place].values, strict=True)), run.seed)
+        for run in runs
+    ]
+    with patience(campaign.step_timeout):
+        values = stand_in.values_of(model, given, children)
     columns = _about(campaign, runs) | {f"{model.name}.{VALUE}": values}
-    return pd.DataFrame({**columns, **_ends(runs, errors)})
+    return pd.DataFrame({**columns, **_ends(runs, [None] * len(runs))})
 
 
 Reduced = tuple[Floats, Floats, list[str | None]]
@@ -215,19 +220,14 @@ def _one_by_one(
             if not isinstance(error, FmuError) and error.component not in campaign.receivers:
                 raise
             return sums, extra, one_line(error)
-        settling_ns = campaign.study.settling_ns
         left = {c.name for c in outcome.plan.components}
-        for i, receiver in enumerate(campaign.receivers):
-            if receiver in left:
-                seen = Observed(outcome.record, receiver, settling_ns)
-                sums[i] = sums_of(outcome.record, receiver, settling_ns)
-                extra[i] = [value_of(response, seen) for response in campaign.study.asked]
+        there = [i for i, receiver in enumerate(campaign.receivers) if receiver in left]
+        sums[there], extra[there] = _judged(campaign, outcome.record, there, children)
         return sums, extra, "; ".join(map(_line, outcome.failures.values())) or None
 
     results = []
-    # Python components hold the interpreter's lock, and may not be thread-safe.
-    apart = strangers(group.plan) and (master == "python" or execution.needs_python(group.plan))
-    alone = not apart and (master == "python" or native.unsupported(group.plan) is not None)
+    # Python in this process holds the interpreter's lock, and may not be thread-safe.
+    alone = execution.is_here(group.plan, master)
     with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
         try:
             for i, result in enumerate(stopping.results([pool.submit(one, r) for r in runs]), 1):
@@ -240,6 +240,18 @@ def _one_by_one(
             raise
     sums, extra = (np.array([m[i] for m in results]) for i in (0, 1))
     return sums, extra, [m[2] for m in results]
+
+
+def _judged(
+    campaign: Campaign, record: Record, receivers: Sequence[int], children: Children
+) -> tuple[Floats, Floats]:
+    """Sums and extra responses of some receivers."""
+    study = campaign.study
+    seen = [Observed(record, campaign.receivers[i], study.settling_ns) for i in receivers]
+    sums = np.array([sums_of(record, run.receiver, study.settling_ns) for run in seen])
+    with patience(campaign.step_timeout):
+        extra = values_of(study.asked, seen, children)
+    return sums, np.array(extra).reshape(len(seen), len(study.asked))
 
 
 def _to_record(campaign: Campaign, group: Group) -> list[str]:

@@ -168,7 +168,7 @@ def prepare(
     if master is not None:
         check_choice("master", master, execution.MASTERS)
     if study.model is not None:
-        return _of_function(study, study.model)
+        return _of_function(study, study.model, step_timeout)
     check_patience(step_timeout)
     with about(study.__dict__.get("_file", "")):
         return _prepared(study, master, step_timeout)
@@ -206,7 +206,7 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
     )
 
 
-def _of_function(study: Definition, model: StandIn) -> Campaign:
+def _of_function(study: Definition, model: StandIn, step_timeout: float | None) -> Campaign:
     """The campaign of a function that stands in for the simulation."""
     points = [
         Point(
@@ -215,7 +215,7 @@ def _of_function(study: Definition, model: StandIn) -> Campaign:
         )
         for number, values in enumerate(study.points.values, 1)
     ]  # fmt: skip
-    return Campaign(study, tuple(points), (), (model.name,), (), (), {})
+    return Campaign(study, tuple(points), (), (model.name,), (), (), {}, step_timeout)
 
 
 def point_digest(

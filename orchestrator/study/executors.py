@@ -36,7 +36,9 @@ from sblcosim.fmus.host.libraries import ours, trust
 from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError, SblcosimError, check_choice, one_line
-from ..simulation.isolation import Children
+from ..simulation.children import Children
+from ..simulation.user_code import InFile
+from ..simulation.user_files import for_others
 from .batch import silent, simulate
 from .campaign import Campaign, Run
 
@@ -326,7 +328,7 @@ def _proxy(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 class _Packer(pickle.Pickler):
-    """Replaces paths of FMU files by their SHA-256 values."""
+    """Replaces paths of FMU files by their SHA-256 values, and Python files by what they hold."""
 
     def __init__(self, stream: io.BytesIO, known: Mapping[Path, str]) -> None:
         super().__init__(stream, pickle.HIGHEST_PROTOCOL)
@@ -338,6 +340,8 @@ class _Packer(pickle.Pickler):
     def reducer_override(self, thing: Any) -> Any:
         if isinstance(thing, MappingProxyType):
             return _proxy, (dict(thing),)
+        if isinstance(thing, InFile):
+            return for_others(thing).__reduce_ex__(pickle.HIGHEST_PROTOCOL)
         return NotImplemented
 
 

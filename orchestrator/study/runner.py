@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
 from ..scenario.files import naming_files
-from ..simulation.isolation import Children
-from ..simulation.process import strangers
+from ..simulation.children import Children
+from ..simulation.process import foreign
 from . import executors, parts
 from .batch import silent, simulate, steps_of
 from .campaign import (
@@ -346,7 +346,7 @@ def _estimated(
         size *= 4
     times = [first]
     times += [_timed(campaign, sample, workers, master, children) for _ in range(SAMPLES - 1)]
-    if any(strangers(group.plan) for group in campaign.groups):  # process_time omits children
+    if any(foreign(group.plan) for group in campaign.groups):  # process_time omits children
         times = [(wall, wall * threads) for wall, _ in times]
     share = what.steps / sum(steps_of(campaign, sample))
     idle = min(min(wall, processor / threads) for wall, processor in times)

@@ -14,16 +14,24 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 import numpy as np
+from sblcosim.fmus import stopping
+from sblcosim.fmus.host.watch import watch
 
-from ..errors import ConfigurationError, instance, nearest, quoted, shortened
-from ..simulation.user_code import by_value, fingerprint, function_of_file, raised
+from ..errors import ConfigurationError, escaped, instance, nearest, quoted, shortened
+from ..simulation.children import Children
+from ..simulation.user_code import InFile, by_value, fingerprint, foreseen, raised
+from ..simulation.user_files import call, function_of_file
 from .distributions import Floats
 from .space import SEED_FACTOR, Sample
+
+OneRun = tuple[Mapping[str, Any], int]
+"""Values of the factors, by their names, and the seed."""
 
 
 class StandIn:
@@ -47,6 +55,8 @@ class StandIn:
         self.parameters = inspect.signature(function).parameters
 
     def __reduce__(self) -> Any:
+        if isinstance(self.function, InFile):
+            return StandIn, (self.function, self.origin, self.sha256)
         # By value: a worker may have neither the file nor the module.
         return _unpacked, (by_value(self.function), self.origin, self.sha256)
 
@@ -57,6 +67,10 @@ class StandIn:
     def is_random(self) -> bool:
         """Whether it is given the seed of the run."""
         return SEED_FACTOR in self.parameters
+
+    def given(self, values: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
+        """The arguments of a run."""
+        return {**values, SEED_FACTOR: seed} if self.is_random else values
 
     def check(self, factors: Sequence[str]) -> None:
         """Refuse a function whose parameters are not these factors.
@@ -89,19 +103,19 @@ class StandIn:
                 )
 
     def __call__(self, values: Mapping[str, Any], seed: int) -> float:
-        """The number of one run; NaN if there is none.
+        """The number of one run; NaN if there is none. One from a file is called by `values_of`.
 
         Raises
         ------
         ConfigurationError
             The function has raised an exception, or has not returned a number.
         """
-        given = {**values, SEED_FACTOR: seed} if self.is_random else values
+        given = self.given(values, seed)
         try:
             value = self.function(**given)
         except ConfigurationError:
             raise
-        except (Exception, SystemExit) as error:
+        except foreseen() as error:
             raise ConfigurationError(
                 f"model: {self.name} must not raise an exception, got {raised(error)} at "
                 f"{_listed(given)}"
@@ -168,11 +182,62 @@ def evaluate(model: StandIn, sample: Sample) -> Floats:
     names = [factor.name for factor in sample.factors]
     model.check(names)
     columns = zip(*(sample.values[name].tolist() for name in names), strict=True)
+    runs = zip(columns, sample.seeds.tolist(), strict=True)
+    given = [(dict(zip(names, values, strict=True)), seed) for values, seed in runs]
+    return values_of(model, given)
+
+
+def values_of(
+    model: StandIn, runs: Sequence[OneRun], children: Children | None = None
+) -> Floats:
+    """The numbers of some runs; those of a function from a file come from a child process.
+
+    Parameters
+    ----------
+    runs
+        Values of the factors, by their names, and the seed of each.
+    children
+        Those of whoever asks; None: any.
+
+    Raises
+    ------
+    ConfigurationError
+        A run fails, does not return, or ends its process.
+    """
+    if not isinstance(model.function, InFile):
+        return _values(model, runs)
+    found: Floats = call(
+        partial(_values, model, runs), model.function.key,
+        {"model": f"the function {escaped(Path(model.origin).name)}"},
+        cases=_Cases(model, runs), children=children,
+    )  # fmt: skip
+    return found
+
+
+def _values(model: StandIn, runs: Sequence[OneRun]) -> Floats:
+    """The same where the function may be called."""
+    noted = watch().progress()
+    found = np.empty(len(runs))
     with np.errstate(all="ignore"):
-        runs = zip(columns, sample.seeds.tolist(), strict=True)
-        return np.array(
-            [model(dict(zip(names, values, strict=True)), seed) for values, seed in runs]
-        )
+        for row, (values, seed) in enumerate(runs):
+            stopping.check()
+            noted.row = row
+            with watch().calling("model", "its call"):
+                found[row] = model(values, seed)
+    return found
+
+
+class _Cases(Sequence[str]):
+    """What is said of each run, if it has to be."""
+
+    def __init__(self, model: StandIn, runs: Sequence[OneRun]) -> None:
+        self._model, self._runs = model, runs
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def __getitem__(self, row: Any) -> Any:
+        return _listed(self._model.given(*self._runs[row]))
 
 
 def _listed(values: Mapping[str, Any]) -> str:

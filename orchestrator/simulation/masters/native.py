@@ -25,9 +25,9 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError
 from .. import c_libraries
-from ..plan import Column, Plan, PlannedComponent, Write
+from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Write
 from ..record import Record
-from .python import PROGRESS_INTERVAL, chosen, initialised
+from .python import chosen, initialised
 
 _FAILED = 1
 _ACCESS2, _GET_BOOLEAN2, _SET_BOOLEAN2, _ACCESS3, _STEP2, _STEP3 = range(6)

@@ -22,14 +22,11 @@ from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
-from ..plan import Column, Plan, PlannedComponent, Read, Write
+from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
 from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
-from ..user_code import raised
-
-PROGRESS_INTERVAL = 0.1
-"""Minimum time between two progress reports [s]."""
+from ..user_code import CONSTRUCTOR, foreseen, raised
 
 Vectors = Mapping[str, Vector]
 """Latest outputs of all components, by type; see `sblcosim.simulation.plan`."""
@@ -354,8 +351,9 @@ class _PythonRunner:
                 first += port.size
             convert = _converter(write, inputs)
             self._sources.append((vectors[write.type], index, inputs, convert, targets))
-        with self._named("before the start"), watch().calling(self._name, "initialise"):
+        with watch().calling(self._name, CONSTRUCTOR), self._named("before the start"):
             self._component = component.source()
+        with watch().calling(self._name, "initialise"), self._named("before the start"):
             outputs = self._component.initialise(start_ns, parameters)
         self._do_step = watch().bound(self._name, "do_step", self._component.do_step)
         self._outputs = self._fitting(outputs, start_ns)
@@ -365,7 +363,7 @@ class _PythonRunner:
         """Name the component in any exception that it raises."""
         try:
             yield
-        except (Exception, SystemExit) as error:
+        except foreseen() as error:
             if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence
                 raise self._failure(f"{self._name} {when}: {one_line(error)}") from error
             raise self._failure(
@@ -418,7 +416,7 @@ class _PythonRunner:
     def step(self, now: int) -> None:
         try:
             outputs = self._do_step(now, self._step_ns, self._inputs)
-        except (Exception, SystemExit):
+        except foreseen():
             with self._named(f"at {text_of(now)}"):
                 raise
         self._outputs = self._fitting(outputs, now + self._step_ns)

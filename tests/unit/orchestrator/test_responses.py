@@ -23,6 +23,7 @@ from sblcosim.results.responses import (
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
 from sblcosim.simulation.masters import lanes
+from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, study
 
@@ -279,9 +280,11 @@ def test_a_function_is_known_by_what_it_refers_to(monkeypatch: pytest.MonkeyPatc
 
 def test_a_file_that_was_just_changed_is_read_again(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
+    nothing = Record(np.zeros(1, np.int64), {}, {})
     for value in (1.0, 2.0):
         file.write_text(f"def constant(run):\n    return {value}\n")
-        assert user_responses.of_file("mine.py:constant", tmp_path).definition(None) == value
+        made = user_responses.of_file("mine.py:constant", tmp_path)
+        assert user_responses.values_of([made], [Run(nothing, "ekf")]) == [[value]]
     assert [p.name for p in tmp_path.iterdir()] == ["mine.py"]
 
 
