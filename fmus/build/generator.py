@@ -189,7 +189,7 @@ def _loops(model: Model) -> Iterator[str]:
             f"static const int model_inner[] = {{{inner}}};\n"
         )
     numbers = range(len(loops))
-    yield _procedure(
+    yield procedure(
         f"model_guard(int loop, int variant, {_XUP}, real t, real *c)",
         [
             "switch (loop) {",
@@ -199,7 +199,7 @@ def _loops(model: Model) -> Iterator[str]:
         ],
         ["variant", "x", "u", "p", "t"],
     )
-    yield _procedure(
+    yield procedure(
         "model_body(int loop, int variant, mask going, real *x, const real *u, const real *p, "
         "const real *w, real t)",
         [
@@ -265,14 +265,15 @@ def _variants(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequen
     """A procedure with the statements of each variant; a single one needs no selection."""
     cases = {v: [*(f"(void){name};" for name in unused), *lines] for v, lines in cases.items()}
     if len(cases) == 1:
-        return _procedure(signature, next(iter(cases.values())), ["variant"])
+        return procedure(signature, next(iter(cases.values())), ["variant"])
     lines = ["switch (variant) {"]
     for value, case in cases.items():
         lines += [f"case {value}: {{", *(f"    {line}" for line in case), "    break;", "}"]
-    return _procedure(signature, [*lines, "default: break;", "}"])
+    return procedure(signature, [*lines, "default: break;", "}"])
 
 
-def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
+def procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
+    """A C function without a result, some of whose arguments may not be used."""
     body = [*(f"(void){name};" for name in unused), *lines]
     indented = [f"    {line}" for line in body]
     return "\n".join([f"static inline void {signature}", "{", *indented, "}", ""])
