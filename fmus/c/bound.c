@@ -52,8 +52,44 @@ static void prior(const struct model *m, int beacons, int n, const real *p, real
             P[(i + b * m->each) * (n + 1)] = variance[i];
 }
 
+/* A row of P, whose upper triangle alone is kept. */
+static void row_of(const real *P, int n, int i, real *row)
+{
+    for (int k = 0; k < i; k++)
+        row[k] = P[k * n + i];
+    for (int k = i; k < n; k++)
+        row[k] = P[i * n + k];
+}
+
+static void put_row(real *P, int n, int i, const real *row)
+{
+    for (int k = 0; k < i; k++)
+        P[k * n + i] = row[k];
+    for (int k = i; k < n; k++)
+        P[i * n + k] = row[k];
+}
+
+/* P with an element of Phi: state i becomes v of itself, or itself and v of state j. */
+static void move(real *P, int n, int i, int j, real v)
+{
+    real to[MOST_STATES], from[MOST_STATES];
+    row_of(P, n, i, to);
+    row_of(P, n, j, from);
+    if (i == j) {
+        for (int k = 0; k < n; k++)
+            to[k] = to[k] * v;
+        to[i] = to[i] * v;
+    } else {
+        const real crossed = to[j] + v * from[j];
+        for (int k = 0; k < n; k++)
+            to[k] = to[k] + v * from[k];
+        to[i] = to[i] + v * crossed;
+    }
+    put_row(P, n, i, to);
+}
+
 /* P <- Phi P Phi' + Q. A state is moved by others that nothing moves, so one element of Phi after
- * another does. */
+ * another does, those of the diagonal at the end. */
 static void advance(const struct model *m, int beacons, int n, const real *p, real dt, real *P)
 {
     real value[MOST_ELEMENTS];
@@ -61,27 +97,13 @@ static void advance(const struct model *m, int beacons, int n, const real *p, re
     for (int itself = 0; itself < 2; itself++)
         for (int e = 0; e < m->n_phi; e++) {
             const int i = m->phi[e][0], j = m->phi[e][1];
-            if ((i == j) != itself)
-                continue;
-            for (int b = 0; b < copies(m, i, beacons); b++) {
-                real *to = P + (i + b * m->each) * n, *column = P + i + b * m->each;
-                const real *from = P + (j + b * m->each) * n;
-                const int other = j - i;
-                for (int k = 0; k < n; k++)
-                    to[k] = itself ? to[k] * value[e] : to[k] + value[e] * from[k];
-                for (int k = 0; k < n * n; k += n)
-                    column[k] = itself ? column[k] * value[e]
-                                       : column[k] + value[e] * column[k + other];
-            }
+            for (int b = 0; (i == j) == itself && b < copies(m, i, beacons); b++)
+                move(P, n, i + b * m->each, j + b * m->each, value[e]);
         }
     for (int e = 0; e < m->n_noise; e++) {
         const int i = m->noise[e][0], j = m->noise[e][1];
-        for (int b = 0; b < copies(m, i, beacons); b++) {
-            const int row = i + b * m->each, column = j + b * m->each;
-            P[row * n + column] += value[m->n_phi + e];
-            if (i != j)
-                P[column * n + row] += value[m->n_phi + e];
-        }
+        for (int b = 0; b < copies(m, i, beacons); b++)
+            P[(i + b * m->each) * n + j + b * m->each] += value[m->n_phi + e];
     }
 }
 
@@ -89,27 +111,29 @@ static void advance(const struct model *m, int beacons, int n, const real *p, re
  * covariance whatever R is. */
 static void measure(int n, int used, const int *at, const real *h, real R, real *P)
 {
-    real c[MOST_STATES], k[MOST_STATES], d[MOST_STATES], s = R;
+    real rows[MOST_USED][MOST_STATES], c[MOST_STATES], k[MOST_STATES], d[MOST_STATES], s = R;
+    for (int u = 0; u < used; u++)
+        row_of(P, n, at[u], rows[u]);
     for (int i = 0; i < n; i++) {
-        c[i] = P[at[0] * n + i] * h[0];
+        c[i] = rows[0][i] * h[0];
         for (int u = 1; u < used; u++)
-            c[i] = c[i] + P[at[u] * n + i] * h[u];
+            c[i] = c[i] + rows[u][i] * h[u];
     }
     for (int u = 0; u < used; u++)
         s = s + h[u] * c[at[u]];
-    for (int i = 0; i < n; i++)
-        k[i] = c[i] / s;
-    for (int i = 0; i < n; i++)
-        for (int j = i; j < n; j++)
-            P[j * n + i] = P[i * n + j] = P[i * n + j] - c[i] * k[j];
+    s = r_set1(1.0) / s;
     for (int i = 0; i < n; i++) {
+        k[i] = c[i] * s;
         d[i] = R * k[i];
-        for (int u = 0; u < used; u++)
-            d[i] = d[i] - P[at[u] * n + i] * h[u];
     }
+    for (int u = 0; u < used; u++)
+        for (int i = 0; i < n; i++) {
+            const int above = i < at[u] ? i : at[u], below = i < at[u] ? at[u] : i;
+            d[i] = d[i] - (rows[u][i] - c[above] * k[below]) * h[u];
+        }
     for (int i = 0; i < n; i++)
         for (int j = i; j < n; j++)
-            P[j * n + i] = P[i * n + j] = P[i * n + j] + d[i] * k[j];
+            P[i * n + j] = (P[i * n + j] - c[i] * k[j]) + d[i] * k[j];
 }
 
 /* One kind of measurement, of one beacon or of none; there: how much there is of it. */

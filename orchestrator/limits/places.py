@@ -101,9 +101,11 @@ def covariances(
     picked = np.round(np.linspace(0, len(late) - 1, min(len(late), MOST_EPOCHS))).astype(int)
     kept = late[picked]
 
+    positions = np.stack([path(time) for time in end_s.tolist()])
+
     def part(first: int) -> tuple[Floats, Floats, Floats]:
         some = slice(first, first + _TOGETHER)
-        position = np.stack([path(time)[some] for time in end_s.tolist()])
+        position = positions[:, some]
         absolute, relative = recursion.covariances(
             model, epochs, position, acceleration_psd[some], kept
         )
