@@ -108,7 +108,8 @@ def _rows(name: str, bound: Bound, column: Any, p: Any) -> Iterator[str]:
         )
         yield _function(
             f"{name}_row_{number}(const real *p, const real *s, real *h)",
-            ca.vertcat(column, surroundings), [*measurement.row.values(), least(ca, measurement)], "h",
+            ca.vertcat(column, surroundings),
+            [*measurement.row.values(), least(ca, measurement)], "h",
             [*(f"p[{i}]" for i in range(column.numel())),
              *(f"s[{i}]" for i in range(surroundings.numel()))],
         )
