@@ -184,7 +184,7 @@ PLATFORM = Bound(
 
 
 def _one_beacon(p: Any) -> Any:
-    return SimpleNamespace(**vars(p), beacons=1)
+    return SimpleNamespace(**vars(p) | {"beacons": 1})
 
 
 def _of_field(p: Any, s: Any) -> list[Any]:

@@ -94,7 +94,7 @@ def covariances(
         Threads; the result does not depend on them. None: all cores.
     """
     model = model_of(scenario, 0.0, own_beacon(scenario))
-    epochs = _epochs(scenario, model, span_s[1])
+    epochs = epochs_of(scenario, model, span_s[1])
     end_s = np.cumsum(epochs.readings) * scenario.acoustics.sampling_time_s
     late = np.flatnonzero(end_s >= span_s[0])
     late = late if len(late) else np.array([len(end_s) - 1])
@@ -117,7 +117,7 @@ def covariances(
     return Covariances(absolute, relative, offset, model.own_errors)
 
 
-def _epochs(scenario: Scenario, model: Model, duration_s: float) -> Epochs:
+def epochs_of(scenario: Scenario, model: Model, duration_s: float) -> Epochs:
     """The slots of a run, of which some count together where there are many, at their ends."""
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled

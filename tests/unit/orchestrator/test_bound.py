@@ -225,14 +225,14 @@ def test_slots_by_hand(count: int) -> None:
                "acoustics.loss_probability": 0.25}  # fmt: skip
     given = load("paper-scenario-1", changes)
     model = parameters.model_of(given, 0.0)
-    turns = places._epochs(given, model, 10.0)
+    turns = places.epochs_of(given, model, 10.0)
     assert turns.step_s.tolist() == [2.0] * 4
     order = np.array(given.acoustics.slot_order) - 1
     np.testing.assert_array_equal(turns.heard, 0.75 * np.eye(count)[order[np.arange(4) % count]])
     assert turns.packets.tolist() == [0.75] * 4
     assert turns.readings.tolist() == [1.0] * 4
     at_once = load("paper-scenario-1", changes | {"acoustics.schedule": "simultaneous"})
-    together = places._epochs(at_once, model, 10.0)
+    together = places.epochs_of(at_once, model, 10.0)
     assert (together.heard == 0.75).all()
     assert together.heard.shape == (4, count)
     np.testing.assert_allclose(together.packets, 1 - 0.25**count)  # lost if all are
@@ -241,9 +241,9 @@ def test_slots_by_hand(count: int) -> None:
 def test_slots_that_count_together_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     given = load("paper-scenario-1", {"time.duration_s": 10.0, "time.sampling_time_s": 0.5})
     model = parameters.model_of(given, 0.0)
-    one_by_one = places._epochs(given, model, 10.0)
+    one_by_one = places.epochs_of(given, model, 10.0)
     monkeypatch.setattr(places, "MOST_STEPS", 7)
-    few = places._epochs(given, model, 10.0)
+    few = places.epochs_of(given, model, 10.0)
     assert few.readings.tolist() == [3.0] * 6 + [1.0]
     for name in ("step_s", "readings", "packets", "heard"):
         np.testing.assert_allclose(
