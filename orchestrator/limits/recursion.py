@@ -104,6 +104,11 @@ def _entry() -> Any:
     return entry
 
 
+def _whole(values: Floats, shape: tuple[int, ...]) -> Floats:
+    """An array as C reads it, with what is the same at all epochs repeated."""
+    return np.ascontiguousarray(np.broadcast_to(values, shape), np.float64)
+
+
 def covariances(
     model: Model,
     epochs: Epochs,
@@ -135,24 +140,23 @@ def covariances(
     ------
     BuildError
         The library must be built, and cannot.
+    SblcosimError
+        There are too many beacons, or the processor cannot do that many lanes.
     """
-    n, m, count = *position.shape[:2], epochs.heard.shape[1]
+    n, m, count, numbers = *position.shape[:2], epochs.heard.shape[1], model.values()
     shapes = {
         "acceleration_psd": (acceleration_psd, (m,)), "dt": (epochs.step_s, (n,)),
         "readings": (epochs.readings, (n,)), "packets": (epochs.packets, (n,)),
         "heard": (epochs.heard, (n, count)), "position": (position, (n, m, 3)),
         "platform": (epochs.platform, (n, 3)), "attitude": (epochs.attitude, (n, 3)),
-        "beacon": (epochs.beacons, (n, count, 3)),
+        "beacon": (epochs.beacons, (n, count, 3)), "parameters": (numbers, numbers.shape),
     }  # fmt: skip
-    arrays = {
-        name: np.ascontiguousarray(np.broadcast_to(values, shape), np.float64)
-        for name, (values, shape) in shapes.items()
-    }
-    arrays["parameters"] = model.values()
-    kept = np.arange(n) if keep is None else keep
-    wanted = np.ascontiguousarray(kept, np.int32)
+    arrays = {name: _whole(values, shape) for name, (values, shape) in shapes.items()}
+    wanted = np.ascontiguousarray(np.arange(n) if keep is None else keep, np.int32)
     absolute, relative = np.empty((2, len(wanted), m, 3, 3))
-    pointers = arrays | {"keep": wanted, "absolute": absolute, "relative": relative}
+    pointers: dict[str, NDArray[Any]] = {
+        **arrays, "keep": wanted, "absolute": absolute, "relative": relative
+    }
     task = _Task(
         [*BOUNDS].index(model.name), count, n, m, len(wanted),
         **{name: array.ctypes.data for name, array in pointers.items()},
