@@ -326,10 +326,11 @@ def test_two_beacons_alone_give_numbers() -> None:
 
 
 def test_numbers_that_overflow_are_no_verdict() -> None:
-    scenario = load("realistic-dive", {"platform.gps_horizontal_std_m": 1e200})
-    with np.errstate(all="ignore"):
-        found = limits.reference(a_record(20), scenario).verdict()
-    assert found is None or isfinite(found.absolute_rms)
+    many, too_many = ({"platform.gps_horizontal_std_m": std} for std in (1e100, 1e200))
+    found = limits.reference(a_record(20), load("realistic-dive", many)).verdict()
+    assert found is not None
+    assert isfinite(found.absolute_rms)
+    assert limits.reference(a_record(20), load("realistic-dive", too_many)).verdict() is None
 
 
 def test_without_any_epoch_there_is_no_verdict() -> None:
