@@ -40,15 +40,20 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tree
 
 
-def keys(tree: Path) -> dict[str, str]:
-    """The key of each FMU, ``ekf 2``, as a process sees it that runs from a copy."""
+def said(tree: Path, code: str) -> str:
+    """What code prints in a process that runs from a copy."""
     output = subprocess.run(
-        [sys.executable, "-B", "-c", KEYS, str(tree)],
+        [sys.executable, "-B", "-c", code, str(tree)],
         env={**os.environ, "PYTHONPATH": str(tree.parent)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert output.returncode == 0, output.stderr
-    result: dict[str, str] = json.loads(output.stdout)
+    return output.stdout
+
+
+def keys(tree: Path) -> dict[str, str]:
+    """The key of each FMU, ``ekf 2``."""
+    result: dict[str, str] = json.loads(said(tree, KEYS))
     return result
 
 
@@ -122,19 +127,8 @@ assert "casadi" not in sys.modules
 """
 
 
-def keys_of_bound(tree: Path) -> list[str]:
-    """The keys of the bound on two platforms, as a process sees them that runs from a copy."""
-    output = subprocess.run(
-        [sys.executable, "-B", "-c", BOUND, str(tree)],
-        env={**os.environ, "PYTHONPATH": str(tree.parent)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert output.returncode == 0, output.stderr
-    return output.stdout.split()
-
-
 def test_the_bound_is_known_by_its_equations_and_its_c(tree: Path) -> None:
-    unchanged = keys_of_bound(tree)
+    unchanged = said(tree, BOUND).split()
     assert len(set(unchanged)) == 2
     files = {
         "models/receiver/bound.py": True, "models/receiver/surroundings.py": True,
@@ -147,7 +141,7 @@ def test_the_bound_is_known_by_its_equations_and_its_c(tree: Path) -> None:
         content = (tree / file).read_text()
         try:
             (tree / file).write_text(content + ("# " if file.endswith(".py") else "// ") + "new\n")
-            assert (keys_of_bound(tree) != unchanged) == counts, file
+            assert (said(tree, BOUND).split() != unchanged) == counts, file
         finally:
             (tree / file).write_text(content)
 
