@@ -1,7 +1,8 @@
 """Maps of an area: wall and processor time of 3,600 cells of 20 runs of 60 s, part by part.
 
 ``realistic-dive`` with `coupled`, at T = 1 s and T = 0.1 s, without and with a requirement (a
-second round of runs), and the figures. Run by hand: ``python benchmarks/areas.py [--quick]``.
+second round of runs), and the figures; what is possible beside the same on NumPy, on one thread.
+Run by hand: ``python benchmarks/areas.py [--quick]``.
 """
 
 from __future__ import annotations
@@ -16,10 +17,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import sblcosim
+from competitors import numpy_bound
 from sblcosim.areas import motion
 from sblcosim.areas.grid import grid_of
 from sblcosim.areas.possible import possible
+from sblcosim.limits import places, recursion
+from sblcosim.limits.parameters import model_of
+from sblcosim.limits.path import circle_psd
 from sblcosim.limits.places import still_beacons
 
 
@@ -29,6 +35,22 @@ def timed(what: str, function: Callable[[], Any]) -> Any:
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
     print(f"  {what:40} {wall:6.1f} s, of processors {processor:6.1f} s", flush=True)
     return result
+
+
+def compared(moving: Any, circle: Any, grid: Any) -> None:
+    """The recursion of all cells in C and on NumPy, and by how much they differ."""
+    span_s = (20.0, 60.0)
+    model = model_of(moving, 0.0)
+    epochs = places.epochs_of(moving, model, span_s[1])
+    end_s = np.cumsum(epochs.step_s)
+    position = np.stack([circle.position(grid.centres, t) for t in end_s.tolist()])
+    q = circle_psd(circle.speed, circle.radius, places.noise_densities(moving, grid.centres), 60.0)
+    given = (model, epochs, position, q, np.array([len(end_s) // 2, len(end_s) - 1]))
+    ours = timed("the recursion in C, one thread", partial(recursion.covariances, *given))
+    theirs = timed("the same on NumPy", partial(numpy_bound.covariances, *given))
+    traces = (np.trace(P, axis1=2, axis2=3) for pair in (ours, theirs) for P in pair)
+    a, b, c, d = traces
+    print(f"  they differ by {max(abs(a / c - 1).max(), abs(b / d - 1).max()):.0e}")
 
 
 def main() -> None:
@@ -46,6 +68,7 @@ def main() -> None:
         timed("what is possible", partial(
             possible, moving, grid, circle, "absolute_total", (20.0, 60.0)
         ))
+        compared(moving, circle, grid)
         mapped = partial(sblcosim.map_area, given, "60x60", 5.0, cells=cells)
         timed("runs, what is possible, pooling", mapped)
         found = timed("the same with a requirement of 5 m", partial(mapped, limit_m=5.0))

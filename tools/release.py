@@ -2,7 +2,8 @@
 
     python tools/release.py --out dist
 
-There is one wheel per platform, because the drivers are for one; the FMUs in each are for all. Who
+There is one wheel per platform, because the drivers and the bound are for one; the FMUs in each are
+for all. Who
 installs such a wheel needs neither a compiler nor CasADi, unless they change a model.
 """
 
@@ -16,7 +17,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sblcosim.fmus.build import compiler, factory
+from sblcosim.fmus.build import bound, compiler, factory
 from sblcosim.fmus.files import write_sealed
 from sblcosim.fmus.platforms import PLATFORMS
 from sblcosim.models import COMPONENTS, file_name
@@ -61,6 +62,8 @@ def wheel(out: Path, cc: compiler.Compiler, ready: Mapping[str, Path]) -> None:
     for driver in (native.DRIVER, lanes_driver.DRIVER):
         file = c_libraries.library(driver, cc)
         made[f"{c_libraries.key(driver, cc.platform)}/{file.name}"] = file
+    file = bound.library(cc)
+    made[f"{bound.key(cc.platform)}/{file.name}"] = file
     with tempfile.TemporaryDirectory(prefix="sblcosim-release-") as name:
         source = Path(name)
         for entry in SOURCES:

@@ -9,8 +9,10 @@ from ..standard import Fmi
 
 SHELLS: Mapping[Fmi, str] = {2: "fmi2.c", 3: "fmi3.c"}
 """The functions of the standard, by its version."""
-LANES = ("lanes.h", "lanes.c", "dispatch.c")
+LANES = ("lanes.h", "lanes.c", "dispatch.c", "widest.h")
 """The entry for many simulations side by side."""
+BOUND = ("bound.c", "bound.h", "elementary.h", "real.h", "widest.h")
+"""The recursion of a bound."""
 HEADERS = (
     "elementary.h", "engine.h", "instance.h", "life_cycle.h", "noise.h", "philox.h", "real.h",
     "snapshots.h", "steps.h", "values.h",

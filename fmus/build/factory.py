@@ -9,7 +9,7 @@ import re
 import tempfile
 import uuid
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -262,23 +262,46 @@ def library(
         There is no compiler, or it fails.
     """
     platform = this_platform() if compiler is None else compiler.platform
+    of = library_key(name, sources, lanes, platform)
+    return kept_library(name, of, lambda: sources, lanes, compiler)
+
+
+def kept_library(
+    name: str,
+    of: str,
+    sources: Callable[[], Mapping[str, bytes]],
+    lanes: bool,
+    compiler: compilers.Compiler | None = None,
+    generated: bool = False,
+) -> Path:
+    """The same of sources that are known by a key, and made only where it must be compiled.
+
+    Parameters
+    ----------
+    of
+        Key of all that the sources are made from, for the platform.
+    generated
+        Whether the sources are made with CasADi, whose version counts then.
+    """
+    platform = this_platform() if compiler is None else compiler.platform
     file = f"{name}{suffix(platform)}"
-    sources_key = library_key(name, sources, lanes, platform)
-    ready = _ready(sources_key, file) if compiler is None else None
+    ready = _ready(of, file) if compiler is None else None
     if ready is not None:
         return ready
+    tools = _versions() if generated else []  # without CasADi no compiler helps
     compiler = compiler or compilers.find()
-    folder = _digest([sources_key, compiler.command, compiler.identity, SEAL]).hexdigest()[:32]
-    path = cache() / folder / file
+    facts = [of, compiler.command, compiler.identity, SEAL, *tools]
+    path = cache() / _digest(facts).hexdigest()[:32] / file
     if not _usable(path):
         _make_folder(path)
-        binary = compile_shared(sources, _library_units(name, lanes, platform), compiler)
+        binary = compile_shared(sources(), library_units(name, lanes, platform), compiler)
         with _caching():
             write_sealed(path, binary)
     return path
 
 
-def _library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
+def library_units(name: str, lanes: bool, platform: str) -> tuple[Unit, ...]:
+    """What a library is compiled from."""
     return lane_units(f"{name}.c", platform) if lanes else (Unit(f"{name}.c"),)
 
 
@@ -343,7 +366,7 @@ def _lane_objects(name: str, compiler: compilers.Compiler, **constants: int) -> 
     sources = {**engine_sources(load(name, **constants)), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
     facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
-    folder = cache() / _of_sources(facts, units, sources)
+    folder = cache() / key_of_sources(facts, units, sources)
     paths = [folder / f"{number}.o" for number in range(len(units))]
     if not all(map(_usable, paths)):
         _make_folder(paths[0])
@@ -389,10 +412,10 @@ def key(name: str, fmi: Fmi, **constants: int) -> str:
 
 def library_key(name: str, sources: Mapping[str, bytes], lanes: bool, platform: str) -> str:
     """A name for the sources of a `library` and the flags, without the compiler."""
-    return _of_sources([platform], _library_units(name, lanes, platform), sources)
+    return key_of_sources([platform], library_units(name, lanes, platform), sources)
 
 
-def _of_sources(
+def key_of_sources(
     facts: Sequence[object], units: Sequence[Unit], sources: Mapping[str, bytes]
 ) -> str:
     """A name for what units of sources are compiled to."""
@@ -412,6 +435,7 @@ def _fingerprint(
 
 @remember
 def _versions() -> list[str]:
+    """Of what makes C from equations; a `BuildError` where it is not there."""
     try:
         return [metadata.version(package) for package in ("sblcosim", "casadi", "fmpy")]
     except metadata.PackageNotFoundError as error:

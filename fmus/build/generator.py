@@ -88,6 +88,23 @@ def state_indices(model: Model) -> list[int]:
     return [indices[state] for state in range(n_states)]
 
 
+def _constants(output: ca.Function) -> dict[int, float]:
+    """Outputs that are always the same number: they are written at the start, and never again."""
+    registers: dict[int, float] = {}
+    constant = {}
+    for i in range(output.n_instructions()):
+        operation, outputs = output.instruction_id(i), output.instruction_output(i)
+        if operation == ca.OP_OUTPUT:
+            source = output.instruction_input(i)[0]
+            if source in registers:
+                constant[outputs[1]] = registers[source]
+            continue
+        registers.pop(outputs[0], None)
+        if operation == ca.OP_CONST:
+            registers[outputs[0]] = float(output.instruction_constant(i))
+    return constant
+
+
 def _shown(output: ca.Function) -> set[tuple[int, int]]:
     """Outputs that are states, and which."""
     registers: dict[int, int] = {}
@@ -147,9 +164,13 @@ def _equations(model: Model) -> Iterator[str]:
     """What an engine does at the start, at a tick and for the outputs."""
     x = _x(model)
     y = [f"x[{i}]" for i in range(sum(v.size for v in model.component.of("output")))]
+    initial = _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"]))
+    for value, functions in model.variants.items():
+        constant = _constants(functions.output)
+        initial[value] += [f"{y[i]} = r_set1({number.hex()});" for i, number in constant.items()]
     yield _variants(
         "model_initial(int variant, const real *p, const real *w, real t, real *x)",
-        _printed(model, lambda f: f.initial, ["p", "w", ["t"]], x, "", ("initial", ["p"])),
+        initial,
         ["p", "w", "t", "x"],
     )
     yield _variants(
@@ -160,7 +181,12 @@ def _equations(model: Model) -> Iterator[str]:
     )
     yield _variants(
         "model_output(int variant, real *x, const real *u, const real *p, real t)",
-        _printed(model, lambda f: f.output, [x, "u", "p", ["t"]], y),
+        {
+            value: statements(
+                functions.output, [x, "u", "p", ["t"]], y, without=_constants(functions.output)
+            )
+            for value, functions in model.variants.items()
+        },
         ["x", "u", "p", "t"],
     )
 
@@ -189,7 +215,7 @@ def _loops(model: Model) -> Iterator[str]:
             f"static const int model_inner[] = {{{inner}}};\n"
         )
     numbers = range(len(loops))
-    yield _procedure(
+    yield procedure(
         f"model_guard(int loop, int variant, {_XUP}, real t, real *c)",
         [
             "switch (loop) {",
@@ -199,7 +225,7 @@ def _loops(model: Model) -> Iterator[str]:
         ],
         ["variant", "x", "u", "p", "t"],
     )
-    yield _procedure(
+    yield procedure(
         "model_body(int loop, int variant, mask going, real *x, const real *u, const real *p, "
         "const real *w, real t)",
         [
@@ -265,14 +291,15 @@ def _variants(signature: str, cases: Mapping[int, Sequence[str]], unused: Sequen
     """A procedure with the statements of each variant; a single one needs no selection."""
     cases = {v: [*(f"(void){name};" for name in unused), *lines] for v, lines in cases.items()}
     if len(cases) == 1:
-        return _procedure(signature, next(iter(cases.values())), ["variant"])
+        return procedure(signature, next(iter(cases.values())), ["variant"])
     lines = ["switch (variant) {"]
     for value, case in cases.items():
         lines += [f"case {value}: {{", *(f"    {line}" for line in case), "    break;", "}"]
-    return _procedure(signature, [*lines, "default: break;", "}"])
+    return procedure(signature, [*lines, "default: break;", "}"])
 
 
-def _procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
+def procedure(signature: str, lines: Sequence[str], unused: Sequence[str] = ()) -> str:
+    """A C function without a result, some of whose arguments may not be used."""
     body = [*(f"(void){name};" for name in unused), *lines]
     indented = [f"    {line}" for line in body]
     return "\n".join([f"static inline void {signature}", "{", *indented, "}", ""])

@@ -22,8 +22,9 @@ from .c_files import LANES, SHELLS, c_files, engine_headers
 
 _MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
 _BUILD = f"{_FMUS}.build"
-_NO_INGREDIENTS = (f"{_FMUS}.files",)
-"""Modules that decide nothing about an FMU: this one only writes what is complete."""
+_NO_INGREDIENTS = (f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source")
+"""Modules that decide nothing about an FMU: files only writes what is complete, and bounds are in
+no FMU."""
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""
 
@@ -61,7 +62,20 @@ def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
     return digest.hexdigest()
 
 
-def _closure(roots: tuple[str, ...]) -> list[str]:
+@cache
+def of_module(name: str, files: tuple[str, ...]) -> str:
+    """Hash of a module of ours with all that it imports, and of C files."""
+    digest = hashlib.sha256()
+    for part in _closure((name,), ()):
+        digest.update(part.encode() + b"\0")
+    for label, content in sorted(c_files(files).items()):
+        digest.update(label.encode() + b"\0" + content + b"\0")
+    return digest.hexdigest()
+
+
+def _closure(
+    roots: tuple[str, ...], without: tuple[str, ...] = _NO_INGREDIENTS
+) -> list[str]:
     """The modules and all that they import of ours, each as a text that changes with it."""
     parts: dict[str, str] = {}
     waiting = [Import(root) for root in roots]
@@ -69,7 +83,7 @@ def _closure(roots: tuple[str, ...]) -> list[str]:
         wanted = waiting.pop()
         value = _declared(wanted)
         label = f"{wanted.module}.{wanted.name}" if value else wanted.module
-        if label in parts or wanted.module in _NO_INGREDIENTS:
+        if label in parts or wanted.module in without:
             continue
         parts[label] = value or _source(wanted.module)
         if not value:

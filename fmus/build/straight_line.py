@@ -7,7 +7,7 @@ simulation, in a study: the same text, and the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import casadi as ca
 
@@ -75,7 +75,8 @@ def _element(array: Array, i: int) -> str:
 
 
 def statements(
-    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = ""
+    function: ca.Function, arguments: Sequence[Array], result: Array, where: str = "",
+    without: Collection[int] = (),
 ) -> list[str]:
     """The C statements of a function.
 
@@ -87,6 +88,8 @@ def statements(
         What takes the result. An element that the result only repeats is not written.
     where
         A mask in C: the result is written in these lanes only. Empty: in all.
+    without
+        Elements of the result that are not written.
 
     Raises
     ------
@@ -100,7 +103,8 @@ def statements(
         operation = function.instruction_id(i)
         inputs, outputs = function.instruction_input(i), function.instruction_output(i)
         if operation == ca.OP_OUTPUT:
-            stores[_element(result, outputs[1])] = values.real(registers[inputs[0]])
+            if outputs[1] not in without:
+                stores[_element(result, outputs[1])] = values.real(registers[inputs[0]])
         elif operation == ca.OP_INPUT:
             text = _element(arguments[inputs[0]], inputs[1])
             registers[outputs[0]] = values.add("a", text)

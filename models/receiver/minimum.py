@@ -128,35 +128,46 @@ def is_near(move: Any, at: Point) -> Any:
     return ca.sumsqr(move) < _NEAR**2 * ca.mmin(at.lengths) ** 2
 
 
-def step(t: Tangent, information: Any, slope: Any, damping: Any, near: Any, fresh: Any) -> Step:
-    """The next step, Newton's where it is safe, else a damped one of Gauss and Newton.
+def is_safe(t: Tangent) -> Any:
+    """Whether Newton's matrix is safely positive definite where the tangent is."""
+    return _definite(t.information + t.curvature, t.information)
 
-    The latter is accelerated: along a step v a range grows by ``v' (I - g g') v / 2 h`` more than
-    its gradient says, and the same matrix gives the step that makes up for that.
+
+def newton(t: Tangent, damping: Any) -> Step:
+    """Newton's step from the tangent's point, where `is_near` and `is_safe` allow it."""
+    cofactors, determinant = _solved(t.information + t.curvature, t.information, damping)
+    move = reciprocal(determinant) * (cofactors @ t.slope)
+    return Step(move, ca.sumsqr(move) < _LAST_OF_NEWTON**2)
+
+
+def step(t: Tangent, damping: Any, fresh: Any) -> Step:
+    """The next step where it is not Newton's: a damped one of Gauss and Newton.
+
+    It is accelerated: along a step v a range grows by ``v' (I - g g') v / 2 h`` more than its
+    gradient says, and the same matrix gives the step that makes up for that.
 
     Parameters
     ----------
-    information, slope
-        Of the point to go from; those of `t` where that is the point.
-    near
-        Whether Newton's step may be taken, if its matrix is safely positive definite.
+    t
+        Information and slope of the point to go from.
     fresh
-        Whether `t` is of the point to go from; else there is no second derivative to use.
+        Whether the gradients and bends of `t` are of that point, too; else there is no second
+        derivative to use.
     """
-    exact = information + t.curvature
-    newton = near * fresh * _definite(exact, information)
-    matrix = ca.if_else(newton, exact, information)
-    cofactors, determinant = adjugate(matrix + damping * ca.diag(ca.diag(information)))
+    cofactors, determinant = _solved(t.information, t.information, damping)
     scale = reciprocal(determinant)
-    move = scale * (cofactors @ slope)
+    move = scale * (cofactors @ t.slope)
     along = t.gradients @ move
     growth = t.bends * (ca.sumsqr(move) - along**2)
     acceleration = -0.5 * scale * (cofactors @ (t.gradients.T @ growth))
-    accelerated = (
-        fresh * (newton == 0) * (ca.sumsqr(2 * acceleration) <= _BEND**2 * ca.sumsqr(move))
-    )
+    accelerated = fresh * (ca.sumsqr(2 * acceleration) <= _BEND**2 * ca.sumsqr(move))
     move += ca.if_else(accelerated, acceleration, 0)
-    return Step(move, ca.sumsqr(move) < ca.if_else(newton, _LAST_OF_NEWTON**2, _LAST**2))
+    return Step(move, ca.sumsqr(move) < _LAST**2)
+
+
+def _solved(matrix: Any, information: Any, damping: Any) -> tuple[Any, Any]:
+    """Adjugate and determinant of a matrix that is damped by the information's diagonal."""
+    return adjugate(matrix + damping * ca.diag(ca.diag(information)))
 
 
 def _definite(matrix: Any, information: Any) -> Any:

@@ -1,11 +1,13 @@
 """The raw fix: least squares on the latest ranges and depth, the paper's j = 1 of Table 2.
 
-Between passes, ``position`` is the best so far, with its ``information``, ``slope`` and cost
-(``nis``); ``step`` is what the next pass tries.
+Between passes, ``position`` is the best so far, with its ``information`` and cost (``nis``);
+``step`` is what the next pass tries. Nearly all passes are Newton's. Those that must not be
+(``other``) have a loop of their own: they alone need what is along their step, or where it began.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -22,10 +24,10 @@ def _initial(p: Symbols, w: Symbols, t: Any) -> Values:
         **estimate.initial(t),
         "position": ca.SX.zeros(3),
         "information": ca.SX.zeros(6),
-        "slope": ca.SX.zeros(3),
         "step": ca.SX.zeros(3),
         "passes": 0,
         "damping": 0,
+        "other": 0,
     }
 
 
@@ -37,45 +39,77 @@ def _tick(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, k: Any) -> Val
     last = minimum.point(x.position, s, weight)
     best = minimum.choose((x.update_count > 0) * (last.cost < first.cost), last, first)
     tangent = minimum.tangent(best, s, weight)
-    step = minimum.step(
-        tangent, tangent.information, tangent.slope, least_squares.FIRST_DAMPING, near=0, fresh=1
-    )
+    step = minimum.step(tangent, least_squares.FIRST_DAMPING, fresh=1)
     return {
         "seen": s.mark,
         "epoch": ca.if_else(update, s.newest, x.epoch),
         "update_count": x.update_count + update,
+        "nis_degrees": ca.if_else(update, least_squares.degrees(s), x.nis_degrees),
         "position": ca.if_else(update, best.position, x.position),
         "information": ca.if_else(update, pack(tangent.information), x.information),
-        "slope": tangent.slope,
         "step": step.move,
         "nis": ca.if_else(update, best.cost, x.nis),
-        "nis_degrees": ca.if_else(update, least_squares.degrees(s), x.nis_degrees),
         "passes": least_squares.PASSES * update,
         "damping": least_squares.FIRST_DAMPING,
+        "other": 0,
     }
 
 
 def _improve(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """A pass of Newton; where it must not be one, a pass of another kind is asked for."""
+    tried, there = _at(p, x, u, x.position + x.step)
+    better = tried.cost <= x.nis
+    newton = better * minimum.is_near(x.step, tried) * minimum.is_safe(there)
+    damping = x.damping * _LESS
+    after = _after(x, tried, there, minimum.newton(there, damping), damping)
+    return {
+        **{name: ca.if_else(newton, value, getattr(x, name)) for name, value in after.items()},
+        "other": newton == 0,
+    }
+
+
+def _improve_otherwise(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any) -> Values:
+    """A pass that is none of Newton."""
+    tried, there = _at(p, x, u, x.position + x.step)
+    _, here = _at(p, x, u, x.position)
+    better = tried.cost <= x.nis
+    damping = x.damping * ca.if_else(better, _LESS, _MORE)
+    best = replace(
+        there,
+        information=ca.if_else(better, there.information, unpack(x.information, 3)),
+        slope=ca.if_else(better, there.slope, here.slope),
+    )
+    at = minimum.Point(
+        ca.if_else(better, tried.position, x.position), tried.lengths,
+        ca.if_else(better, tried.cost, x.nis),
+    )
+    return {**_after(x, at, best, minimum.step(best, damping, better), damping), "other": 0}
+
+
+_LESS, _MORE = 0.01, 100
+"""What the damping is multiplied by after a pass that was better, and after one that was not."""
+
+
+def _at(
+    p: Symbols, x: Symbols, u: Symbols, position: Any
+) -> tuple[minimum.Point, minimum.Tangent]:
+    """How the measurements fit a position."""
     s = samples(p, x, u)
     weight = least_squares.weights(s, noise(p))
-    tried = minimum.point(x.position + x.step, s, weight)
-    better = tried.cost <= x.nis
-    tangent = minimum.tangent(tried, s, weight)
-    information = ca.if_else(better, tangent.information, unpack(x.information, 3))
-    slope = ca.if_else(better, tangent.slope, x.slope)
-    damping = x.damping * ca.if_else(better, 0.01, 100)
-    step = minimum.step(
-        tangent, information, slope, damping, near=minimum.is_near(x.step, tried), fresh=better
-    )
-    position = ca.if_else(better, tried.position, x.position)
-    cost = ca.if_else(better, tried.cost, x.nis)
+    point = minimum.point(position, s, weight)
+    return point, minimum.tangent(point, s, weight)
+
+
+def _after(
+    x: Symbols, at: minimum.Point, tangent: minimum.Tangent, step: minimum.Step, damping: Any
+) -> Values:
+    """The states after a pass; the cost after the last step is what it was less slope' step."""
+    gain = ca.if_else(step.last, ca.dot(tangent.slope, step.move), 0)
     return {
-        "position": position + ca.if_else(step.last, step.move, 0),
-        "information": pack(information),
-        "slope": slope,
+        "position": at.position + ca.if_else(step.last, step.move, 0),
+        "information": pack(tangent.information),
         "step": step.move,
-        # After the last step, the cost is what it was less slope' step.
-        "nis": ca.fmax(cost - ca.if_else(step.last, ca.dot(slope, step.move), 0), 0),
+        "nis": ca.fmax(at.cost - gain, 0),
         "passes": ca.if_else(step.last, 0, x.passes - 1),
         "damping": damping,
     }
@@ -92,5 +126,8 @@ EQUATIONS = Equations(
     initial=_initial,
     tick=_tick,
     output=_output,
-    iterate=(Loop("improve", lambda p, x, u, t: x.passes, _improve),),
+    iterate=(
+        Loop("improve", lambda p, x, u, t: x.passes, _improve,
+             (Loop("improve_otherwise", lambda p, x, u, t: x.other, _improve_otherwise),)),
+    ),
 )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver import surroundings
+from sblcosim.models.receiver.bound import ANYWHERE, FAR_STD
 from sblcosim.models.receiver.surroundings import (
     HEADING,
     PLATFORM,
@@ -23,7 +24,6 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
 
-from ..limits.recursion import ANYWHERE, FAR_STD, transition
 from ..scenario.scenario import Scenario
 from ..scenario.schema import in_si
 from ..simulation.record import Integers
@@ -159,6 +159,17 @@ def prior(p: Any, begin: Floats) -> tuple[Floats, Floats]:
     mean[list(PLATFORM)], std[list(PLATFORM)] = begin[list(PLATFORM)], FAR_STD
     mean[HEADING], std[HEADING] = begin[HEADING], ANYWHERE
     return mean, std
+
+
+def transition(p: Any, dt: float) -> tuple[Floats, Floats]:
+    """Φ and Q over dt [s]; (19, 19) each."""
+    phi, noise = surroundings.transition(np, p, dt)
+    Phi, Q = np.eye(STATES), np.zeros((STATES, STATES))
+    for (i, j), value in phi.items():
+        Phi[i, j] = value
+    for (i, j), value in noise.items():
+        Q[i, j] = Q[j, i] = value
+    return Phi, Q
 
 
 def transitions(p: Any, start_ns: int, epochs_ns: Integers) -> tuple[Floats, Floats, Indices]:

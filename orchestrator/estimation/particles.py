@@ -48,7 +48,6 @@ from sblcosim.models.receiver.surroundings import (
 )
 
 from ..errors import ConfigurationError, shortened
-from ..limits.recursion import transition
 from ..results.result import Result
 from ..scenario.overrides import Changes
 from . import late, model, outcome
@@ -221,7 +220,7 @@ def begun(p: Any, n: int) -> Cloud:
 
 def predicted(p: Any, cloud: Cloud, dt: float) -> Cloud:
     """The particles a time dt [s] later."""
-    phi, Q = transition(p, dt)
+    phi, Q = model.transition(p, dt)
     # What is reported is the heading and its error together.
     Q[HEADING, HEADING] += Q[HEADING_ERROR, HEADING_ERROR]
 

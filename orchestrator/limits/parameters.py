@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import Component
-from sblcosim.models.receiver.variables import COUPLED
+from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 
+from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..scenario.schema import in_si
 from .fisher import fisher_factor
+from .recursion import Model
 from .steady import Conditions
 
 Floats = NDArray[np.float64]
@@ -55,6 +57,31 @@ def parameters(
     elif acceleration_psd is not None:
         values["acceleration_psd"] = acceleration_psd
     return SimpleNamespace(**values, beacons=scenario.beacons)
+
+
+def model_of(
+    scenario: Scenario, acceleration_psd: float | None = None, own_beacon: bool = False
+) -> Model:
+    """The model of a scenario for the recursion: that of beacons with own errors, if they have any.
+
+    Parameters
+    ----------
+    acceleration_psd
+        As of `parameters`.
+    own_beacon
+        Packets tell where their own beacon is, and nothing else of the platform.
+    """
+    own_errors = has_own_errors(scenario.platform)
+    a = scenario.acoustics
+    return Model(
+        "field" if own_errors else "platform",
+        parameters(scenario, acceleration_psd, LONG_BASELINE if own_errors else COUPLED),
+        {
+            "speed": a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1,
+            "own_beacon": own_beacon and not own_errors,
+            "known_start": scenario.receiver.initialisation == "prior" or scenario.true_prior,
+        },
+    )
 
 
 def beacons_of(p: Any) -> Floats:

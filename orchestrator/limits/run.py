@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 
 from ..results.definitions import held_at, recorded, state_at
-from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record, epochs_ns
-from . import field
-from .parameters import STOCHASTIC, beacons_of, conditions, own_beacon, parameters
+from .parameters import STOCHASTIC, beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
-from .recursion import Truth, covariances, marginals, prior, rows_of, transition
+from .recursion import Epochs, Model, covariances
 from .unknown import left_out
 from .verdict import Limits, limits_of
 
@@ -32,7 +28,7 @@ _PORTS = (
     "platform.attitude", "acoustics.range_epoch", "acoustics.reception_count",
 )  # fmt: skip
 MOST_EPOCHS = 20_000
-"""Of a run that `of_run` looks at: about 2 s."""
+"""Of a run that `of_run` looks at."""
 
 
 @interruptible
@@ -74,28 +70,17 @@ def reference(
     is_bound = scenario.target.trajectory == STOCHASTIC and acceleration_psd is None
     if acceleration_psd is None and not is_bound:
         acceleration_psd = psd_of(record, scenario)
-    own_errors = has_own_errors(scenario.platform)
-    p = parameters(scenario, acceleration_psd, LONG_BASELINE if own_errors else COUPLED)
-    if acceleration_psd is not None:
-        p.acceleration_psd = acceleration_psd
-    a = scenario.acoustics
-    truth = _truth(record, epoch, a.assumed_sound_speed_m_s / a.sound_speed_m_s - 1)
-    known = scenario.receiver.initialisation == "prior" or scenario.true_prior
-    begin = int(record.time_ns[0])
-    if own_errors:
-        places = held_at(record.time_ns, recorded(record, "platform.beacon_position"), epoch)
-        rows = field.rows_of(p, truth, heard, depth, places)
-        P = covariances(partial(field.transition, p), field.prior(p, known), epoch, begin, rows)
-        absolute = relative = field.marginals(P)
-    else:
-        rows = rows_of(p, truth, heard, depth, beacons_of(p), own_beacon)
-        P = covariances(partial(transition, p), prior(p, known), epoch, begin, rows)
-        absolute, relative = marginals(P, p)
-    found = limits_of(
-        epoch, absolute, relative, truth.position - truth.platform, p.acceleration_psd, is_bound
+    model = model_of(scenario, acceleration_psd, own_beacon)
+    q = model.parameters.acceleration_psd if acceleration_psd is None else acceleration_psd
+    position, epochs = _along(record, model, epoch, heard, depth)
+    absolute, relative = (
+        P[:, 0] for P in covariances(model, epochs, position[:, None], np.array([q], float))
     )
+    found = limits_of(epoch, absolute, relative, position - epochs.platform, q, is_bound)
     # Between beacons that are far apart a place is no bearing, and no ring.
-    return replace(found, ring=found.ring & (not own_errors), without=left_out(scenario))
+    return replace(
+        found, ring=found.ring & (not model.own_errors), without=left_out(scenario)
+    )
 
 
 def of_run(
@@ -163,14 +148,25 @@ def _events(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, F
     return epoch, heard, depth
 
 
-def _truth(record: Record, epoch: Integers, speed: float) -> Truth:
+def _along(
+    record: Record, model: Model, epoch: Integers, heard: Floats, depth: Floats
+) -> tuple[Floats, Epochs]:
+    """True positions of the diver at epochs, (n, 3), and what there is at them."""
     own, time = record.own("target"), record.time_ns
     position, _ = state_at(
         time[own], recorded(record, "target.position")[own],
         recorded(record, "target.velocity")[own], epoch,
     )
-    platform, attitude = (
-        held_at(time, recorded(record, f"platform.{name}"), epoch)
-        for name in ("position", "attitude")
+
+    def held(name: str) -> Floats:
+        return held_at(time, recorded(record, f"platform.{name}"), epoch)
+
+    return position, Epochs(
+        step_s=np.diff(epoch, prepend=time[0]) * 1e-9,
+        readings=depth,
+        heard=heard,
+        packets=heard.max(axis=1, initial=0),
+        platform=held("position"),
+        attitude=held("attitude"),
+        beacons=held("beacon_position") if model.own_errors else beacons_of(model.parameters),
     )
-    return Truth(position, platform, attitude, speed)

@@ -121,7 +121,7 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
         with zipfile.ZipFile(path) as archive:
             ready = [Path(n) for n in archive.namelist() if n.startswith("sblcosim/fmus/ready/")]
             drivers = {p.name for p in ready if p.suffix not in (".fmu", ".sha256")}
-            assert drivers == {n + suffixes[tag[:3]] for n in ("native", "lanes_master")}
+            assert drivers == {n + suffixes[tag[:3]] for n in ("native", "lanes_master", "bound")}
             fmus = [p for p in ready if p.suffix == ".fmu"]
             assert sorted(p.stem for p in fmus) == sorted([*COMPONENTS, *COMPONENTS])
             for fmu in fmus:

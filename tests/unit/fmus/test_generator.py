@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from math import prod
 
 import casadi as ca
 import pytest
-from sblcosim.fmus.build.generator import state_indices
+from sblcosim.fmus.build.generator import model_source, state_indices
 from sblcosim.fmus.build.straight_line import statements
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.loading import load
 
 
@@ -49,3 +50,24 @@ def test_a_state_that_is_an_output_is_kept_once() -> None:
     known = {v.name for v in model.component.of("output")}
     others = [shape for name, shape in model.states.items() if name not in known]
     assert sorted(state_indices(model)) == [*range(outputs + sum(map(prod, others)))]
+
+
+@pytest.mark.parametrize("name", [*RECEIVERS, "acoustics"])
+def test_outputs_that_never_change_are_written_at_the_start_alone(name: str) -> None:
+    """Of the raw fix, which has no velocity, more than half of the covariance."""
+    model = load(name)
+    written = {
+        part: set(re.findall(r"x\[(\d+)\] = ", _body(model_source(model), f"model_{part}(")))
+        for part in ("initial", "output")
+    }
+    (functions,) = model.variants.values()
+    arguments = [ca.SX.sym("a", *functions.output.size_in(i)) for i in range(4)]
+    values = functions.output(*arguments)
+    constant = {str(i) for i in range(values.numel()) if values[i].is_constant()}
+    assert constant <= written["initial"]
+    assert not constant & written["output"]
+    assert len(constant) == {"multilateration": 30}.get(name, len(constant))
+
+
+def _body(source: str, name: str) -> str:
+    return source[source.index(name) :].partition("\n}\n")[0]

@@ -40,15 +40,20 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tree
 
 
-def keys(tree: Path) -> dict[str, str]:
-    """The key of each FMU, ``ekf 2``, as a process sees it that runs from a copy."""
+def said(tree: Path, code: str) -> str:
+    """What code prints in a process that runs from a copy."""
     output = subprocess.run(
-        [sys.executable, "-B", "-c", KEYS, str(tree)],
+        [sys.executable, "-B", "-c", code, str(tree)],
         env={**os.environ, "PYTHONPATH": str(tree.parent)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert output.returncode == 0, output.stderr
-    result: dict[str, str] = json.loads(output.stdout)
+    return output.stdout
+
+
+def keys(tree: Path) -> dict[str, str]:
+    """The key of each FMU, ``ekf 2``."""
+    result: dict[str, str] = json.loads(said(tree, KEYS))
     return result
 
 
@@ -73,6 +78,9 @@ FILTERS = {"ekf", "sequential"}
         ("models/__init__.py", set()),
         ("models/platform/beaufort.py", set()),
         ("fmus/files.py", set()),
+        ("models/receiver/bound.py", set()),
+        ("fmus/build/bound_source.py", set()),
+        ("fmus/c/bound.c", set()),
         ("fmus/host/instances.py", set()),
         ("fmus/conformance/kit.py", set()),
         ("scenario/wiring.py", set()),
@@ -108,6 +116,34 @@ def test_a_shell_goes_into_the_fmus_of_its_version(tree: Path, before: dict[str,
     finally:
         file.write_text(content)
     assert {name for name in after if after[name] != before[name]} == {f"{n} 3" for n in ALL}
+
+
+BOUND = """
+import sys, sblcosim
+from sblcosim.fmus.build.bound import key
+assert sblcosim.__file__.startswith(sys.argv[1]), sblcosim.__file__
+print(key("x86_64-linux"), key("aarch64-darwin"))
+assert "casadi" not in sys.modules
+"""
+
+
+def test_the_bound_is_known_by_its_equations_and_its_c(tree: Path) -> None:
+    unchanged = said(tree, BOUND).split()
+    assert len(set(unchanged)) == 2
+    files = {
+        "models/receiver/bound.py": True, "models/receiver/surroundings.py": True,
+        "models/receiver/field.py": True, "fmus/build/bound_source.py": True,
+        "fmus/build/straight_line.py": True, "fmus/c/bound.c": True, "fmus/c/bound.h": True,
+        "fmus/c/real.h": True, "fmus/c/elementary.h": True, "fmus/c/widest.h": True,
+        "models/receiver/ekf.py": False, "fmus/c/engine.h": False, "limits/recursion.py": False,
+    }  # fmt: skip
+    for file, counts in files.items():
+        content = (tree / file).read_text()
+        try:
+            (tree / file).write_text(content + ("# " if file.endswith(".py") else "// ") + "new\n")
+            assert (said(tree, BOUND).split() != unchanged) == counts, file
+        finally:
+            (tree / file).write_text(content)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from sblcosim.models.receiver.least_squares import (
     closed_form,
     improve,
 )
-from sblcosim.models.receiver.minimum import point, step, tangent
+from sblcosim.models.receiver.minimum import is_safe, newton, point, step, tangent
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
@@ -216,7 +216,7 @@ def test_an_accelerated_step_gains_an_order(fresh: int, order: int) -> None:
     s, data = symbols()
     x = ca.SX.sym("x", 3)
     t = tangent(point(x, s, ca.SX(WEIGHT)), s, ca.SX(WEIGHT))
-    found = step(t, t.information, t.slope, 0, near=0, fresh=fresh)
+    found = step(t, 0, fresh=fresh)
     after = ca.Function("after", [x, data], [x + found.move])
     truth = np.array([12.0, -7.0, 5.0])
     z = np.append(np.linalg.norm(truth - CROSS, axis=1), truth[2])
@@ -225,6 +225,25 @@ def test_an_accelerated_step_gains_an_order(fresh: int, order: int) -> None:
         for far in (np.array([0.5, 0.25, -0.1]), np.array([0.25, 0.125, -0.05]))
     ]
     assert remaining[0] / remaining[1] == pytest.approx(2**order, rel=0.15)
+
+
+def test_a_step_of_newton_squares_what_remains_whatever_the_ranges_are_off_by() -> None:
+    s, data = symbols()
+    x = ca.SX.sym("x", 3)
+    t = tangent(point(x, s, ca.SX(WEIGHT)), s, ca.SX(WEIGHT))
+    after = ca.Function("after", [x, data], [x + newton(t, 0).move, is_safe(t)])
+    truth = np.array([12.0, -7.0, 5.0])
+    z = np.append(np.linalg.norm(truth - CROSS, axis=1), truth[2])
+    given = np.append(z + np.array([0.3, -0.2, 0.1, 0.25, 0.1]), CROSS.T)
+    least = truth
+    for _ in range(20):
+        least, safe = (np.array(it).ravel() for it in after(least, given))
+    assert safe
+    remaining = [
+        np.linalg.norm(np.array(after(least + far, given)[0]).ravel() - least)
+        for far in (np.array([0.1, 0.05, -0.02]), np.array([0.05, 0.025, -0.01]))
+    ]
+    assert remaining[0] / remaining[1] == pytest.approx(4, rel=0.15)
 
 
 def test_there_is_nothing_before_the_first_fix_and_nothing_changes_without_something_new() -> None:

@@ -24,8 +24,8 @@ from sblcosim.areas.possible import possible
 from sblcosim.cli import areas as command
 from sblcosim.cli.area_documents import MapSettings
 from sblcosim.errors import ConfigurationError
-from sblcosim.limits import lengths, places, recursion
-from sblcosim.limits.parameters import beacons_of, own_beacon, parameters
+from sblcosim.limits import lengths, places
+from sblcosim.limits.parameters import own_beacon
 from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.results.responses import Percentile, Run, value_of
@@ -415,20 +415,6 @@ def test_many_short_slots_count_together(monkeypatch: pytest.MonkeyPatch) -> Non
     for mine, theirs in ((coarse.absolute, fine.absolute), (coarse.relative, fine.relative)):
         one, other = (np.trace(P, axis1=2, axis2=3).mean(0) for P in (mine, theirs))
         np.testing.assert_allclose(one, other, rtol=0.03)
-
-
-def test_rows_of_one_packet_are_those_of_a_run() -> None:
-    """Poses that are given count as the packets that bring them do."""
-    given = sblcosim.load("realistic-dive")
-    p = parameters(given, 0.01)
-    truth = recursion.Truth(np.array([[9.0, 2, 5]]), np.zeros((1, 3)), np.zeros((1, 3)))
-    heard = np.array([[0.0, 0.75, 0, 0]])
-    rows = [
-        recursion.rows_of(p, truth, heard, np.ones(1), beacons_of(p), False, poses)
-        for poses in (None, np.array([0.75]), np.array([0.5]))
-    ]
-    np.testing.assert_array_equal(rows[0].there, rows[1].there)
-    assert (rows[2].there[0, 1:4] == 0.5).all()
 
 
 def test_the_density_of_a_circle_is_that_of_its_path() -> None:

@@ -1,0 +1,227 @@
+"""What a receiver's model says about how well it can do: the equations of a bound.
+
+A bound needs the rows of the measurements at the true states, their variances, the transition and
+the prior. They are those of `surroundings` and of `field`, as formulas on scalars like these: ``m``
+is the module ``casadi`` for the C of `sblcosim.fmus.build.bound_source`. ``p`` has the parameters
+of a receiver and `SITUATION` as attributes, ``s`` has `SURROUNDINGS`, each a sequence. States from
+``states`` on are those of one beacon, and each beacon has a copy of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, Literal
+
+from . import field, surroundings
+from .surroundings import Elements, Measurement, Pose
+
+FAR_STD = 30.0
+"""What is known of a place before any measurement [m]; more makes no difference."""
+ANYWHERE = 10.0
+"""The same of a heading [rad]."""
+_LEAST_STD = 1e-6
+"""No sensor is better than this [m]: information must be finite."""
+
+SURROUNDINGS: Mapping[str, int] = {"position": 3, "platform": 3, "attitude": 3, "beacon": 3}
+"""What is true at an epoch, and its length: places of the diver and of the platform, NED [m],
+roll, pitch, yaw [rad], and of one beacon the place in the body frame, or NED for `FIELD` [m]."""
+SITUATION = ("speed", "own_beacon", "known_start")
+"""What is no parameter of a receiver: κ; whether packets tell where their own beacon is, and
+nothing else; whether the start is known as the receiver's prior says."""
+
+
+Matrix = list[list[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A scalar measurement.
+
+    Attributes
+    ----------
+    of
+        ``of(m, p, s)``, at the true states.
+    counts
+        Of which there may be more or fewer: readings of the depth, packets of any beacon, or
+        packets of each beacon; the last ones are measured for each beacon.
+    own_beacon
+        Whether it is there if packets tell where their own beacon is, and if not; None: always.
+    """
+
+    of: Callable[[Any, Any, Any], Measurement]
+    counts: Literal["readings", "packets", "beacons"]
+    own_beacon: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """The equations of one model.
+
+    Attributes
+    ----------
+    parameters
+        Those of the receiver that it has, by name. The first one is the diver's own.
+    states, each
+        Number of states without beacons, and of each beacon.
+    prior_stds
+        ``prior_stds(p)``, by the index of the state; others are known.
+    transition
+        ``transition(m, p, dt)``: Φ without its ones, and the upper triangle of Q.
+    marginals
+        ``marginals(p, P)``: covariances of the diver's position, absolute and relative, as rows.
+    """
+
+    parameters: Sequence[str]
+    states: int
+    each: int
+    prior_stds: Callable[[Any], Mapping[int, Any]]
+    transition: Callable[[Any, Any, Any], tuple[Elements, ...]]
+    rows: Sequence[Row]
+    marginals: Callable[[Any, Any], tuple[Matrix, Matrix]]
+
+
+_DIVER = (
+    "acceleration_psd", "range_std", "depth_std", "prior_position_std", "prior_velocity_std",
+    "clock_std", "clock_walk_psd", "sound_speed_std", "depth_bias_std",
+)  # fmt: skip
+
+
+def least(m: Any, measurement: Measurement) -> Any:
+    """Variance of a measurement, or of the best sensor that there is [m² or rad²]."""
+    return m.fmax(measurement.variance, _LEAST_STD**2)
+
+
+def _either(condition: Any, one: Any, other: Any) -> Any:
+    """One number where the condition is 1, the other one where it is 0."""
+    return condition * one + (1 - condition) * other
+
+
+def _start(p: Any, position: Sequence[int], velocity: Sequence[int]) -> dict[int, Any]:
+    place = _either(p.known_start, p.prior_position_std, FAR_STD)
+    return dict.fromkeys(position, place) | dict.fromkeys(velocity, p.prior_velocity_std)
+
+
+# --- The platform and its sensors: `surroundings` ------------------------------------------------
+
+
+def _of_platform(p: Any, s: Any) -> list[Any]:
+    x: list[Any] = [0.0] * surroundings.STATES
+    x[:3], x[6:8] = s.position, s.platform[:2]
+    x[surroundings.HEADING], x[surroundings.SPEED] = s.attitude[2], p.speed
+    return x
+
+
+def _pose(p: Any, s: Any) -> Pose:
+    """A platform of which packets say no more than where their beacon is has no known tilt."""
+    own = p.own_beacon
+    roll, pitch = (_either(own, 0.0, angle) for angle in s.attitude[:2])
+    return Pose(
+        s.platform[2], roll, pitch, _either(own, p.tilt_std**2, surroundings.tilt(p, 0.0)[1])
+    )
+
+
+def _place(axis: int, of_beacon: bool) -> Callable[[Any, Any, Any], Measurement]:
+    def row(m: Any, p: Any, s: Any) -> Measurement:
+        body = s.beacon if of_beacon else (0.0, 0.0)
+        return surroundings.places(m, p, _of_platform(p, s), body)[axis]
+
+    return row
+
+
+def _range(m: Any, p: Any, s: Any) -> Measurement:
+    return surroundings.range_(m, p, _of_platform(p, s), _pose(p, s), s.beacon)
+
+
+def _platform_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
+    """Of x, and of x − p. A constant GPS error is in the absolute one, a white vertical one in the
+    relative one: neither is a state.
+    """
+    north, east = surroundings.PLATFORM
+    difference = [[(0, 1), (north, -1)], [(1, 1), (east, -1)],
+                  [(2, 1), (surroundings.VERTICAL_ERROR, 1)]]
+    absolute = [[P[i, j] for j in range(3)] for i in range(3)]
+    relative = [
+        [sum(a * b * P[i, j] for i, a in one for j, b in other) for other in difference]
+        for one in difference
+    ]
+    for i in (0, 1):
+        absolute[i][i] += p.gps_bias_std**2
+    relative[2][2] += p.gps_vertical_std**2
+    return absolute, relative
+
+
+PLATFORM = Bound(
+    parameters=(
+        *_DIVER, "gps_std", "gps_markov_std", "gps_correlation_time", "gps_bias_std",
+        "gps_vertical_std", "gps_vertical_error_std", "gps_vertical_error_time",
+        "platform_velocity_std", "platform_velocity_time", "heading_rate_std", "heading_rate_time",
+        "tilt_std", "imu_heading_std", "imu_heading_error_std", "imu_heading_error_time",
+        "imu_tilt_std",
+    ),
+    states=surroundings.STATES,
+    each=0,
+    prior_stds=lambda p: {
+        **surroundings.prior_stds(p), **_start(p, surroundings.POSITION, surroundings.VELOCITY),
+        **dict.fromkeys(surroundings.PLATFORM, FAR_STD), surroundings.HEADING: ANYWHERE,
+    },
+    transition=surroundings.transition,
+    rows=(
+        Row(lambda m, p, s: surroundings.depth(p, _of_platform(p, s)), "readings"),
+        Row(_place(0, False), "packets", False),
+        Row(_place(1, False), "packets", False),
+        Row(lambda m, p, s: surroundings.heading(m, p, _of_platform(p, s)), "packets", False),
+        Row(_place(0, True), "beacons", True),
+        Row(_place(1, True), "beacons", True),
+        Row(_range, "beacons"),
+    ),
+    marginals=_platform_marginals,
+)  # fmt: skip
+
+
+# --- Beacons with errors of their own: `field` ---------------------------------------------------
+
+
+def _one_beacon(p: Any) -> Any:
+    return SimpleNamespace(**vars(p) | {"beacons": 1})
+
+
+def _of_field(p: Any, s: Any) -> list[Any]:
+    x: list[Any] = [0.0] * field.states(1)
+    for state, value in zip(field.POSITION, s.position, strict=True):
+        x[state] = value
+    x[field.SPEED] = p.speed
+    return x
+
+
+def _field_range(m: Any, p: Any, s: Any) -> Measurement:
+    return field.range_(m, _one_beacon(p), _of_field(p, s), s.beacon, [1.0])
+
+
+def _field_marginals(p: Any, P: Any) -> tuple[Matrix, Matrix]:
+    """There is no platform: what is relative is absolute."""
+    place = [[P[i, j] for j in field.POSITION] for i in field.POSITION]
+    return place, place
+
+
+FIELD = Bound(
+    parameters=(
+        *_DIVER, "beacon_error_std", "beacon_vertical_error_std", "beacon_error_time",
+        "beacon_noise_std", "beacon_vertical_noise_std",
+    ),
+    states=field.states(0),
+    each=field.states(1) - field.states(0),
+    prior_stds=lambda p: (
+        field.prior_stds(_one_beacon(p)) | _start(p, field.POSITION, field.VELOCITY)
+    ),
+    transition=lambda m, p, dt: field.transition(m, _one_beacon(p), dt),
+    rows=(
+        Row(lambda m, p, s: field.depth(p, _of_field(p, s)), "readings"),
+        Row(_field_range, "beacons"),
+    ),
+    marginals=_field_marginals,
+)  # fmt: skip
+
+BOUNDS: Mapping[str, Bound] = {"platform": PLATFORM, "field": FIELD}
+"""All models, in the order of their numbers."""
