@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import re
 import sys
-import textwrap
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -17,12 +15,12 @@ from typing import Any
 import cloudpickle
 
 from ..errors import ConfigurationError, instance, nearest, one_line, quoted, shortened
+from .identity import identity
+from .local_files import loaded
 
 _FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
 _METHODS = ("variables", "initialise", "do_step")
-_KNOWN_BY_NAME = {"numpy", "scipy", "pandas", "sblcosim", "builtins"}
-"""Packages whose functions and classes are what they are called."""
 
 
 class PythonSource:
@@ -33,7 +31,7 @@ class PythonSource:
     origin
         ``/path/file.py:Class``, or the module and name of what did not come from a file.
     sha256
-        Hash of the file, or of the source and all that it refers to.
+        Identity of the file or of the class or function, with all that it refers to.
     """
 
     # Not a dataclass: pydantic would convert it when a study holds it.
@@ -73,7 +71,7 @@ def is_python(text: str) -> bool:
 def component_of_file(text: str) -> PythonSource:
     """The component of ``file.py:Class``, or of ``file.py`` if that defines a single one.
 
-    It is known by the file, not by what that imports.
+    It is known by the file and the local files that it imports.
 
     Raises
     ------
@@ -116,7 +114,7 @@ def component_of(maker: Any) -> PythonSource:
     Raises
     ------
     ConfigurationError
-        It is not a class or function with a name, or its source is unavailable.
+        It is not a class or function with a name, or refers to what a run cannot be known by.
     """
     if isinstance(maker, PythonSource):
         return maker
@@ -151,7 +149,7 @@ def _unpacked(packed: bytes, origin: str, sha256: str) -> PythonSource:
 
 
 def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
-    """Run a Python file; its module, and the SHA-256 of the file.
+    """Run a Python file; its module, and its identity, as `sblcosim.simulation.local_files` says.
 
     Parameters
     ----------
@@ -167,8 +165,9 @@ def run_file(path: Path, must: str, where: str) -> tuple[ModuleType, str]:
         close = nearest(path.name, [p.name for p in path.parent.glob("*.py")])
         raise ConfigurationError(f"{must} no Python file {quoted(str(path))}{close}")
     try:
-        source = path.read_bytes()
-        return _module(path.absolute(), source), hashlib.sha256(source).hexdigest()
+        return loaded(path.absolute(), path.read_bytes(), _module)
+    except ConfigurationError:
+        raise
     except (Exception, SystemExit) as error:
         raise ConfigurationError(
             f"{where} must be importable, got {raised(error)}"
@@ -202,7 +201,6 @@ def function_of_file(text: str, folder: Path, key: str) -> tuple[Callable[..., A
     return functions[name], sha256
 
 
-@lru_cache(64)
 def _module(path: Path, source: bytes) -> ModuleType:
     # A name that no import has: what is in it is then sent to other processes by value.
     module = ModuleType(path.name)
@@ -234,64 +232,14 @@ def raised(error: BaseException, name: str = "") -> str:
 
 
 def fingerprint(thing: Any, where: str, name: str) -> str:
-    """SHA-256 of a function's or class's source and of all that it refers to.
-
-    That is other functions and classes, values, and modules by their names.
+    """SHA-256 of a function or class and of all that it refers to, as `identity` says.
 
     Raises
     ------
     ConfigurationError
-        Its source is unavailable.
+        It refers to something that cannot be told from another of its kind.
     """
-    digest = hashlib.sha256()
-    try:
-        for part in _parts(thing, set()):
-            digest.update(part + b"\0")
-    except (OSError, TypeError):
-        what = "class" if inspect.isclass(thing) else "function"
-        raise ConfigurationError(
-            f"{where}: {name} must be a {what} from a file or a notebook, so that a run is "
-            "known by its source, got none"
-        ) from None
-    return digest.hexdigest()
-
-
-def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
-    """All that says what a function or class does: sources, values and names of modules."""
-    if id(thing) in seen:
-        return
-    root = str(getattr(thing, "__module__", None)).partition(".")[0]
-    if inspect.ismodule(thing):
-        yield thing.__name__.encode()
-    elif inspect.isfunction(thing) and root not in _KNOWN_BY_NAME:
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        used = inspect.getclosurevars(thing)
-        yield from _named({**used.globals, **used.nonlocals}, seen)
-        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
-            yield from _parts(value, seen)
-    elif inspect.isclass(thing) and root not in _KNOWN_BY_NAME and _is_users(thing):
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        yield from (part for base in thing.__bases__ for part in _parts(base, seen))
-        yield from _named({n: f for n, f in vars(thing).items() if inspect.isfunction(f)}, seen)
-    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
-        yield f"{thing.__module__}.{thing.__qualname__}".encode()
-    else:
-        yield cloudpickle.dumps(thing)
-
-
-def _named(values: Mapping[str, Any], seen: set[int]) -> Iterator[bytes]:
-    for name, value in sorted(values.items()):
-        yield name.encode()
-        yield from _parts(value, seen)
-
-
-def _is_users(kind: type) -> bool:
-    """Whether a class is in none of the installed packages."""
-    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
-    installed = {"site-packages", "dist-packages"} & set(Path(file).parts)
-    return not installed and kind.__module__.partition(".")[0] not in sys.stdlib_module_names
+    return identity(thing, where, name)
 
 
 def by_value(thing: Any) -> bytes:

@@ -32,6 +32,9 @@ from .parts import PARTS, RUNS, Finished, Parts, Wanted, looked_through, refusal
 STUDY = "study.json"
 DAMAGED = "damaged"
 FORMAT = 2
+IDENTITY, RULE = "identity", 2
+"""Entry of the description: the rule by which code of the user is known (1, unsaid: its source)."""
+_CODE = ("receivers", "responses", "model")
 
 
 def check_folder(folder: Path, campaign: Campaign) -> int:
@@ -45,12 +48,13 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
     if os.path.lexists(folder) and not folder.is_dir():
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
     if (folder / STUDY).exists():
-        before, definition = described(folder), campaign.definition()
-        if before["definition"] != definition:
+        before = described(folder)
+        there, here = (_placeless(d) for d in (before["definition"], campaign.definition()))
+        if there != here:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
-                f"{before['definition']['study']['name']!r} with other "
-                f"{_difference(before['definition'], definition)}"
+                f"{there['study']['name']!r} with other {_difference(there, here)}"
+                f"{_changed_code(there, here, before.get(IDENTITY) == RULE)}"
             )
         return int(before["replicates"])
     if folder.is_dir():
@@ -83,6 +87,7 @@ def open_folder(folder: Path, campaign: Campaign) -> Parts:
     ConfigurationError
         The folder belongs to another study, holds something else, or is not writable.
     """
+    definition = campaign.definition()
     content = {
         "format": FORMAT,
         "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
@@ -91,7 +96,8 @@ def open_folder(folder: Path, campaign: Campaign) -> Parts:
             name: {"label": f.label, "unit": f.unit}
             for name, f in (campaign.study.factors | campaign.study.conditions).items()
         },
-        "definition": campaign.definition(),
+        "definition": definition,
+        **({IDENTITY: RULE} if _code_of(definition["study"]) else {}),
         "software": artifacts.software(),
         "table": _table_of(folder),
     }
@@ -155,8 +161,51 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         for key in now["study"]
         if before["study"].get(key) != now["study"][key]
     ]
-    parts += [key for key in ("scenario", "fmus") if before.get(key) != now[key]]
+    parts += [key for key in ("scenario", "fmus") if before.get(key) != now.get(key)]
     return ", ".join(parts).replace("fmus", "FMUs") or "contents"
+
+
+def _placeless(definition: Mapping[str, Any]) -> dict[str, Any]:
+    """A definition in which files of Python code have no folder: their code is what counts."""
+    study = dict(definition["study"])
+    for key in _CODE:
+        if isinstance(study.get(key), list):
+            study[key] = [_nameless(entry) for entry in study[key]]
+        elif key in study:
+            study[key] = _nameless(study[key])
+    return {**definition, "study": study}
+
+
+def _nameless(entry: Any) -> Any:
+    return {**entry, "from": Path(entry["from"]).name} if _is_code(entry) else entry
+
+
+def _is_code(entry: Any) -> bool:
+    return isinstance(entry, dict) and {"from", "sha256"} <= set(entry)
+
+
+def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any], same_rule: bool) -> str:
+    """Which code of the user differs though it has the same name, for the end of a message."""
+    old, new = (
+        {entry["from"]: entry["sha256"] for entry in _code_of(d["study"])} for d in (before, now)
+    )
+    changed = [name for name, sha256 in new.items() if old.get(name, sha256) != sha256]
+    if not changed:
+        return ""
+    if same_rule:
+        return f"; the code of {', '.join(changed)}, or what it imports, has changed"
+    return (
+        f"; the code of {', '.join(changed)} has changed, or this folder is of an earlier version "
+        "of sblcosim, which did not know code by all that it refers to"
+    )
+
+
+def _code_of(study: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    entries: list[Any] = []
+    for key in _CODE:
+        value = study.get(key) or []
+        entries += value if isinstance(value, list) else [value]
+    return [entry for entry in entries if _is_code(entry)]
 
 
 def described(folder: Path) -> dict[str, Any]:
