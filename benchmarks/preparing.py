@@ -12,7 +12,7 @@ Against the build before points shared anything, on two cores that were shared w
 study             before [ms]     now [ms]       ratio
 ================  ==============  =============  =====
 paper-scenario-1  3.2             0.71           0.22
-ranges-1          4.3             1.1            0.25
+ranges-1          4.1             1.0            0.25
 ================  ==============  =============  =====
 """
 
