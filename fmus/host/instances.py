@@ -168,7 +168,10 @@ class Instance:
         start = start_ns / SECOND
         if self.fmu.fmi == 2:
             self._call("SetupExperiment", 0, 0.0, start, 0, 0.0)
-        for port, values in settings:
+        given = [*settings]
+        if libraries.ours(self.fmu) and self._set_together(given):
+            given = []
+        for port, values in given:
             function = self.function("Set", port.type)
             with watch().calling(self.name, function):
                 status = self.setter(port.type, port.references, values)()
@@ -180,6 +183,20 @@ class Instance:
         arguments = (False, 0.0, start, False, 0.0) if self.fmu.fmi == 3 else ()
         self._call("EnterInitializationMode", *arguments)
         self._call("ExitInitializationMode")
+
+    def _set_together(self, settings: Sequence[tuple[Port, Vector]]) -> bool:
+        """Set parameters with one call per type; False: one is refused, and they are to be named.
+
+        An FMU of ours that refuses a call is as it was before.
+        """
+        for kind in {port.type for port, _ in settings}:
+            own = [(port, values) for port, values in settings if port.type == kind]
+            references = [r for port, _ in own for r in port.references]
+            with watch().calling(self.name, self.function("Set", kind)):
+                values = np.concatenate([values for _, values in own])
+                if self.setter(kind, references, values)() > WARNING:
+                    return False
+        return True
 
     def terminate(self) -> None:
         """End of a run."""

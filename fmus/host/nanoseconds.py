@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from decimal import Decimal
+from functools import lru_cache
 
 SECOND = 1_000_000_000
 """Nanoseconds per second. Time is counted in whole nanoseconds everywhere in the orchestrator."""
@@ -15,6 +16,7 @@ MAX_SECONDS = 4e9
 """All times are before that [s]; the same limit is in the C engine of our FMUs (engine.h)."""
 
 
+@lru_cache(1024)
 def nanoseconds(seconds: float) -> int:
     """The whole nanoseconds that are nearest to a time in s, as it is written in decimals."""
     return round(Decimal(repr(float(seconds))) * SECOND)

@@ -33,7 +33,7 @@ from ..errors import (
     nearest,
     quoted,
 )
-from ..simulation.resolve import checked
+from ..simulation.settings import checked
 from ..simulation.system import ComponentSpec, Connection, Conversion, System, Value
 from .structure import Component, Link, Parameter, Structure, structure_of
 from .units import Unit, conversion, units_of

@@ -1,4 +1,4 @@
-"""Responses that are a user's own functions, known by their source."""
+"""Responses that are a user's own functions, known by their code."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ from .responses import RESPONSES, Response, Run, readable, value_of
 def of_function(function: Callable[[Run], Any]) -> Response:
     """The response that a function is.
 
-    It is known by its source and by all that it refers to: other functions, values, and modules by
-    their names.
+    It is known by its code and all that it refers to, as `sblcosim.simulation.identity` says.
 
     Raises
     ------
     ConfigurationError
-        It is not a function, has no name or that of a shipped response, or its source is
-        unavailable.
+        It is not a function, has no name or that of a shipped response, or refers to what a run
+        cannot be known by.
     """
     name = _checked_name(getattr(function, "__name__", ""), function)
     sha256 = fingerprint(function, "responses", name)
@@ -37,7 +36,7 @@ def of_function(function: Callable[[Run], Any]) -> Response:
 def of_file(text: str, folder: Path) -> Response:
     """Make a response of ``file.py:function``; the file may be relative to a folder.
 
-    It is known by the file, not by what that imports.
+    It is known by the file and all that this imports.
 
     Raises
     ------

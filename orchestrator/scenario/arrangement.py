@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from math import atan2, degrees, hypot, sqrt
 from typing import Any
 
@@ -106,7 +107,14 @@ def shares_errors(platform: Any) -> bool:
     return platform.fmu is None and bool(platform.gps_shared) and _any(platform, _SENSORS)
 
 
+@cache
+def _matching(keys: tuple[str, ...], pattern: str) -> tuple[str, ...]:
+    """The keys that are of this pattern."""
+    return tuple(key for key in keys if re.fullmatch(pattern, key))
+
+
 def _any(platform: Any, pattern: str) -> bool:
     """Whether a key of this pattern is not zero."""
-    values = (value for key, value in platform if re.fullmatch(pattern, key))
+    keys = _matching(tuple(type(platform).model_fields), pattern)
+    values = (getattr(platform, key) for key in keys)
     return any(any(v) if isinstance(v, tuple) else bool(v) for v in values)

@@ -161,17 +161,24 @@ def assumed(
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     return {
         key: value for key, value in values.items()
-        if value is not None and _known(tables, SOURCES[key])
+        if value is not None and _known(tables, key)
     }
 
 
-def _known(tables: Mapping[str, Any], sources: Sequence[str]) -> bool:
-    """Whether the scenario says one of these keys of the component that it describes."""
-    pairs = [source.split(".") for source in sources]
-    table = tables[pairs[0][0]]
-    return table.fmu is None or any(
-        key in table.model_fields_set for name, key in pairs if name == pairs[0][0]
-    )
+_DECISIVE = {
+    key: (table := sources[0].partition(".")[0], [
+        name for where, _, name in (source.partition(".") for source in sources) if where == table
+    ])
+    for key, sources in SOURCES.items()
+}  # fmt: skip
+"""The first table of `SOURCES`, and the keys in it."""
+
+
+def _known(tables: Mapping[str, Any], key: str) -> bool:
+    """Whether the scenario says what a key follows from, of the component that it describes."""
+    name, keys = _DECISIVE[key]
+    table = tables[name]
+    return table.fmu is None or not table.model_fields_set.isdisjoint(keys)
 
 
 def _with(rounding: float, *stds: float) -> float:

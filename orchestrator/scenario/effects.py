@@ -7,12 +7,14 @@ A parameter of our own components has an effect if the conditions in its declara
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import cache, lru_cache, partial
 from typing import Any, Protocol
 
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.declaration import Component, Condition
+from sblcosim.models.declaration import Condition, Variable
 
-from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, in_si, preset, toml
+from ..simulation.alike import alike
+from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, Table, content_of, in_si, preset, toml
 from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]
@@ -51,8 +53,35 @@ def components_of(scenario: Tables) -> Ours:
 
 def idle(scenario: Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
     """The keys, among some, that have no effect in a scenario, each with the reason."""
-    reasons = {key: _why(scenario, ours, key) for key in keys}
+    names = {table: tuple(own) for table, own in ours.items()}
+    reasons = {key: _why(scenario, names, key) for key in keys}
     return {key: why for key, why in reasons.items() if why is not None}
+
+
+def idle_of_given(scenario: Tables, ours: Ours) -> dict[Key, str]:
+    """As `idle`, of the keys of `given`."""
+    reasons: dict[Key, str] = {}
+    for table in (*CORE_COMPONENTS, "receiver"):
+        own = {table: tuple(ours.get(table, ()))}
+        find = partial(_idle_of_table, scenario, own, table)
+        content = content_of(scenario, table)
+        reasons |= find() if content is None else alike("idle", (table, own[table], content), find)
+    return reasons
+
+
+def _idle_of_table(
+    scenario: Tables, ours: Mapping[str, tuple[str, ...]], table: str
+) -> dict[Key, str]:
+    some = _conditional(table, ours[table])
+    return idle(scenario, ours, (key for key in _given(scenario, table) if key[1] in some))
+
+
+@lru_cache(256)
+def _conditional(table: str, names: tuple[str, ...]) -> frozenset[str]:
+    """Keys that perhaps have no effect in these components."""
+    keys = {v.key for name in names for v in COMPONENTS[name].of("parameter")}
+    special = {*PRESET_TABLES, *FILE_KEYS, *(key for _, key in _SELECTED_BY)}
+    return frozenset(special | {key for key in keys if all(_takers(table, names, key))})
 
 
 def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
@@ -69,22 +98,32 @@ def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, st
 def given(scenario: Tables) -> Iterator[Key]:
     """Keys of parameters and presets that were given explicitly."""
     for name in (*CORE_COMPONENTS, "receiver"):
-        table = getattr(scenario, name)
-        for key in type(table).model_fields:
-            known = key in table.variables or key in PRESET_TABLES or key in FILE_KEYS
-            if known and key in table.model_fields_set:
-                yield name, key
+        yield from _given(scenario, name)
+
+
+def _given(scenario: Tables, name: str) -> Iterator[Key]:
+    table = getattr(scenario, name)
+    is_set = table.model_fields_set
+    kind: type[Table] = type(table)
+    yield from ((name, key) for key in _keys_of(kind) if key in is_set)
+
+
+@cache
+def _keys_of(kind: type[Table]) -> tuple[str, ...]:
+    """Keys of a table that are parameters, presets or files."""
+    known = {*kind.variables, *PRESET_TABLES, *FILE_KEYS}
+    return tuple(key for key in kind.model_fields if key in known)
 
 
 def conditions(key: Key) -> Iterator[Key]:
     """Keys that decide whether a key has an effect."""
     table, name = key[0], key[-1]
-    for component in _takers(table, RECEIVERS if table == "receiver" else (table,), name):
-        for condition in _conditions(component, name):
-            yield table, component[condition.parameter].key
+    names = RECEIVERS if table == "receiver" else (table,)
+    for groups in _takers(table, tuple(names), name):
+        yield from ((table, variable.key) for group in groups for _, variable in group)
 
 
-def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
+def _why(scenario: Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> str | None:
     """Why a key has no effect in any of our components that use it; None if it has one."""
     name, table = key[-1], getattr(scenario, key[0])
     if name in PRESET_TABLES:
@@ -98,46 +137,48 @@ def _why(scenario: Tables, ours: Ours, key: Key) -> str | None:
         if table.trajectory != FILE and ours[key[0]]:
             return f"trajectory is {toml(table.trajectory)}"
         return "there is no track_file" if table.track_file is None else None
-    reasons = [
-        next(
-            (_text(component, group, table) for group in _groups(component, name)
-             if not any(c.holds(_value(component, c, table)) for c in group)),
-            None,
-        )
-        for component in _takers(key[0], ours.get(key[0], ()), name)
-    ]
-    return reasons[0] if reasons and None not in reasons else None
+    reasons = []
+    for groups in _takers(key[0], ours.get(key[0], ()), name):
+        unmet = next((g for g in groups if not any(_holds(it, table) for it in g)), None)
+        if unmet is None:
+            return None
+        reasons.append(unmet)
+    return _text(reasons[0], table) if reasons else None
 
 
-def _takers(table: str, names: Iterable[str], key: str) -> Iterator[Component]:
-    """The components that have this key."""
-    for name in names if table in (*CORE_COMPONENTS, "receiver") else ():
-        if any(v.key == key and v.causality == "parameter" for v in COMPONENTS[name]):
-            yield COMPONENTS[name]
+_Met = tuple[Condition, Variable]
+"""A condition, and the variable that it is on."""
 
 
-def _groups(component: Component, key: str) -> tuple[tuple[Condition, ...], ...]:
-    return next(v.needs for v in component.of("parameter") if v.key == key)
+@lru_cache(4096)
+def _takers(
+    table: str, names: tuple[str, ...], key: str
+) -> tuple[tuple[tuple[_Met, ...], ...], ...]:
+    """Of each component that has this key: of each of these groups one condition must hold."""
+    return tuple(
+        tuple(tuple((c, COMPONENTS[name][c.parameter]) for c in group) for group in variable.needs)
+        for name in (names if table in (*CORE_COMPONENTS, "receiver") else ())
+        for variable in COMPONENTS[name].of("parameter")
+        if variable.key == key
+    )
 
 
-def _conditions(component: Component, key: str) -> Iterator[Condition]:
-    return (condition for group in _groups(component, key) for condition in group)
+def _holds(condition: _Met, table: Any) -> bool:
+    return condition[0].holds(_value(condition[1], table))
 
 
-def _value(component: Component, condition: Condition, table: Any) -> Any:
-    variable = component[condition.parameter]
+def _value(variable: Variable, table: Any) -> Any:
     value = getattr(table, variable.key)
     if value is None:  # only another receiver of the run has this key
         return variable.starts if variable.shape else variable.starts[0]
     return in_si(variable, value)
 
 
-def _text(component: Component, group: Iterable[Condition], table: Any) -> str:
+def _text(group: Iterable[_Met], table: Any) -> str:
     """The unmet conditions, in words."""
     names: dict[str, list[str]] = {}
-    for condition in group:
-        variable = component[condition.parameter]
-        value = _value(component, condition, table)
+    for condition, variable in group:
+        value = _value(variable, table)
         if variable.choices is not None:
             value = variable.choices[value]
         elif not condition.values:

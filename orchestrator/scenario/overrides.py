@@ -28,10 +28,15 @@ def clear_for_presets(
                 table.pop(key, None)
 
 
+_PLAIN = {bool, int, float, str, tuple, list}
+
+
 def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of nested tables without the keys whose value is None."""
+    # Of most values the type tells at once that they are no tables.
     return {
-        key: without_none(value) if isinstance(value, Mapping) else value
+        key: value if type(value) in _PLAIN or not isinstance(value, Mapping)
+        else without_none(value)
         for key, value in tables.items()
         if value is not None
     }

@@ -105,11 +105,11 @@ def check_values(where: str, content: Any, above: int = 0) -> None:
     waiting: list[tuple[tuple[Any, ...], Any]] = [((), content)]
     while waiting:
         path, value = waiting.pop()
-        at = f"{where}: {shortened('.'.join(map(str, path)))}" if path else where
-        if isinstance(value, int) and not -_INTEGERS <= value < _INTEGERS:
-            raise ConfigurationError(f"{at}: {_TOO_LONG}, got {shortened(value)}")
-        if above + len(path) > DEEPEST:
-            raise ConfigurationError(f"{at}: {_TOO_DEEP}, got more")
+        too_long = isinstance(value, int) and not -_INTEGERS <= value < _INTEGERS
+        if too_long or above + len(path) > DEEPEST:
+            at = f"{where}: {shortened('.'.join(map(str, path)))}" if path else where
+            must = f"{_TOO_LONG}, got {shortened(value)}" if too_long else f"{_TOO_DEEP}, got more"
+            raise ConfigurationError(f"{at}: {must}")
         if isinstance(value, Mapping):
             waiting += (((*path, key), inner) for key, inner in value.items())
         elif isinstance(value, list | tuple):

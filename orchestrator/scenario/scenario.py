@@ -7,19 +7,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cache
 from importlib import resources
 from math import hypot
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
-from sblcosim.models import RECEIVERS, declared
+from sblcosim.models import RECEIVERS
 from sblcosim.models.ports import BEACONS
 
 from ..errors import ConfigurationError, instance, shortened
+from ..simulation.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
 from . import arrangement, effects, files, library, packets, tracks
@@ -41,10 +40,11 @@ from .schema import (
     Table,
     Target,
     Time,
-    default,
+    content_of,
     divides,
     preset,
     rows,
+    starts,
     toml,
     within,
 )
@@ -108,7 +108,7 @@ class Scenario(Table):
         if self.target.track_time_s:
             presets["target"]["track_count"] = len(self.target.track_time_s)
         for name, table in self._tables(*presets):
-            table.fill({**_starts(name, self.beacons)} | presets[name] | common)
+            table.fill({**starts(name, self.beacons)} | presets[name] | common)
             table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
         self._complete_receiver()
         problems = [*self._problems()]
@@ -137,7 +137,7 @@ class Scenario(Table):
         if receiver.prior == TRUE:
             derived["initialisation"] = "prior"
         if receiver.type in RECEIVERS:
-            known = _starts(receiver.type, self.beacons)
+            known = starts(receiver.type, self.beacons)
             derived = {**known} | {k: v for k, v in derived.items() if k in known}
         receiver.fill(derived)
         receiver.fill({"interval_s": receiver.update_interval_s})
@@ -204,7 +204,7 @@ class Scenario(Table):
     __str__ = __repr__
 
     def assumptions(self, parameters: Collection[str] = ("clock_std", "beacon_offset")
-    ) -> dict[str, Any]:
+    ) -> Mapping[str, Any]:
         """Keys of ``[receiver]`` that are not given: what a receiver may assume of the system.
 
         Parameters
@@ -214,15 +214,26 @@ class Scenario(Table):
             one of the ranges; one that is told the arrangement takes it for noisier if beacons
             are not where they should be.
         """
+        flags = ("clock_std" in parameters, "beacon_offset" in parameters)
+        own = "pose_source" in self.receiver.model_fields_set and self.receiver.pose_source
+        content = tuple(content_of(self, name) for name in ("target", "platform", "acoustics"))
+        if None in content:
+            return self._assumptions(*flags)
+        return alike(
+            "assumptions", (flags, own, content), lambda: self._assumptions(*flags)
+        )
+
+
+    def _assumptions(self, estimates_clock: bool, knows_arrangement: bool) -> dict[str, Any]:
         variables = self.receiver.variables
         source = self.receiver.pose_source
         if "pose_source" not in self.receiver.model_fields_set:
             source = None
         system = assumed(self.target, self.platform, self.acoustics, source)
         noise = self.acoustics.range_std_m
-        if "clock_std" not in parameters:
+        if not estimates_clock:
             noise = hypot(noise, system["clock_std_m"])
-        if "beacon_offset" in parameters:
+        if knows_arrangement:
             noise = hypot(noise, mounting_noise(self.platform, self.acoustics))
         levels = {"range_std_m": noise, "depth_std_m": self.target.depth_std_m, **system}
         return {key: within(variables[key], level) for key, level in levels.items()}
@@ -296,13 +307,6 @@ class Scenario(Table):
         return bool(self.receiver.prior == TRUE)
 
 
-@cache
-def _starts(component: str, beacons: int) -> Mapping[str, Any]:
-    """Default values of a component's parameters, made for so many beacons."""
-    of = declared(component, beacons=beacons)
-    return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
-
-
 def _relative(file: Path, folder: Path) -> str:
     """The path of a file relative to a folder."""
     try:
@@ -345,8 +349,8 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     ConfigurationError
         The scenario does not exist or is invalid: one line per problem.
     """
-    where, raw, folder = _read(source)
-    raw = without_none(raw)
+    where, tables, folder = _read(source)
+    raw = without_none(tables)
     for table in raw.values():
         for key in FILES if isinstance(table, dict) else ():
             if isinstance(table.get(key), str):
@@ -387,7 +391,8 @@ def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
         check_values("overrides", given)
     batch = list(pairs(given))
     for path, value in batch:
-        check_values(f"override {shortened('.'.join(path))}", value, len(path))
+        if not (type(value) is float and len(path) == 2):  # which fits, as most are
+            check_values(f"override {shortened('.'.join(path))}", value, len(path))
     clear_for_presets(raw, batch)
     for path, value in batch:
         table = raw

@@ -7,10 +7,12 @@ by name, arrays row by row. Bounds and descriptions come from the declaration.
 from __future__ import annotations
 
 import json
+import marshal
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from functools import cache, lru_cache, partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import (
@@ -24,7 +26,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
-from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models import COMPONENTS, RECEIVERS, declared
 from sblcosim.models.acoustics import clock
 from sblcosim.models.declaration import Component, Variable, number_of
 from sblcosim.models.platform import gps, imu
@@ -110,22 +112,50 @@ class Table(BaseModel):
     def fill(self, values: Mapping[str, Any]) -> None:
         """Set keys that were not given. Only while the table is being validated."""
         # The table is frozen, and keys filled in here must not count as given.
-        self.__dict__.update({k: v for k, v in values.items() if k not in self.model_fields_set})
+        given = self.model_fields_set
+        self.__dict__.update({k: v for k, v in values.items() if k not in given})
+
+
+def content_of(scenario: Any, name: str) -> Hashable:
+    """Tells apart tables of complete scenarios that differ, in a bit or in what is given.
+
+    None if nothing does.
+    """
+    known: dict[str, Hashable] = scenario.__dict__.setdefault("_content", {})
+    if name not in known:
+        table = getattr(scenario, name)
+        try:  # version 2 is without references, so that equal values have equal bytes
+            bits = marshal.dumps([*table.__dict__.values()], 2)
+        except ValueError:
+            known[name] = None
+        else:
+            known[name] = bits, frozenset(table.model_fields_set)
+    return known[name]
 
 
 def in_file_units(variable: Variable, value: float) -> float:
     """Convert an SI value to the unit of the scenario file: radians become degrees."""
-    if variable.unit is None or not variable.unit.startswith("rad"):
+    return _in_file_units(variable.unit, value)
+
+
+def _in_file_units(unit: str | None, value: float) -> float:
+    if unit is None or not unit.startswith("rad"):
         return value
     return float(f"{math.degrees(value):.12g}")
 
 
+@lru_cache(4096, typed=True)
+def _range(unit: str | None, low: float | None, high: float | None) -> tuple[float, float]:
+    """Bounds in the unit of the scenario file."""
+    return (
+        -math.inf if low is None else _in_file_units(unit, low),
+        math.inf if high is None else _in_file_units(unit, high),
+    )
+
+
 def within(variable: Variable, value: Any) -> Any:
     """A value of a scenario file, or the nearest that the declaration allows."""
-    low, high = (
-        end if bound is None else in_file_units(variable, bound)
-        for end, bound in ((-math.inf, variable.min), (math.inf, variable.max))
-    )
+    low, high = _range(variable.unit, variable.min, variable.max)
     if variable.shape:
         return tuple(min(max(v, low), high) for v in value)
     return value if variable.choices is not None else min(max(value, low), high)
@@ -133,20 +163,28 @@ def within(variable: Variable, value: Any) -> Any:
 
 def in_si(variable: Variable, value: Any) -> Any:
     """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
-    if variable.shape:
-        elements = tuple(_scalar_in_si(variable, v) for v in value)
-        if variable.rows is not None and variable.rows.name == BEACONS.name:
-            return elements  # as many as there are: the declaration at hand may be for others
-        return elements + variable.starts[len(elements) :]
-    return _scalar_in_si(variable, value)
+    convert = to_si(variable)
+    return value if convert is None else convert(value)
 
 
-def _scalar_in_si(variable: Variable, value: Any) -> Any:
+def to_si(variable: Variable) -> Callable[[Any], Any] | None:
+    """What `in_si` does to values of a variable; None if they stay as they are."""
+    scalar: Callable[[Any], Any] | None = None
     if variable.choices is not None:
-        return number_of(variable.choices, value)
-    if variable.unit is not None and variable.unit.startswith("rad"):
-        return math.radians(value)
-    return value
+        scalar = partial(number_of, variable.choices)
+    elif variable.unit is not None and variable.unit.startswith("rad"):
+        scalar = math.radians
+    if not variable.shape:
+        return scalar
+    # Of the beacons as many as there are: the declaration at hand may be for others.
+    beacons = variable.rows is not None and variable.rows.name == BEACONS.name
+    rest = () if beacons else variable.starts
+
+    def convert(value: Iterable[Any]) -> tuple[Any, ...]:
+        elements = tuple(value) if scalar is None else tuple(map(scalar, value))
+        return elements + rest[len(elements) :]
+
+    return convert
 
 
 def default(component: Component, variable: Variable) -> Any:
@@ -159,6 +197,13 @@ def default(component: Component, variable: Variable) -> Any:
         return ()
     elements = tuple(in_file_units(variable, float(x)) for x in variable.starts)
     return elements if variable.shape else elements[0]
+
+
+@cache
+def starts(component: str, beacons: int) -> Mapping[str, Any]:
+    """Default values of a component's parameters, made for so many beacons."""
+    of = declared(component, beacons=beacons)
+    return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
 
 
 def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:

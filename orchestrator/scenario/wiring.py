@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Literal, cast
 
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
-from sblcosim.fmus.read.ports import Port, ports_of, read
-from sblcosim.models import RECEIVERS, declared
-from sblcosim.models.declaration import Variable
+from sblcosim.fmus.read.ports import read
+from sblcosim.models import RECEIVERS
 from sblcosim.models.ports import (
     BEACON_POSITIONS,
     DEPTH,
@@ -34,24 +31,16 @@ from ..errors import (
     quoted,
     shortened,
 )
+from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
-from ..simulation.receiver import for_beacons
 from ..simulation.system import ComponentSpec, Connection, System, Value
-from ..simulation.user_files import variables_of
-from . import effects, tracks
+from . import effects
+from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
 from .doubts import doubts
+from .labels import RAW
 from .scenario import Receivers, Scenario, Source, load
-from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS, TRUE, in_si
-from .sources import choose, file_of, known_source, named
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A future component: its variables, and its inputs if it is a third-party component."""
-
-    spec: ComponentSpec
-    names: frozenset[str]
-    foreign_inputs: frozenset[str] = frozenset()
+from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS
+from .sources import choose, file_of
 
 
 def connect(
@@ -59,6 +48,7 @@ def connect(
     receivers: Receivers = (),
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
+    raw: bool = True,
 ) -> System:
     """Choose and connect the components of a scenario; build missing FMUs.
 
@@ -66,8 +56,8 @@ def connect(
     ----------
     receivers
         Names, FMU files or makers of Python components, side by side on the same noise; a mapping
-        gives them labels. None: the scenario's own receiver. The raw fix always runs too, as
-        ``raw``, unless ``multilateration`` is requested.
+        gives them labels. None: the scenario's own receiver. With ``raw`` the raw fix
+        runs too, as ``raw``, unless ``multilateration`` is requested.
     fmi
         FMI version (2 or 3) of all our components, instead of the scenario's.
     components
@@ -88,26 +78,25 @@ def connect(
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
-    parts: dict[str, _Part] = {}
+    parts: dict[str, Part] = {}
     for name in CORE_COMPONENTS:
         table = getattr(scenario, name)
         source = replaced.get(name, table.fmu)
         if source is None:
-            parts[name] = _ours(name, scenario, table, fmi or table.fmi or scenario.fmi)
+            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
         else:
-            parts[name] = _foreign(name, scenario, source, name not in replaced)
+            parts[name] = foreign(name, scenario, source, name not in replaced)
     table = scenario.receiver
     chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
     for label, source in chosen.items():
-        parts[label] = _receiver(scenario, label, source, fmi or table.fmi or scenario.fmi)
+        if raw or label != RAW:
+            parts[label] = receiver_of(scenario, label, source, fmi or table.fmi or scenario.fmi)
     if scenario.true_prior:
         _hand_over_start(parts, chosen)
-    connections = tuple(_connections(parts, chosen))
+    connections = _connections(tuple((name, part.names) for name, part in parts.items()))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
-    idle = effects.idle(scenario, ours(scenario, chosen, replaced), effects.given(scenario))
-    for line in no_effect(scenario, idle):
-        warnings.warn(line, NoEffectWarning, stacklevel=2)
+    _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
     _warn_of_doubts(scenario, chosen)
     return System(
         components={name: part.spec for name, part in parts.items()},
@@ -145,7 +134,7 @@ def applied(
             known = {v.name for v in RECEIVERS[source].of("parameter")}
             choice = {"type": source}
         else:
-            known = {*_ports(name, source), *SHARED_PARAMETERS}
+            known = {*ports_of_source(name, source), *SHARED_PARAMETERS}
             choice = {"fmu": file}
         for key in given.keys() & table.variables.keys():
             if table.variables[key].name not in known:
@@ -178,106 +167,9 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
     return replaced
 
 
-def _ours(
-    name: str, scenario: Scenario, table: Any, fmi: int,
-    assumptions: Mapping[str, Any] = MappingProxyType({}),
-) -> _Part:
-    from sblcosim.fmus.build.factory import build
-
-    constants = {"beacons": scenario.beacons}
-    if name == "target":
-        constants |= tracks.capacity(table)
-    component = declared(name, **constants)
-    values = _values(component.of("parameter"), table, assumptions)
-    if name == "target" and table.trajectory != tracks.FILE:
-        values = {k: v for k, v in values.items() if k not in tracks.PARAMETERS}
-    spec = ComponentSpec(
-        build(name, cast(Literal[2, 3], fmi), False, None, **constants),  # refuses other versions
-        nanoseconds(table.interval_s),
-        values,
-    )
-    return _Part(spec, frozenset(v.name for v in component))
-
-
-def _receiver(scenario: Scenario, label: str, source: Source, fmi: int) -> _Part:
-    table = scenario.receiver
-    if isinstance(source, str):
-        known = [v.name for v in RECEIVERS[source]]
-        return _ours(source, scenario, table, fmi, scenario.assumptions(known))
-    _check_contract(label, source)
-    own = table.fmu is not None and source == known_source(table.fmu)
-    return _foreign("receiver", scenario, source, own)
-
-
-def _foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> _Part:
-    """A third-party component: it gets those keys of the table that are its parameters.
-
-    If the scenario itself names the file (``own``), every given key must be a parameter.
-    """
-    table = getattr(scenario, table_name)
-    fmu = Path(source) if isinstance(source, str | Path) else for_beacons(source, scenario.beacons)
-    ports = _ports(table_name, fmu)
-    has = {port.name for port in ports.values() if port.causality == "parameter"}
-    given = {
-        table.variables[key].name: key for key in table.variables if key in table.model_fields_set
-    }
-    if own:
-        for name, key in given.items():
-            if name not in has and name not in SHARED_PARAMETERS:
-                raise ConfigurationError(
-                    f"{scenario.where(table_name, key)}: must be a parameter of {named(fmu)}, "
-                    f"got {name!r}{nearest(name, has)}"
-                )
-    wanted = {*SHARED_PARAMETERS, *given}
-    if getattr(table, "prior", None) == TRUE:
-        wanted.add("initialisation")
-    assumed = scenario.assumptions(has) if table_name == "receiver" else {}
-    values = {"seed": scenario.seed, **_values(table.variables.values(), table, assumed)}
-    parameters = {k: v for k, v in values.items() if k in has and k in wanted}
-    further = table.parameters or {}
-    if table.fmu is None:
-        parameters |= {k: _flat(v) for k, v in further.items() if k in has}
-    elif own:
-        parameters |= {k: _flat(v) for k, v in further.items()}
-    _check_beacons(scenario, fmu, ports)
-    inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
-    spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
-    return _Part(spec, frozenset(ports), inputs)
-
-
-def _check_beacons(scenario: Scenario, source: Source, ports: Mapping[str, Port]) -> None:
-    """Refuse a component that was made for another number of beacons."""
-    for variable in (*BEACON_POSITIONS, *RECEPTION, *PING_POSE):
-        port = ports.get(variable.name)
-        if variable.rows and port and port.shape and port.shape[0] != scenario.beacons:
-            raise ConfigurationError(
-                f"{named(source)}: must be made for the {scenario.beacons} beacons of the "
-                f"scenario, got {port.name} of {port.shape[0]}; platform.beacons says how many"
-            )
-
-
-def _ports(where: str, source: Source) -> Mapping[str, Port]:
-    if isinstance(source, str | Path):
-        return read(Path(source)).ports
-    return ports_of(variables_of(where, source))
-
-
-def _check_contract(label: str, source: Source) -> None:
-    """Refuse a source that does not fulfil the contract of a receiver."""
-    from sblcosim.fmus.conformance.receiver_contract import check_receiver, check_variables
-
-    hint = ""
-    if isinstance(source, str | Path):
-        findings: Iterable[Any] = check_receiver(source).findings
-        label, hint = str(source), f"; see 'sblcosim check {source}'"
-    else:
-        findings = check_variables(variables_of(label, source))
-    problems = [f"{f.variable}: {f.message}" for f in findings if f.severity == "error"]
-    if problems:
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ConfigurationError(
-            f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
-        )
+def _warn_of_idle_keys(scenario: Scenario, known: effects.Ours) -> None:
+    for line in no_effect(scenario, effects.idle_of_given(scenario, known)):
+        warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 
 def _warn_of_doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
@@ -285,8 +177,10 @@ def _warn_of_doubts(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         warnings.warn(line, ConfigurationWarning, stacklevel=3)
 
 
-def _warn_of_idle_inputs(parts: Mapping[str, _Part], fed: Iterable[str]) -> None:
+def _warn_of_idle_inputs(parts: Mapping[str, Part], fed: Iterable[str]) -> None:
     for label, part in parts.items():
+        if not part.foreign_inputs:
+            continue
         ports = {v.name for v in (*RECEPTION, *PING_POSE, *DEPTH)} - part.names
         for name in sorted(part.foreign_inputs):
             if f"{label}.{name}" not in fed:
@@ -324,33 +218,13 @@ def no_effect(scenario: Scenario, idle: Mapping[effects.Key, str]) -> Iterator[s
         yield f"{named}: {'has' if len(keys) == 1 else 'have'} no effect, as {why}"
 
 
-def _values(
-    variables: Iterable[Variable], table: Any,
-    assumptions: Mapping[str, Any] = MappingProxyType({}),
-) -> dict[str, Value]:
-    """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
-    values = {}
-    for v in variables:
-        value = getattr(table, v.key)
-        if v.key not in table.model_fields_set:
-            value = assumptions.get(v.key, value)
-        values[v.name] = (v, value)
-    return {name: in_si(v, value) for name, (v, value) in values.items() if value is not None}
-
-
-def _flat(value: Any) -> Value:
-    if not isinstance(value, list | tuple):
-        return value  # type: ignore[no-any-return]
-    return tuple(x for row in value for x in (row if isinstance(row, list | tuple) else [row]))
-
-
 def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
     """Refuse keys that no receiver of the run has: they would have no effect."""
     table = scenario.receiver
     if table.fmu is not None:
-        return  # `_foreign` checks against the FMU itself
+        return  # `foreign` checks against the FMU itself
     foreign = {label: s for label, s in chosen.items() if not isinstance(s, str)}
-    further = {k for label, s in foreign.items() for k in _ports(label, s)}
+    further = {k for label, s in foreign.items() for k in ports_of_source(label, s)}
     for key in table.parameters or {}:
         if key not in further:
             raise ConfigurationError(
@@ -358,10 +232,10 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
                 f"that is a file or a class, got {key!r}{nearest(key, further)}"
             )
     names = sorted({table.type, *(s for s in chosen.values() if isinstance(s, str))})
-    known = {v.key for name in names for v in RECEIVERS[name].of("parameter")}
+    known = {key for name in names for _, key, _ in described(name, ())[1]}
     for label, source in chosen.items():
         if not isinstance(source, str):
-            has = _ports(label, source)
+            has = ports_of_source(label, source)
             known |= {key for key, v in table.variables.items() if v.name in has}
     for key in table.variables:
         if key in table.model_fields_set and key not in known:
@@ -372,38 +246,44 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
             )
 
 
-def _hand_over_start(parts: dict[str, _Part], labels: Iterable[str]) -> None:
+def _hand_over_start(parts: dict[str, Part], labels: Iterable[str]) -> None:
     """Write the true start, at rest, into the receivers' priors."""
-    position = _at_start(parts["target"].spec, "position")
+    position = _at_start(parts["target"], "position")
     start: dict[str, Value] = {
         "prior_position": position,
         "prior_velocity": (0.0, 0.0, 0.0),
     }
     for label in labels:
+        if label not in parts:
+            continue
         part = parts[label]
-        known = {name: value for name, value in start.items() if name in part.names}
-        spec = replace(part.spec, parameters={**part.spec.parameters, **known})
-        parts[label] = replace(part, spec=spec)
+        parts[label] = alike("priors", (id(part), position), partial(_begun, part, start), part)
 
 
-def _at_start(spec: ComponentSpec, name: str) -> tuple[float, ...]:
+_STARTS = ("position", "path_duration")
+
+
+def _begun(part: Part, start: Mapping[str, Value]) -> Part:
+    known = {name: value for name, value in start.items() if name in part.names}
+    return replace(part, spec=replace(part.spec, parameters={**part.spec.parameters, **known}))
+
+
+def _at_start(part: Part, name: str) -> tuple[float, ...]:
     """The elements of an output at the start, row by row."""
-    if isinstance(spec.fmu, Path):
-        known = tuple(sorted(spec.parameters.items()))
-        return _fmu_at_start(spec.fmu, read(spec.fmu).sha256, spec.interval_ns, known, name)
-    return tuple(map(float, initial_outputs(spec, (name,))[name].flat))
+    spec = part.spec
+    if isinstance(spec.fmu, Path) and name in part.names:
+        known = (read(spec.fmu).sha256, spec.interval_ns, *sorted(spec.parameters.items()))
+        names = [n for n in _STARTS if n in part.names]
+        return alike("starts", known, lambda: _start_of(spec, names))[name]
+    return _start_of(spec, (name,))[name]
 
 
-@lru_cache(64)
-def _fmu_at_start(
-    fmu: Path, sha256: str, interval_ns: int, parameters: tuple[tuple[str, Value], ...], name: str
-) -> tuple[float, ...]:
-    """`_at_start` of an FMU, cached because the points of a study share it."""
-    outputs = initial_outputs(ComponentSpec(fmu, interval_ns, dict(parameters)), (name,))
-    return tuple(map(float, outputs[name].flat))
+def _start_of(spec: ComponentSpec, names: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    outputs = initial_outputs(spec, names)
+    return {name: tuple(map(float, outputs[name].flat)) for name in names}
 
 
-def _stop_ns(scenario: Scenario, parts: Mapping[str, _Part]) -> int:
+def _stop_ns(scenario: Scenario, parts: Mapping[str, Part]) -> int:
     target, duration = parts["target"], scenario.time.duration_s
     common = math.lcm(*(part.spec.interval_ns for part in parts.values()))
     if duration != PATH and nanoseconds(duration) < common:
@@ -414,7 +294,7 @@ def _stop_ns(scenario: Scenario, parts: Mapping[str, _Part]) -> int:
     if duration == PATH:
         duration = 0.0
         if "path_duration" in target.names:
-            (duration,) = _at_start(target.spec, "path_duration")
+            (duration,) = _at_start(target, "path_duration")
         if not 0.0 < duration < math.inf:
             speed = ("target", "speed_m_s")
             if target.spec.parameters.get("speed") == 0.0 and speed not in scenario.idle():
@@ -429,21 +309,32 @@ def _stop_ns(scenario: Scenario, parts: Mapping[str, _Part]) -> int:
     return nanoseconds(duration)
 
 
-def _connections(parts: Mapping[str, _Part], receivers: Iterable[str]) -> Iterator[Connection]:
-    """The standard connections by name; a receiver gets those for which it has an input."""
+@lru_cache(64)
+def _connections(parts: tuple[tuple[str, frozenset[str]], ...]) -> tuple[Connection, ...]:
+    """The standard connections by name; a receiver gets those for which it has an input.
+
+    Parameters
+    ----------
+    parts
+        Labels and names of variables.
+    """
+    return tuple(_connected(dict(parts)))
+
+
+def _connected(names: Mapping[str, frozenset[str]]) -> Iterator[Connection]:
     for variable in MOTION:
         yield Connection(f"target.{variable.name}", f"acoustics.target_{variable.name}")
     for variable in BEACON_POSITIONS:
         yield Connection(f"platform.{variable.name}", f"acoustics.{variable.name}")
     for variable in REPORTED_POSE:
-        if {variable.name} <= parts["platform"].names & parts["acoustics"].names:
+        if {variable.name} <= names["platform"] & names["acoustics"]:
             yield Connection(f"platform.{variable.name}", f"acoustics.{variable.name}")
     sensors = (("acoustics", (*RECEPTION, *PING_POSE)), ("target", DEPTH))
-    for label in receivers:
+    for label in (label for label in names if label not in CORE_COMPONENTS):
         for source, variables in sensors:
             for variable in variables:
                 optional = variable in PING_POSE
-                if variable.name in parts[label].names and (
-                    not optional or variable.name in parts[source].names
+                if variable.name in names[label] and (
+                    not optional or variable.name in names[source]
                 ):
                     yield Connection(f"{source}.{variable.name}", f"{label}.{variable.name}")

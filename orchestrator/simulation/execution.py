@@ -212,9 +212,10 @@ def initial_outputs(
     children: Children | None = None,
 ) -> dict[str, NDArray[Any]]:
     """As `masters.python.initial_outputs`, with a third-party FMU in a separate process."""
-    if process.foreign(python.alone(spec, start_ns)):
+    plan = python.alone(spec, start_ns)
+    if process.foreign(plan):
         return isolation.initial_outputs(spec, names, start_ns, children)
-    return python.initial_outputs(spec, names, start_ns)
+    return python.initial_outputs(spec, names, start_ns, plan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,24 +5,26 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, SECOND, nanoseconds, text_of
 from sblcosim.fmus.read import ports as fmi
 from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu, Port
-from sblcosim.models.declaration import Number
 
 from ..errors import ConfigurationError, ConfigurationWarning, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
+from .settings import settings_of, with_article
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
 from .user_files import variables_of
+
+_Source = tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]
 
 
 def resolve(system: System, *, again: bool = False) -> Plan:
@@ -51,12 +53,10 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     ports = {name: own for name, (_, own) in sources.items()}
     check_instances({name: source for name, (source, _) in sources.items()})
     settings = {
-        name: _settings(name, spec, ports[name]) for name, spec in system.components.items()
+        name: settings_of(name, spec, ports[name]) for name, spec in system.components.items()
     }
-    connections = _connections(system, ports, warn=not again)
+    structure = _structure_of(system, sources, warn=not again)
     start_ns, stop_ns = _span(system)
-
-    reads, columns, sizes = _outputs(ports)
     plan = Plan(
         components=tuple(
             PlannedComponent(
@@ -66,20 +66,77 @@ def resolve(system: System, *, again: bool = False) -> Plan:
                 interval_ns=spec.interval_ns,
                 tick_ns=_tick(name, ports[name], settings[name]),
                 settings=settings[name],
-                reads=reads[name],
-                writes=_inputs(name, ports[name], connections, columns),
+                reads=structure.reads[name],
+                writes=structure.writes[name],
             )
             for name, spec in system.components.items()
         ),
-        columns=tuple(columns.values()),
-        sizes={kind: size for kind, size in sizes.items() if size},
+        columns=structure.columns,
+        sizes=structure.sizes,
         start_ns=start_ns,
         stop_ns=stop_ns,
     )
-    check_ticks(plan)
-    check_freshness(plan)
-    check_updates_follow_pings(plan)
+    times = tuple((c.interval_ns, c.tick_ns) for c in plan.components)
+    if times not in structure.fitting:
+        check_ticks(plan)
+        check_freshness(plan)
+        check_updates_follow_pings(plan)
+        structure.fitting.add(times)
     return plan
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """What plans of the same components and connections share.
+
+    Attributes
+    ----------
+    reads, writes
+        By component.
+    messages
+        Warnings about the connections.
+    ports
+        Of the components, held so that no others have the same ids.
+    fitting
+        Intervals and ticks of all components that fit each other.
+    """
+
+    reads: Mapping[str, tuple[Read, ...]]
+    writes: Mapping[str, tuple[Write, ...]]
+    columns: tuple[Column, ...]
+    sizes: Mapping[str, int]
+    messages: tuple[str, ...]
+    ports: Mapping[str, Mapping[str, Port]]
+    fitting: set[tuple[tuple[int, int | None], ...]]
+
+
+def _structure_of(system: System, sources: Mapping[str, _Source], *, warn: bool) -> _Structure:
+    """All of a plan but values and times; points of a study share it."""
+    ports = {name: own for name, (_, own) in sources.items()}
+    if all(isinstance(source, Fmu) for source, _ in sources.values()):
+        known = tuple((name, id(own)) for name, own in ports.items())
+        structure = unchanged.once(
+            ("structure", known, system.connections), lambda: _made(system, ports)
+        )
+    else:  # a Python component is asked anew each time
+        structure = _made(system, ports)
+    for message in structure.messages if warn else ():
+        warnings.warn(message, ConfigurationWarning, stacklevel=3)
+    return structure
+
+
+def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure:
+    connections, messages = _connections(system, ports)
+    reads, columns, sizes = _outputs(ports)
+    return _Structure(
+        reads,
+        {name: _inputs(name, own, connections, columns) for name, own in ports.items()},
+        tuple(columns.values()),
+        {kind: size for kind, size in sizes.items() if size},
+        tuple(messages),
+        ports,
+        set(),
+    )
 
 
 def _outputs(
@@ -168,9 +225,7 @@ def _place(source: str, columns: Mapping[str, Column]) -> tuple[Column, range]:
     return column, range(first, first + 1)
 
 
-def _source(
-    name: str, spec: ComponentSpec
-) -> tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]:
+def _source(name: str, spec: ComponentSpec) -> _Source:
     if not name or "." in name:
         raise ConfigurationError(f"component {name!r}: the name must be without a dot")
     interval = spec.interval_ns
@@ -197,92 +252,11 @@ def _by_type(ports: Iterator[Port]) -> Iterator[tuple[str, tuple[Port, ...]]]:
         yield kind, tuple(group)
 
 
-def _settings(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Setting, ...]:
-    settings = []
-    for key, value in spec.parameters.items():
-        where = f"{name}.{key}"
-        port = ports.get(key)
-        if port is None:
-            known = [p.name for p in ports.values() if p.causality == "parameter"]
-            raise ConfigurationError(
-                f"{where}: must be a parameter of {name}, got an unknown name{nearest(key, known)}"
-            )
-        if port.causality != "parameter":
-            raise ConfigurationError(f"{where}: must be a parameter, got {_a(port.causality)}")
-        if port.type not in DTYPES:
-            raise ConfigurationError(f"{where}: must be a number or a switch, got {_a(port.type)}")
-        settings.append(Setting(port, _values(where, port, value)))
-    for key, value in spec.inputs.items():
-        port = ports.get(key)
-        if port is None or port.causality != "input" or port.type not in DTYPES:
-            known = [p.name for p in ports.values() if p.causality == "input"]
-            raise ConfigurationError(
-                f"{name}.{key}: must be an input of {name} that is a number or a switch, got "
-                f"{_a(port.causality) if port else 'an unknown name'}{nearest(key, known)}"
-            )
-        settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
-    return tuple(settings)
-
-
-def _values(where: str, port: Port, value: Any) -> tuple[Number, ...]:
-    """The elements of a value, checked against the variable's shape, type and bounds."""
-    elements = list(_flat(value))
-    if len(elements) != port.size or (not port.shape and isinstance(value, (list, tuple))):
-        must = f"{port.size} numbers" if port.shape else "one number"
-        raise ConfigurationError(f"{where}: must be {must}, got {len(elements)}")
-    return tuple(checked(where, port, i, element) for i, element in enumerate(elements))
-
-
-def _subscript(index: tuple[int, ...]) -> str:
-    return f"[{','.join(str(i + 1) for i in index)}]" if index else ""
-
-
-def _flat(value: Any) -> Iterator[Any]:
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        for element in value:
-            yield from _flat(element)
-    else:
-        yield value
-
-
-def checked(name: str, port: Port, number: int, value: Any) -> Number:
-    """An element of a value, checked against the variable's type and bounds."""
-    problem = _problem(port, value, port.min[number], port.max[number])
-    if problem is not None:
-        index = tuple(int(i) for i in np.unravel_index(number, port.shape)) if port.shape else ()
-        raise ConfigurationError(f"{name}{_subscript(index)}: must be {problem}")
-    return float(value) if port.type.startswith("Float") else value
-
-
-def _problem(port: Port, value: Any, low: float, high: float) -> str | None:
-    """Why a value is invalid, as the end of 'must be'; None if it is valid."""
-    if port.type == "Boolean":
-        if not isinstance(value, bool):
-            return f"true or false, got {value!r}"
-        return None
-    real = port.type.startswith("Float")
-    if isinstance(value, bool) or not isinstance(value, (int, float) if real else int):
-        must = "a number" if real else "a whole number"
-        return f"{must}, got {value!r}"
-    if not math.isfinite(value):
-        return f"finite, got {value!r}"
-    if not real:
-        limits = np.iinfo(DTYPES[port.type])  # type: ignore[type-var]
-        low, high = max(low, limits.min), min(high, limits.max)
-    unit = f" {port.unit}" if port.unit else ""
-    if value < low:
-        return f"at least {low:.10g}{unit}, got {value!r}{unit}"
-    if value > high:
-        return f"at most {high:.10g}{unit}, got {value!r}{unit}"
-    return None
-
-
 def _connections(
-    system: System, ports: Mapping[str, Mapping[str, Port]], warn: bool
-) -> dict[tuple[str, str], Connection]:
-    """Connections by target component and variable."""
+    system: System, ports: Mapping[str, Mapping[str, Port]]
+) -> tuple[dict[tuple[str, str], Connection], list[str]]:
+    """Connections by target component and variable, and what is odd about them."""
+    messages = []
     connections: dict[tuple[str, str], Connection] = {}
     taken: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
@@ -310,8 +284,7 @@ def _connections(
             )
             if source.unit and target.unit:
                 raise ConfigurationError(message)
-            if warn:
-                warnings.warn(message, ConfigurationWarning, stacklevel=3)
+            messages.append(message)
         for name in target.variables or (variable,):
             earlier = taken.setdefault((component, name), connection)
             if earlier is not connection:
@@ -319,7 +292,7 @@ def _connections(
                     f"{where}: an input must have one source, got {earlier.source} as well"
                 )
         connections[component, variable] = connection
-    return connections
+    return connections, messages
 
 
 def _end(
@@ -336,18 +309,14 @@ def _end(
     if port is None:
         known = [p.name for p in ports[component].values() if p.causality == causality]
         raise ConfigurationError(
-            f"{where}: {variable!r} must be {_a(causality)} of {component}, got an unknown name"
-            f"{nearest(variable, known)}"
+            f"{where}: {variable!r} must be {with_article(causality)} of {component}, got an "
+            f"unknown name{nearest(variable, known)}"
         )
     if port.causality != causality:
         raise ConfigurationError(
-            f"{where}: {end} must be {_a(causality)}, got {_a(port.causality)}"
+            f"{where}: {end} must be {with_article(causality)}, got {with_article(port.causality)}"
         )
     return component, variable, port
-
-
-def _a(noun: str) -> str:
-    return f"{'an' if noun[0] in 'aeiouAEIOU' else 'a'} {noun}"
 
 
 def _shape(port: Port) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import re
 import sys
-import textwrap
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,11 +24,11 @@ from ..errors import (
     quoted,
     shortened,
 )
+from .identity import identity
+from .local_files import loaded, module_of
 
 FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
-_KNOWN_BY_NAME = {"numpy", "scipy", "pandas", "sblcosim", "builtins"}
-"""Packages whose functions and classes are what they are called."""
 
 
 CONSTRUCTOR = "its constructor"
@@ -104,7 +102,7 @@ class InFile:
         if self.content is None:
             assert self.packed is not None
             return _by_value(self.packed)
-        return vars(_module(self.path, self.content))[self.name]
+        return vars(module_of(self.path, self.content, _module))[self.name]
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         return self.load()(*arguments, **named)
@@ -118,7 +116,7 @@ class PythonSource:
     origin
         ``/path/file.py:Class``, or the module and name of what did not come from a file.
     sha256
-        Hash of the file, or of the source and all that it refers to.
+        Identity of the file or of the class or function, with all that it refers to.
     """
 
     # Not a dataclass: pydantic would convert it when a study holds it.
@@ -169,7 +167,7 @@ def component_of(maker: Any) -> PythonSource:
     Raises
     ------
     ConfigurationError
-        It is not a class or function with a name, or its source is unavailable.
+        It is not a class or function with a name, or refers to what a run cannot be known by.
     """
     if isinstance(maker, PythonSource):
         return maker
@@ -221,7 +219,7 @@ def read_file(path: Path, must: str, where: str) -> bytes:
 
 
 def run_file(path: Path, content: bytes, where: str) -> tuple[ModuleType, str]:
-    """Run a Python file; its module, and the SHA-256 of the file.
+    """Run a Python file; its module, and its identity, as `sblcosim.simulation.local_files` says.
 
     Raises
     ------
@@ -229,12 +227,13 @@ def run_file(path: Path, content: bytes, where: str) -> tuple[ModuleType, str]:
         It cannot be run.
     """
     try:
-        return _module(path, content), hashlib.sha256(content).hexdigest()
+        return loaded(path, content, _module)
+    except ConfigurationError:
+        raise
     except foreseen() as error:
         raise ConfigurationError(f"{where} must be importable, got {raised(error)}") from error
 
 
-@lru_cache(64)
 def _module(path: Path, source: bytes) -> ModuleType:
     # A name that no import has: what is in it is then sent to other processes by value.
     module = ModuleType(path.name)
@@ -285,64 +284,14 @@ def raised(error: BaseException, name: str = "") -> str:
 
 
 def fingerprint(thing: Any, where: str, name: str) -> str:
-    """SHA-256 of a function's or class's source and of all that it refers to.
-
-    That is other functions and classes, values, and modules by their names.
+    """SHA-256 of a function or class and of all that it refers to, as `identity` says.
 
     Raises
     ------
     ConfigurationError
-        Its source is unavailable.
+        It refers to something that cannot be told from another of its kind.
     """
-    digest = hashlib.sha256()
-    try:
-        for part in _parts(thing, set()):
-            digest.update(part + b"\0")
-    except (OSError, TypeError):
-        what = "class" if inspect.isclass(thing) else "function"
-        raise ConfigurationError(
-            f"{where}: {name} must be a {what} from a file or a notebook, so that a run is "
-            "known by its source, got none"
-        ) from None
-    return digest.hexdigest()
-
-
-def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
-    """All that says what a function or class does: sources, values and names of modules."""
-    if id(thing) in seen:
-        return
-    root = str(getattr(thing, "__module__", None)).partition(".")[0]
-    if inspect.ismodule(thing):
-        yield thing.__name__.encode()
-    elif inspect.isfunction(thing) and root not in _KNOWN_BY_NAME:
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        used = inspect.getclosurevars(thing)
-        yield from _named({**used.globals, **used.nonlocals}, seen)
-        for value in (*(thing.__defaults__ or ()), *(thing.__kwdefaults__ or {}).values()):
-            yield from _parts(value, seen)
-    elif inspect.isclass(thing) and root not in _KNOWN_BY_NAME and _is_users(thing):
-        seen.add(id(thing))
-        yield textwrap.dedent(inspect.getsource(thing)).encode()
-        yield from (part for base in thing.__bases__ for part in _parts(base, seen))
-        yield from _named({n: f for n, f in vars(thing).items() if inspect.isfunction(f)}, seen)
-    elif hasattr(thing, "__qualname__") and hasattr(thing, "__module__"):
-        yield f"{thing.__module__}.{thing.__qualname__}".encode()
-    else:
-        yield cloudpickle.dumps(thing)
-
-
-def _named(values: Mapping[str, Any], seen: set[int]) -> Iterator[bytes]:
-    for name, value in sorted(values.items()):
-        yield name.encode()
-        yield from _parts(value, seen)
-
-
-def _is_users(kind: type) -> bool:
-    """Whether a class is in none of the installed packages."""
-    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
-    installed = {"site-packages", "dist-packages"} & set(Path(file).parts)
-    return not installed and kind.__module__.partition(".")[0] not in sys.stdlib_module_names
+    return identity(thing, where, name)
 
 
 def by_value(thing: Any) -> bytes:

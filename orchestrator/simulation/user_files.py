@@ -25,7 +25,7 @@ _known: dict[str, str] = {}
 def component_of_file(text: str) -> PythonSource:
     """The component of ``file.py:Class``, or of ``file.py`` if that defines a single one.
 
-    It is known by the file, not by what that imports.
+    It is known by the file and the local files that it imports.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def _source(maker: InFile, origin: str, sha256: str) -> PythonSource:
 
 
 def function_of_file(text: str, folder: Path, key: str, afterwards: str = "") -> tuple[InFile, str]:
-    """The function of ``file.py:function``, and the SHA-256 of the file.
+    """The function of ``file.py:function``, and what that is known by.
 
     Parameters
     ----------

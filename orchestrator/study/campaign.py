@@ -6,10 +6,10 @@ import hashlib
 import json
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -34,10 +34,10 @@ from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
-from ..simulation.plan import Plan
+from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.process import check_patience, patience
 from ..simulation.resolve import resolve
-from ..simulation.system import Connection, System
+from ..simulation.system import ComponentSpec, Connection, System
 from .definition import Definition
 from .groups import Group, Point, grouped
 from .stand_in import StandIn
@@ -177,20 +177,27 @@ def prepare(
 def _prepared(study: Definition, master: str | None, step_timeout: float | None) -> Campaign:
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
-        resolutions = [resolved(study, n) for n in range(1, len(study.points.values) + 1)]
-    _warn_of_keys_without_effect(study, [scenario for scenario, _, _ in resolutions])
-    plans = [plan for _, _, plan in resolutions]
-    seeded, handovers = seeded_inputs(study, resolutions[0][1], labels)
+        keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
+        systems, plans = [], []
+        for number in range(1, len(study.points.values) + 1):
+            scenario, system, plan = resolved(study, number)
+            keys = effects.idle(scenario, study.components(scenario), keys)
+            systems.append(system)
+            plans.append(plan)
+    for line in no_effect(study.base, keys):  # of keys that have none at any point
+        warnings.warn(line, NoEffectWarning, stacklevel=2)
+    seeded, handovers = seeded_inputs(study, systems[0], labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+    texts: dict[tuple[int, str], str] = {}
     points = [
         Point(
             number,
             tuple(v if isinstance(v, str) else float(v) for v in values),
             system,
-            point_digest(study, number, system, plan, free),
+            point_digest(study, number, system, plan, free, texts),
         )
-        for number, (values, (_, system, plan)) in enumerate(
-            zip(study.points.values, resolutions, strict=True), 1
+        for number, (values, system, plan) in enumerate(
+            zip(study.points.values, systems, plans, strict=True), 1
         )
     ]
     _check_effects(study, points)
@@ -219,10 +226,23 @@ def _of_function(study: Definition, model: StandIn, step_timeout: float | None) 
 
 
 def point_digest(
-    study: Definition, number: int, system: System, plan: Plan, free: Iterable[str]
+    study: Definition,
+    number: int,
+    system: System,
+    plan: Plan,
+    free: Iterable[str],
+    texts: dict[tuple[int, str], str] | None = None,
 ) -> str:
-    """Hash of everything that affects the responses of a point but the ``free`` parameters."""
-    digest = digest_of(system, plan, free, study.settling_ns, study.asked)
+    """Hash of everything that affects the responses of a point but the ``free`` parameters.
+
+    Parameters
+    ----------
+    texts
+        Of components and connections that points with the same ``free`` share, by their ids and
+        names.
+    """
+    known = {} if texts is None else texts
+    digest = digest_of(system, plan, free, study.settling_ns, study.asked, known)
     if study.sample is None:
         return digest
     # Two rows of a space may have equal values, and still are two of its runs.
@@ -233,7 +253,7 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     """Resolve and check a design point."""
     try:
         scenario = study.base.override(study.overrides(number).items())
-        system = _without_raw(connect(scenario, receivers_of(study)))
+        system = connect(scenario, receivers_of(study), raw=False)
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
@@ -263,18 +283,6 @@ def _warnings_once(points: int) -> Iterator[None]:
         if not issubclass(category, NoEffectWarning):
             at = f" (at {count} of {points} points)" if points > 1 else ""
             warnings.warn(f"{message}{at}", category, stacklevel=4)
-
-
-def _warn_of_keys_without_effect(study: Definition, scenarios: Sequence[Scenario]) -> None:
-    """Warn about given keys that have no effect at any point."""
-    base = study.base
-    keys: Iterable[effects.Key] = effects.given(base)
-    idle: dict[effects.Key, str] = {}
-    for scenario in scenarios:
-        idle = effects.idle(scenario, study.components(scenario), keys)
-        keys = idle
-    for line in no_effect(base, idle):
-        warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:
@@ -334,52 +342,64 @@ def receivers_of(study: Definition) -> list[Source]:
     return list(study.receivers)
 
 
-def _without_raw(system: System) -> System:
-    """The system without the raw fix."""
-    return replace(
-        system,
-        components={k: v for k, v in system.components.items() if k != RAW},
-        connections=tuple(c for c in system.connections if not c.target.startswith(f"{RAW}.")),
-    )
-
-
 def digest_of(
     system: System,
     plan: Plan,
     free: Iterable[str],
     settling_ns: int,
-    asked: Iterable[Response] = (),
+    asked: Iterable[Response],
+    texts: dict[tuple[int, str], str],
 ) -> str:
     """Hash of everything that affects the responses, except the ``free`` parameters."""
-    content = {
-        "components": {
-            c.name: {
-                "fmu": c.sha256 or c.origin,
-                "interval_ns": c.interval_ns,
-                "parameters": {
-                    k: v
-                    for k, v in system.components[c.name].parameters.items()
-                    if f"{c.name}.{k}" not in free
-                },
-            }
-            for c in plan.components
-        },
-        "free": sorted(free),
-        "connections": sorted(f"{c.source} {c.target}" for c in system.connections),
-        "span_ns": [plan.start_ns, plan.stop_ns, settling_ns],
-    }
+
+    def text(thing: object, content: Callable[[], object], name: str = "") -> str:
+        key = id(thing), name
+        if key not in texts:
+            texts[key] = json.dumps(content(), sort_keys=True)
+        return texts[key]
+
+    components = []
+    for c in sorted(plan.components, key=lambda c: c.name):
+        spec = system.components[c.name]
+        own = text(spec, partial(_about, c, spec, free), c.name)
+        components.append(f"{json.dumps(c.name)}: {own}")
+    parts = [
+        f'"components": {{{", ".join(components)}}}',
+        '"connections": '
+        + text(
+            system.connections,
+            lambda: sorted(f"{c.source} {c.target}" for c in system.connections),
+        ),
+        f'"free": {text(free, lambda: sorted(free))}',
+    ]
     responses = sorted(f"{r.name} {r.sha256}" for r in asked)
     if responses:
-        content["responses"] = responses
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        parts.append(f'"responses": {json.dumps(responses)}')
+    parts.append(f'"span_ns": {json.dumps([plan.start_ns, plan.stop_ns, settling_ns])}')
+    return hashlib.sha256(f"{{{', '.join(parts)}}}".encode()).hexdigest()
+
+
+def _about(component: PlannedComponent, spec: ComponentSpec, free: Iterable[str]) -> dict[str, Any]:
+    """What is hashed of a component."""
+    start = f"{component.name}."
+    left = {name.removeprefix(start) for name in free if name.startswith(start)}
+    return {
+        "fmu": component.sha256 or component.origin,
+        "interval_ns": component.interval_ns,
+        "parameters": {k: v for k, v in spec.parameters.items() if k not in left},
+    }
 
 
 def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:
     """All points of some replicates."""
-    study = campaign.study
-    runs = []
-    for replicate in range(first, min(first + replicates, study.replicates + 1)):
-        for index, point in enumerate(campaign.points):
-            seed = study.run_seed(point.number, replicate)
-            runs.append(Run(index, replicate, seed, point.run_id(seed)))
+    runs: list[Run] = []
+    for replicate in range(first, min(first + replicates, campaign.study.replicates + 1)):
+        runs += [run_of(campaign, place, replicate) for place in range(len(campaign.points))]
     return runs
+
+
+def run_of(campaign: Campaign, place: int, replicate: int) -> Run:
+    """A run by the index of its point and its replicate."""
+    point = campaign.points[place]
+    seed = campaign.study.run_seed(point.number, replicate)
+    return Run(place, replicate, seed, point.run_id(seed))

@@ -112,9 +112,11 @@ def grouped(
             in_lanes = master == "lanes"
         values = {}
         for name, spec in points[indices[0]].system.components.items():
-            for parameter in spec.parameters:
-                rows = [points[i].system.components[name].parameters[parameter] for i in indices]
-                if f"{name}.{parameter}" not in free and any(row != rows[0] for row in rows):
+            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
+            taken = [points[i].system.components[name].parameters for i in indices]
+            for parameter in names:
+                rows = [parameters[parameter] for parameters in taken]
+                if rows.count(rows[0]) < len(rows):
                     values[f"{name}.{parameter}"] = np.array(rows, np.float64)
         groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
     return tuple(groups)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from .campaign import (
     Run,
     batch,
     prepare,
+    run_of,
 )
 from .definition import Definition
 from .kept import Kept, sound
@@ -369,16 +371,13 @@ def _timed(
 
 def _sample(campaign: Campaign, what: Missing, size: int) -> list[Run]:
     """The first missing runs of each group, ``size`` at most."""
-    sample: list[Run] = []
-    wanted = {n: min(size, sum(what.by_point[p] for p in group.places))
-              for n, group in enumerate(campaign.groups)}
-    group_of = {p: n for n, group in enumerate(campaign.groups) for p in group.places}
-    for replicate in range(1, campaign.study.replicates + 1):
-        if not any(wanted.values()):
-            break
-        for run in batch(campaign, replicate, 1):
-            number = group_of[run.place]
-            if wanted[number] and not what.has(run):
-                wanted[number] -= 1
-                sample.append(run)
-    return sample
+    replicates = campaign.study.replicates
+    chosen: list[tuple[int, int]] = []
+    for group in campaign.groups:
+        places = np.array(sorted(group.places), np.intp)
+        # In a folder that is almost complete, finished runs are most: none of them is looked at.
+        gaps = np.flatnonzero(~what.done[:replicates, places])[:size]
+        own = [(int(gap) // len(places) + 1, int(places[gap % len(places)])) for gap in gaps]
+        after = ((n, int(p)) for n in range(len(what.done) + 1, replicates + 1) for p in places)
+        chosen += [*own, *islice(after, size - len(own))]
+    return [run_of(campaign, place, replicate) for replicate, place in sorted(chosen)]

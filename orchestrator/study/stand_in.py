@@ -136,16 +136,16 @@ def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> St
     Parameters
     ----------
     source
-        ``file.py:function``, known by the file and not by what that imports, or a function, known
-        by its source and all that it refers to.
+        ``file.py:function``, known by the file and all that this imports, or a function, known by
+        its code and all that it refers to.
     folder
         That the file may be relative to; default: the current one.
 
     Raises
     ------
     ConfigurationError
-        There is no such file or function, the file cannot be run, or the source of a function is
-        unavailable.
+        There is no such file or function, the file cannot be run, or a function refers to what a
+        run cannot be known by.
     """
     if isinstance(source, str):
         if ":" not in source:

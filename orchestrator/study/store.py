@@ -37,6 +37,9 @@ Space = TypeVar("Space", bound=Definition)
 STUDY = "study.json"
 DAMAGED = "damaged"
 FORMAT = 2
+IDENTITY, RULE = "identity", 2
+"""Entry of the description: the rule by which code of the user is known (1, unsaid: its source)."""
+_CODE = ("receivers", "responses", "model")
 
 
 def check_folder(folder: Path, campaign: Campaign) -> int:
@@ -51,11 +54,13 @@ def check_folder(folder: Path, campaign: Campaign) -> int:
         raise ConfigurationError(f"{folder}: must be a folder or not exist yet, got a file")
     if (folder / STUDY).exists():
         before, definition = described(folder), campaign.definition()
-        if _identity(before["definition"]) != _identity(definition):
+        there, here = _identity(before["definition"]), _identity(definition)
+        if there != here:
             raise ConfigurationError(
                 f"{folder}: must be empty or hold results of this study, got those of "
                 f"{before['definition']['study']['name']!r} with other "
-                f"{_difference(before['definition'], definition)}"
+                f"{_difference(there, here)}"
+                f"{_changed_code(there, here, before.get(IDENTITY) == RULE)}"
             )
         return int(before["replicates"])
     if folder.is_dir():
@@ -112,6 +117,7 @@ def open_folder(folder: Path, campaign: Campaign) -> Parts:
     ConfigurationError
         The folder belongs to another study, holds something else, or is not writable.
     """
+    definition = campaign.definition()
     content = {
         "format": FORMAT,
         "replicates": max(campaign.study.replicates, check_folder(folder, campaign)),
@@ -120,7 +126,8 @@ def open_folder(folder: Path, campaign: Campaign) -> Parts:
             name: {"label": f.label, "unit": f.unit}
             for name, f in (campaign.study.factors | campaign.study.conditions).items()
         },
-        "definition": campaign.definition(),
+        "definition": definition,
+        **({IDENTITY: RULE} if _code_of(definition["study"]) else {}),
         "software": artifacts.software(),
         "table": _table_of(folder),
     }
@@ -168,8 +175,7 @@ def at_work(folder: Path) -> Iterator[None]:
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Names of the parts in which two definitions differ."""
-    before, now = _identity(before), _identity(now)
+    """Names of the parts in which what makes the runs of two definitions differs."""
     parts = [
         key
         for key in now["study"]
@@ -199,6 +205,34 @@ def _unplaced(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _unplaced(it) for key, it in value.items()}
     return [_unplaced(it) for it in value] if isinstance(value, list) else value
+
+
+def _is_code(entry: Any) -> bool:
+    return isinstance(entry, dict) and {"from", "sha256"} <= set(entry)
+
+
+def _changed_code(before: Mapping[str, Any], now: Mapping[str, Any], same_rule: bool) -> str:
+    """Which code of the user differs though it has the same name, for the end of a message."""
+    old, new = (
+        {entry["from"]: entry["sha256"] for entry in _code_of(d["study"])} for d in (before, now)
+    )
+    changed = [name for name, sha256 in new.items() if old.get(name, sha256) != sha256]
+    if not changed:
+        return ""
+    if same_rule:
+        return f"; the code of {', '.join(changed)}, or what it imports, has changed"
+    return (
+        f"; the code of {', '.join(changed)} has changed, or this folder is of an earlier version "
+        "of sblcosim, which did not know code by all that it refers to"
+    )
+
+
+def _code_of(study: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    entries: list[Any] = []
+    for key in _CODE:
+        value = study.get(key) or []
+        entries += value if isinstance(value, list) else [value]
+    return [entry for entry in entries if _is_code(entry)]
 
 
 def described(folder: Path) -> dict[str, Any]:

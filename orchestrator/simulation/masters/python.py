@@ -150,9 +150,9 @@ def chosen(plan: Plan, record: Sequence[str] | None) -> tuple[Column, ...]:
 
 
 def initial_outputs(
-    spec: ComponentSpec, names: Sequence[str], start_ns: int = 0
+    spec: ComponentSpec, names: Sequence[str], start_ns: int = 0, plan: Plan | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Outputs of a single component at the start, before any step.
+    """Outputs of a single component at the start, before any step; ``plan`` is `alone`'s.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def initial_outputs(
     ConfigurationError, FmuError
         As `sblcosim.simulation.resolve.resolve` and `execute`; or an output does not exist.
     """
-    plan = alone(spec, start_ns)
+    plan = plan or alone(spec, start_ns)
     name = plan.components[0].name
     vectors = _vectors(plan)
     with ExitStack() as stack:

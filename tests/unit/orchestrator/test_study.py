@@ -232,10 +232,9 @@ def test_runs_of_a_study_do_not_warn_again(
     made = small(factors={"arm": ARM}, replicates=3)
     original = resolve._connections
 
-    def connections(system: Any, ports: Any, warn: bool) -> Any:
-        if warn and system.connections:
-            warnings.warn("no unit", ConfigurationWarning, stacklevel=1)
-        return original(system, ports, warn)
+    def connections(system: Any, ports: Any) -> Any:
+        known, messages = original(system, ports)
+        return known, [*messages, *(["no unit"] if system.connections else [])]
 
     monkeypatch.setattr(resolve, "_connections", connections)
     with warnings.catch_warnings(record=True) as caught:

@@ -1,0 +1,193 @@
+"""The components of a scenario: which FMU or class each is, and the values of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, cast
+
+from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.fmus.read.ports import Port, ports_of, read
+from sblcosim.models import declared
+from sblcosim.models.declaration import Variable
+from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
+
+from ..errors import ConfigurationError, nearest
+from ..simulation.alike import alike
+from ..simulation.receiver import for_beacons
+from ..simulation.system import ComponentSpec, Value
+from ..simulation.user_files import variables_of
+from . import tracks
+from .scenario import Scenario, Source
+from .schema import SHARED_PARAMETERS, TRUE, content_of, to_si
+from .sources import known_source, named
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A future component: its variables, and its inputs if it is a third-party component."""
+
+    spec: ComponentSpec
+    names: frozenset[str]
+    foreign_inputs: frozenset[str] = frozenset()
+
+
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+def ours_of(
+    name: str, scenario: Scenario, where: str, fmi: int,
+    assumptions: Mapping[str, Any] = _NOTHING,
+) -> Part:
+    """A component of ours, with the parameters of a table of the scenario."""
+    content = content_of(scenario, where)
+    if content is None:
+        return _made(name, scenario, where, fmi, assumptions)
+    key = (name, where, fmi, scenario.beacons, content, id(assumptions))
+    return alike(
+        "parts", key, lambda: _made(name, scenario, where, fmi, assumptions), assumptions
+    )
+
+
+def _made(
+    name: str, scenario: Scenario, where: str, fmi: int, assumptions: Mapping[str, Any]
+) -> Part:
+    table = getattr(scenario, where)
+    from sblcosim.fmus.build.factory import build
+
+    constants = {"beacons": scenario.beacons}
+    if name == "target":
+        constants |= tracks.capacity(table)
+    names, rows = described(name, tuple(constants.items()))
+    values = _values(rows, table, assumptions)
+    if name == "target" and table.trajectory != tracks.FILE:
+        values = {k: v for k, v in values.items() if k not in tracks.PARAMETERS}
+    spec = ComponentSpec(
+        build(name, cast(Literal[2, 3], fmi), False, None, **constants),  # refuses other versions
+        nanoseconds(table.interval_s),
+        values,
+    )
+    return Part(spec, names)
+
+
+_Row = tuple[str, str, Callable[[Any], Any] | None]
+"""Name and key of a parameter, and how its values in a file become SI values."""
+
+
+@lru_cache(256)
+def described(
+    name: str, constants: tuple[tuple[str, int], ...]
+) -> tuple[frozenset[str], tuple[_Row, ...]]:
+    """Names of all variables of a component of ours, and its parameters."""
+    component = declared(name, **dict(constants))
+    return frozenset(v.name for v in component), _rows(component.of("parameter"))
+
+
+def _rows(variables: Iterable[Variable]) -> tuple[_Row, ...]:
+    return tuple((v.name, v.key, to_si(v)) for v in variables)
+
+
+def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Part:
+    table = scenario.receiver
+    if isinstance(source, str):
+        known = described(source, ())[0]
+        return ours_of(source, scenario, "receiver", fmi, scenario.assumptions(known))
+    _check_contract(label, source)
+    own = table.fmu is not None and source == known_source(table.fmu)
+    return foreign("receiver", scenario, source, own)
+
+
+def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> Part:
+    """A third-party component: it gets those keys of the table that are its parameters.
+
+    If the scenario itself names the file (``own``), every given key must be a parameter.
+    """
+    table = getattr(scenario, table_name)
+    fmu = Path(source) if isinstance(source, str | Path) else for_beacons(source, scenario.beacons)
+    ports = ports_of_source(table_name, fmu)
+    has = {port.name for port in ports.values() if port.causality == "parameter"}
+    given = {
+        table.variables[key].name: key for key in table.variables if key in table.model_fields_set
+    }
+    if own:
+        for name, key in given.items():
+            if name not in has and name not in SHARED_PARAMETERS:
+                raise ConfigurationError(
+                    f"{scenario.where(table_name, key)}: must be a parameter of {named(fmu)}, "
+                    f"got {name!r}{nearest(name, has)}"
+                )
+    wanted = {*SHARED_PARAMETERS, *given}
+    if getattr(table, "prior", None) == TRUE:
+        wanted.add("initialisation")
+    assumed = scenario.assumptions(has) if table_name == "receiver" else {}
+    values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), table, assumed)}
+    parameters = {k: v for k, v in values.items() if k in has and k in wanted}
+    further = table.parameters or {}
+    if table.fmu is None:
+        parameters |= {k: _flat(v) for k, v in further.items() if k in has}
+    elif own:
+        parameters |= {k: _flat(v) for k, v in further.items()}
+    _check_beacons(scenario, fmu, ports)
+    inputs = frozenset(port.name for port in ports.values() if port.causality == "input")
+    spec = ComponentSpec(fmu, nanoseconds(table.interval_s), parameters)
+    return Part(spec, frozenset(ports), inputs)
+
+
+def _check_beacons(scenario: Scenario, source: Source, ports: Mapping[str, Port]) -> None:
+    """Refuse a component that was made for another number of beacons."""
+    for variable in (*BEACON_POSITIONS, *RECEPTION, *PING_POSE):
+        port = ports.get(variable.name)
+        if variable.rows and port and port.shape and port.shape[0] != scenario.beacons:
+            raise ConfigurationError(
+                f"{named(source)}: must be made for the {scenario.beacons} beacons of the "
+                f"scenario, got {port.name} of {port.shape[0]}; platform.beacons says how many"
+            )
+
+
+def ports_of_source(where: str, source: Source) -> Mapping[str, Port]:
+    if isinstance(source, str | Path):
+        return read(Path(source)).ports
+    return ports_of(variables_of(where, source))
+
+
+def _check_contract(label: str, source: Source) -> None:
+    """Refuse a source that does not fulfil the contract of a receiver."""
+    from sblcosim.fmus.conformance.receiver_contract import check_receiver, check_variables
+
+    hint = ""
+    if isinstance(source, str | Path):
+        findings: Iterable[Any] = check_receiver(source).findings
+        label, hint = str(source), f"; see 'sblcosim check {source}'"
+    else:
+        findings = check_variables(variables_of(label, source))
+    problems = [f"{f.variable}: {f.message}" for f in findings if f.severity == "error"]
+    if problems:
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ConfigurationError(
+            f"{label}: must honour the plug contract of a receiver, got {problems[0]}{more}{hint}"
+        )
+
+
+def _values(
+    rows: Iterable[_Row], table: Any,
+    assumptions: Mapping[str, Any] = _NOTHING,
+) -> dict[str, Value]:
+    """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
+    values: dict[str, Value] = {}
+    is_set = table.model_fields_set
+    for name, key, convert in rows:
+        value = getattr(table, key)
+        if key not in is_set:
+            value = assumptions.get(key, value)
+        if value is not None:
+            values[name] = value if convert is None else convert(value)
+    return values
+
+
+def _flat(value: Any) -> Value:
+    if not isinstance(value, list | tuple):
+        return value  # type: ignore[no-any-return]
+    return tuple(x for row in value for x in (row if isinstance(row, list | tuple) else [row]))

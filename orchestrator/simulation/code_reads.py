@@ -1,0 +1,112 @@
+"""What compiled code reads: globals, attributes of them, and the modules that it imports."""
+
+from __future__ import annotations
+
+import dis
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import CodeType
+
+Chains = tuple[tuple[str, ...], ...]
+"""Attributes that follow a name, such as ``(("part", "LIMIT"), ())``; ``()``: the name alone."""
+_GLOBAL = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
+_ATTRIBUTE = {"LOAD_ATTR", "LOAD_METHOD"}
+HELD = "from "
+"""Starts the name of a variable that stands for the module in ``from module import …``."""
+
+
+@dataclass(frozen=True)
+class Reads:
+    """What code and all that is nested in it reads.
+
+    Attributes
+    ----------
+    globals
+        Names that may be globals.
+    chains
+        By the name of a variable, be it global, local or of a closure.
+    imports
+        Name, level, and the variable that stands for the module.
+    """
+
+    globals: frozenset[str]
+    chains: Mapping[str, Chains]
+    imports: frozenset[tuple[str, int, str]]
+
+
+@lru_cache(1024)
+def reads(code: CodeType) -> Reads:
+    """What some code reads, wherever it is in it."""
+    names: set[str] = set()
+    chains: dict[str, set[tuple[str, ...]]] = {}
+    imports: set[tuple[str, int, str]] = set()
+    _collect(code, names, chains, imports)
+    return Reads(
+        frozenset(names), {k: tuple(sorted(v)) for k, v in chains.items()}, frozenset(imports)
+    )
+
+
+def _collect(
+    code: CodeType,
+    names: set[str],
+    chains: dict[str, set[tuple[str, ...]]],
+    imports: set[tuple[str, int, str]],
+) -> None:
+    current: tuple[str, list[str]] | None = None
+    statement: _Import | None = None
+    constants: list[object] = [0, 0]  # the last two
+    for instruction in dis.get_instructions(code):
+        name, value = instruction.opname, instruction.argval
+        if name in ("EXTENDED_ARG", "CACHE", "NOP"):
+            continue
+        if name in _ATTRIBUTE and current is not None:
+            current[1].append(value)
+            continue
+        if current is not None:
+            chains.setdefault(current[0], set()).add(tuple(current[1]))
+            current = None
+        if name in _GLOBAL and (name, value) != ("LOAD_NAME", "__name__"):  # of each class
+            names.add(value)
+            current = (value, [])
+        elif name.startswith("LOAD_") and ("FAST" in name or "DEREF" in name):
+            last = value[-1] if isinstance(value, tuple) else value
+            cell = "FAST" in name and last in (*code.co_cellvars, *code.co_freevars)
+            current = None if cell else (last, [])
+        elif name == "IMPORT_NAME":
+            level = constants[0] if isinstance(constants[0], int) else 0
+            statement = _Import(value, level, bool(constants[1]))
+            imports.add((value, level, HELD + value))
+        elif name == "IMPORT_FROM" and statement is not None:
+            statement.part = value
+            if statement.is_from:
+                chains.setdefault(HELD + statement.module, set()).add((value,))
+        elif name.startswith("STORE_") and statement is not None:
+            imports.add(statement.stored(value))
+            statement = statement if statement.is_from else None
+        elif name == "POP_TOP" and statement is not None and statement.is_from:
+            statement = None
+        constants = [constants[1], value]
+    if current is not None:
+        chains.setdefault(current[0], set()).add(tuple(current[1]))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            _collect(constant, names, chains, imports)
+
+
+@dataclass
+class _Import:
+    """An import statement, while its names are stored."""
+
+    module: str
+    level: int
+    is_from: bool
+    part: str = ""
+
+    def stored(self, variable: str) -> tuple[str, int, str]:
+        """Name and level of the module that a variable may be."""
+        if self.is_from:
+            name = f"{self.module}.{self.part}" if self.module else self.part
+        else:  # `import a.b` sets `a`, `import a.b as c` the whole
+            name = self.module if self.part else self.module.partition(".")[0]
+        return name, self.level, variable

@@ -1,0 +1,145 @@
+"""Where Python code comes from: the standard library, an installed package, here, or the user."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import importlib.util
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+from types import ModuleType
+
+_OURS = "sblcosim"
+_STANDARD = tuple(
+    Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")
+)
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+def file_of(module: ModuleType) -> Path | None:
+    """The file of a module; None without one."""
+    file = getattr(module, "__file__", None)
+    return Path(file).absolute() if isinstance(file, str) else None
+
+
+@lru_cache(4096)
+def package_of(name: str, file: Path | None) -> str | None:
+    """The package that a module is part of, as it is known; None for code of the user.
+
+    Known are installed packages by name and version, the standard library by the version of
+    Python, and this package by its name.
+    """
+    root = name.partition(".")[0]
+    if root == _OURS:
+        return _OURS
+    if file is None:
+        standard = root in sys.stdlib_module_names and root != "__main__"
+        return _python() if standard else None
+    if _INSTALLED & set(file.parts):
+        return f"{root} {_version(root)}"
+    if any(file.resolve().is_relative_to(folder) for folder in _STANDARD):
+        return _python()
+    return None
+
+
+def _python() -> str:
+    return f"Python {sys.version_info.major}.{sys.version_info.minor}"
+
+
+@cache
+def _version(root: str) -> str:
+    try:
+        return importlib.metadata.version(root)
+    except importlib.metadata.PackageNotFoundError:
+        pass
+    names = importlib.metadata.packages_distributions().get(root, ())
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in sorted(set(names))]
+    return ", ".join(versions) or str(getattr(sys.modules.get(root), "__version__", ""))
+
+
+def package_of_module(module: ModuleType) -> str | None:
+    """As `package_of`."""
+    return package_of(module.__name__, file_of(module))
+
+
+def found(name: str) -> tuple[Path | None, str, bool] | None:
+    """File, package (`""` at the top) and kind of the module that a name means.
+
+    Nothing is imported for it: a module that is not loaded is looked for. The last is whether its
+    code is the user's. None: there is none.
+    """
+    module = sys.modules.get(name)
+    if module is not None:
+        package = getattr(module, "__package__", None) or ""
+        return file_of(module), package, package_of_module(module) is None
+    spec = _spec(name)
+    if spec is None:
+        return None
+    file = Path(spec.origin).absolute() if spec.has_location and spec.origin else None
+    inside = name if spec.submodule_search_locations is not None else name.rpartition(".")[0]
+    return file, inside, package_of(name, file) is None
+
+
+def _spec(name: str) -> ModuleSpec | None:
+    above, _, _ = name.rpartition(".")
+    try:
+        if not above:
+            return importlib.util.find_spec(name)
+        parent = getattr(sys.modules.get(above), "__path__", None)
+        if parent is None:
+            spec = _spec(above)
+            parent = spec.submodule_search_locations if spec is not None else None
+        return PathFinder.find_spec(name, list(parent)) if parent is not None else None
+    except (ImportError, ValueError, AttributeError):
+        return None
+
+
+@lru_cache(256)
+def imported(source: bytes, package: str) -> tuple[str, ...]:
+    """Names of all modules that a source imports, in functions, too, and all that may be modules.
+
+    Parameters
+    ----------
+    package
+        That relative imports start from.
+    """
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError):
+        return ()
+    return tuple(sorted({name for node in ast.walk(tree) for name in _names(node, package)}))
+
+
+def _names(node: ast.AST, package: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            yield from above(alias.name)
+    elif isinstance(node, ast.ImportFrom):
+        start = absolute(node.module or "", node.level, package)
+        if start:
+            yield from above(start)
+            yield from (f"{start}.{alias.name}" for alias in node.names if alias.name != "*")
+
+
+def above(name: str) -> Iterator[str]:
+    """A dotted name and the packages above it, from the top."""
+    parts = name.split(".")
+    yield from (".".join(parts[: i + 1]) for i in range(len(parts)))
+
+
+def absolute(name: str, level: int, package: str) -> str:
+    """The name of a module that is imported relatively; `""` if there is none."""
+    if not level:
+        return name
+    start = package.split(".")[: len(package.split(".")) - level + 1]
+    return ".".join([*start, name] if name else start) if package else ""
+
+
+def package_in(namespace: Mapping[str, object]) -> str:
+    """The package that relative imports of a module with these globals start from."""
+    package = namespace.get("__package__")
+    return package if isinstance(package, str) else ""
