@@ -129,3 +129,13 @@ def _problem(where: str, text: str, error: tomllib.TOMLDecodeError) -> str:
         if key is not None:
             return f"{where}, line {at[1]}: {shortened(key)} must be given once, got it twice"
     return f"{where}, line {at[1]}, column {at[2]}: {shortened(message[: at.start()])}"
+
+
+def relative(file: Path, folder: Path) -> str:
+    """The path of a file relative to a folder."""
+    try:
+        # Resolve the folder only: if the file is a link, keep its own name.
+        found = os.path.relpath(file.parent.resolve() / file.name, folder.resolve())
+    except ValueError:  # on another drive
+        return str(file)
+    return Path(found).as_posix()

@@ -25,7 +25,7 @@ from . import arrangement, effects, files, library, packets, tracks
 from .assumptions import assumed, mounting_noise
 from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
-from .reading import check_values, parse, read_text, shown
+from .reading import check_values, parse, read_text, relative, shown
 from .schema import (
     PRESET_TABLES,
     PRIOR_KEYS,
@@ -281,7 +281,7 @@ class Scenario(Table):
                 if filled and ((name, key) in idle or effects.is_choice((name, key))):
                     continue  # loading the file would warn of it, or take it for a choice
                 if key in FILES and folder is not None:
-                    value = _relative(Path(value), folder)
+                    value = relative(Path(value), folder)
                 lines.append(f"{key} = {toml(rows(variable, value))}")
         return "\n".join(lines) + "\n"
 
@@ -305,16 +305,6 @@ class Scenario(Table):
     def true_prior(self) -> bool:
         """Whether the receivers' prior is the true start."""
         return bool(self.receiver.prior == TRUE)
-
-
-def _relative(file: Path, folder: Path) -> str:
-    """The path of a file relative to a folder."""
-    try:
-        # Resolve the folder only: if the file is a link, keep its own name.
-        relative = os.path.relpath(file.parent.resolve() / file.name, folder.resolve())
-    except ValueError:  # on another drive
-        return str(file)
-    return Path(relative).as_posix()
 
 
 # --- Reading -------------------------------------------------------------------------------------
