@@ -18,12 +18,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from multiprocessing import resource_tracker
-from multiprocessing.synchronize import Event
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -188,16 +188,19 @@ def _result(future: Future[pd.DataFrame]) -> pd.DataFrame:
 def processes(workers: int) -> Iterator[Executor]:
     """Processes of this machine that end when the body of the statement is stopped."""
     context = multiprocessing.get_context("spawn")
-    stop = context.Event()
-    pool = ProcessPoolExecutor(workers, context, begin, (stop,))
+    # Its end tells them. An Event would wait for ever for a worker that has been killed.
+    told, telling = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, context, begin, (told,))
     try:
         yield pool
     except BaseException:
-        stop.set()
+        telling.close()
         _end(pool)
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+        telling.close()
+        told.close()
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
@@ -228,13 +231,13 @@ def _blocked_in_children() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def begin(stop: Event | None = None) -> None:
+def begin(told: Connection | None = None) -> None:
     """Initialise a worker: ignore Ctrl-C, and end with the parent process, however that ends.
 
     Parameters
     ----------
-    stop
-        When it is set, the worker's task is to end: at the next check, or with the worker.
+    told
+        When it ends, the worker's task is to end: at the next check, or with the worker.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
@@ -244,16 +247,17 @@ def begin(stop: Event | None = None) -> None:
             parent.join()
         os._exit(1)
 
-    def obey(stop: Event) -> None:
-        stop.wait()
+    def obey(told: Connection) -> None:
+        with suppress(EOFError, OSError):
+            told.recv_bytes()
         stopping.tell()
         time.sleep(stopping.GRACE)
         leave()
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-    if stop is not None:
-        threading.Thread(target=obey, args=(stop,), daemon=True).start()
+    if told is not None:
+        threading.Thread(target=obey, args=(told,), daemon=True).start()
 
 
 @contextmanager
