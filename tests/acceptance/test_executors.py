@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
+from sblcosim.fmus import stopping
 from sblcosim.study import campaign, executors, runner, store, study
 
 MADE = {
@@ -280,10 +281,11 @@ def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) ->
 
 def test_ctrl_c_is_deferred_and_not_lost() -> None:
     reached = False
-    with pytest.raises(KeyboardInterrupt), executors.deferring_sigint():  # noqa: PT012
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
-        reached = True
+    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: SIM117
+        with executors.deferring_sigint():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(2 * stopping.GRACE)
+            reached = True
     assert reached
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
