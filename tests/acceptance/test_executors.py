@@ -281,11 +281,12 @@ def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) ->
 
 def test_ctrl_c_is_deferred_and_not_lost() -> None:
     reached = False
-    with pytest.raises(KeyboardInterrupt), stopping.stoppable():  # noqa: SIM117
-        with executors.deferring_sigint():
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(2 * stopping.GRACE)
-            reached = True
+    with (  # noqa: PT012
+        pytest.raises(KeyboardInterrupt), stopping.stoppable(), executors.deferring_sigint()
+    ):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(2 * stopping.GRACE)
+        reached = True
     assert reached
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
