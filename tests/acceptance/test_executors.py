@@ -13,6 +13,7 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolEx
 from pathlib import Path
 from typing import Any
 
+import distributed
 import pandas as pd
 import pytest
 from distributed import LocalCluster
@@ -212,6 +213,12 @@ def test_bad_workers_get_one_line_and_no_folder(
     with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
         wrong.append(({"scheduler": empty.scheduler_address}, "must have workers, got none"))
         for arguments, message in wrong:
+            if arguments.get("scheduler") == empty.scheduler_address:  # it answers, however late
+                monkeypatch.setattr(executors, "PATIENCE", 300)
+                wait = distributed.Client.wait_for_workers
+                monkeypatch.setattr(
+                    distributed.Client, "wait_for_workers", lambda self, n, timeout: wait(self, n, 1)
+                )
             with pytest.raises(ConfigurationError, match=message) as caught:
                 made.run(tmp_path / "out", **arguments)
             assert "\n" not in str(caught.value)
@@ -329,7 +336,7 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
             assert campaign_.poll() is None, campaign_.communicate()
             time.sleep(0.005)
         running[0].kill()
-        out, err = campaign_.communicate(timeout=120)
+        out, err = campaign_.communicate(timeout=600)
     finally:
         for process in running:
             process.kill()

@@ -77,7 +77,7 @@ def test_both_masters_give_the_same_result() -> None:
     assert results[0].errors.equals(results[1].errors)
 
 
-@pytest.mark.parametrize("options", [("--master", "native", "--step-timeout", "30"), ()])
+@pytest.mark.parametrize("options", [("--master", "native", "--step-timeout", "300"), ()])
 def test_the_command_runs_the_master_it_is_told(
     options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
