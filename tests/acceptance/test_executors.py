@@ -202,6 +202,11 @@ def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
 def test_bad_workers_get_one_line_and_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    original = distributed.Client.wait_for_workers
+
+    def wait(client: distributed.Client, number: int, timeout: float) -> Any:
+        return original(client, number, 1)
+
     monkeypatch.setattr(executors, "PATIENCE", 1)
     made = study.load(MADE)
     wrong: list[tuple[dict[str, Any], str]] = [
@@ -215,10 +220,7 @@ def test_bad_workers_get_one_line_and_no_folder(
         for arguments, message in wrong:
             if arguments.get("scheduler") == empty.scheduler_address:  # it answers, however late
                 monkeypatch.setattr(executors, "PATIENCE", 300)
-                wait = distributed.Client.wait_for_workers
-                monkeypatch.setattr(
-                    distributed.Client, "wait_for_workers", lambda self, n, timeout: wait(self, n, 1)
-                )
+                monkeypatch.setattr(distributed.Client, "wait_for_workers", wait)
             with pytest.raises(ConfigurationError, match=message) as caught:
                 made.run(tmp_path / "out", **arguments)
             assert "\n" not in str(caught.value)

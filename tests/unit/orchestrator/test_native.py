@@ -299,15 +299,16 @@ class Looks:
 
 def test_a_long_run_of_short_steps_is_no_hang():
     """Whereas the same time in one step is."""
-    plan = Watched({"bad": "FMU bad"}, ("bad",), range(0, 2000 * MS, MS), Begun((("bad", "f"),), ()))
+    begun = Begun((("bad", "f"),), ())
+    watched = Watched({"bad": "FMU bad"}, ("bad",), range(0, 2000 * MS, MS), begun)
     child = Process()
     try:
         child._state.where = LOOP
         child._answers = Looks(child, 1)
-        assert child._next(plan, 0.6, None) == "answer"
+        assert child._next(watched, 0.6, None) == "answer"
         child._answers = Looks(child, 0)
         with pytest.raises(FmuError, match=r"has not returned from f at 0\.999 s for 0\.6 s$"):
-            child._next(plan, 0.6, None)
+            child._next(watched, 0.6, None)
     finally:
         child.kill()
 
