@@ -154,7 +154,7 @@ def main() -> None:
             median = statistics.median(found)
             print(
                 f"FMI {fmi}  {name:17} min {min(found):7.2f} µs  median {median:7.2f} µs per step"
-                f"  times native {ratio(times['native'], found)}"
+                + (f"  times native {ratio(times['native'], found)}" if name != "native" else "")
             )
         if fmi == 2 and "libcosim" not in times:
             print("FMI 2  libcosim is not there: pip install libcosimpy")
