@@ -100,4 +100,4 @@ def test_a_master_that_waits_for_ever_takes_no_timeout(master: str) -> None:
         app, ["run", "paper-scenario-1", "--master", master, "--step-timeout", "3"]
     )
     assert done.exit_code == 2
-    assert f"step_timeout: must be left out with the {master} master" in done.output
+    assert f"--step-timeout: must be left out with the {master} master" in done.output
