@@ -6,7 +6,7 @@ runs CODE (a statement, or ``-m MODULE ARGUMENTS``) with both interpreters, the 
 changing from pair to pair, so that a load that grows or fades meets both. What is printed is the
 ratio new/old: its median over the pairs with the 95 % interval of order statistics, and that of the
 least times. Processor time of the process and its children counts, or with --wall the time that
-passes.
+passes. The other benchmarks here use its functions for what they compare.
 """
 
 from __future__ import annotations
@@ -64,6 +64,18 @@ def ratio(old: Sequence[float], new: Sequence[float]) -> Ratio:
         k += 1
     low, high = (ratios[k - 1], ratios[-k]) if k else (float("nan"), float("nan"))
     return Ratio(statistics.median(ratios), low, high, min(new) / min(old), n)
+
+
+def of_call(function: Callable[[], object], wall: bool = False) -> Callable[[], float]:
+    """A function that calls another one and returns its time in this process [s]."""
+    clock = time.perf_counter if wall else time.process_time
+
+    def seconds() -> float:
+        started = clock()
+        function()
+        return clock() - started
+
+    return seconds
 
 
 def of_program(command: Sequence[str], wall: bool = False) -> Callable[[], float]:

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import sblcosim
+from alternating import alternated, of_call, ratio
 from competitors import numpy_bound
 from sblcosim.areas import motion
 from sblcosim.areas.grid import grid_of
@@ -46,8 +47,11 @@ def compared(moving: Any, circle: Any, grid: Any) -> None:
     position = np.stack([circle.position(grid.centres, t) for t in end_s.tolist()])
     q = circle_psd(circle.speed, circle.radius, places.noise_densities(moving, grid.centres), 60.0)
     given = (model, epochs, position, q, np.array([len(end_s) // 2, len(end_s) - 1]))
-    ours = timed("the recursion in C, one thread", partial(recursion.covariances, *given))
-    theirs = timed("the same on NumPy", partial(numpy_bound.covariances, *given))
+    both = [partial(each.covariances, *given) for each in (numpy_bound, recursion)]
+    numpy, c = alternated(*map(of_call, both), 6)
+    print(f"  the recursion on one thread, least: NumPy {min(numpy):.2f} s, C {min(c):.2f} s")
+    print(f"  C/NumPy: {ratio(numpy, c)}")
+    theirs, ours = (call() for call in both)
     traces = (np.trace(P, axis1=2, axis2=3) for pair in (ours, theirs) for P in pair)
     a, b, c, d = traces
     print(f"  they differ by {max(abs(a / c - 1).max(), abs(b / d - 1).max()):.0e}")

@@ -30,9 +30,11 @@ import shutil
 import sys
 import time
 import tomllib
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
+from alternating import alternated, ratio
 from sblcosim.report.common import as_toml
 
 REPLICATES = 7813
@@ -40,6 +42,8 @@ SECONDS = 5.0
 """Length of a run."""
 LEFT = 3
 """Parts that an almost finished study lacks."""
+PAIRS = 6
+"""Dry runs and carryings-on of it, in alternation."""
 
 
 def described(replicates: int) -> str:
@@ -52,8 +56,8 @@ def described(replicates: int) -> str:
     })
 
 
-def measured(what: str, *arguments: str) -> None:
-    """Run a command, and print its wall time and peak memory."""
+def measured(what: str, *arguments: str) -> float:
+    """Run a command, and print its wall time and peak memory; its time of processors [s]."""
     started = time.perf_counter()
     command = [sys.executable, "-m", "sblcosim", *arguments]
     child = os.posix_spawn(
@@ -66,6 +70,7 @@ def measured(what: str, *arguments: str) -> None:
           f"{usage.ru_maxrss / 1024:8.0f} MiB", flush=True)
     if code := os.waitstatus_to_exitcode(status):
         sys.exit(code)
+    return usage.ru_utime + usage.ru_stime
 
 
 def main() -> None:
@@ -82,10 +87,22 @@ def main() -> None:
     study = ("study", str(file), "--out", str(runs))
     measured("study, what is missing", *study)
     measured("study, finished", *study)
-    for path in sorted((runs / "parts").glob("*.parquet"))[-LEFT:]:
-        path.unlink()
-    measured("study --dry-run, almost finished", *study, "--dry-run")
-    measured(f"study, almost finished ({LEFT} parts)", *study)
+
+    number = len([*(runs / "parts").glob("*.parquet")])
+
+    def almost(what: str, *options: str) -> float:
+        """Let it lack some parts first, unless a dry run has left it so."""
+        for path in sorted((runs / "parts").glob("*.parquet"))[number - LEFT :]:
+            path.unlink()
+        return measured(what, *study, *options)
+
+    carried, dry = alternated(
+        partial(almost, f"study, almost finished ({LEFT} parts)"),
+        partial(almost, "study --dry-run, almost finished", "--dry-run"),
+        PAIRS,
+    )
+    print(f"  the dry run over carrying on: {ratio(carried, dry)}")
+    measured("study, what is missing", *study)
     shutil.rmtree(out, ignore_errors=True)
     measured("analyse", "analyse", str(runs), "--out", str(out))
     measured("analyse --transform log", "analyse", str(runs), "--out", f"{out}-log",

@@ -21,6 +21,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
+from alternating import ratio
 from python_master import CONNECTIONS, INTERVAL_NS, NAMES, Bare
 from sblcosim.fmus.build.factory import build, library
 from sblcosim.fmus.host.nanoseconds import SECOND
@@ -149,12 +150,11 @@ def main() -> None:
                 for name, benchmark in rivals.items():
                     steps = STEPS.get(name, STEPS["native"])
                     times[name].append(benchmark(steps) / steps * 1e6)
-        fastest = statistics.median(times["native"])
         for name, found in times.items():
             median = statistics.median(found)
             print(
                 f"FMI {fmi}  {name:17} min {min(found):7.2f} µs  median {median:7.2f} µs per step"
-                f"  {median / fastest:6.1f} times native"
+                + (f"  times native {ratio(times['native'], found)}" if name != "native" else "")
             )
         if fmi == 2 and "libcosim" not in times:
             print("FMI 2  libcosim is not there: pip install libcosimpy")

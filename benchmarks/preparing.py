@@ -1,8 +1,8 @@
 """What a study costs before its first step: this build and another, in alternation.
 
-Prints processor time per point of the paper's studies for both, and an interval of the ratio: the
-median over the rounds with its 95 % bootstrap interval. Processor time still depends on what else
-the machine does; the ratio much less. Run by hand:
+Prints processor time per point of the paper's studies for both, and an interval of the ratio (as
+`alternating.py`). Processor time still depends on what else the machine does; the ratio much less.
+Run by hand:
 ``python benchmarks/preparing.py OTHER_PYTHON [--rounds 7]``, where OTHER_PYTHON is that of an
 environment with the other build.
 
@@ -19,10 +19,12 @@ ranges-1          4.1             1.0            0.25
 from __future__ import annotations
 
 import argparse
+import statistics
 import subprocess
 import sys
+from functools import partial
 
-import numpy as np
+from alternating import alternated, ratio
 
 STUDIES = ("paper-scenario-1", "ranges-1")
 CODE = """
@@ -30,23 +32,22 @@ import sys, time, warnings
 from sblcosim.report.paper.campaigns import all_campaigns
 from sblcosim.study.campaign import prepare
 warnings.simplefilter("ignore")
-made = all_campaigns(quick=True)
-for name in sys.argv[1:]:
-    prepare(made[name])
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        prepare(made[name])
-        times.append(time.process_time() - start)
-    print(min(times) / len(made[name].points.values) * 1e3)
+study = all_campaigns(quick=True)[sys.argv[1]]
+prepare(study)
+times = []
+for _ in range(3):
+    start = time.process_time()
+    prepare(study)
+    times.append(time.process_time() - start)
+print(min(times) / len(study.points.values) * 1e3)
 """
 
 
-def measured(python: str) -> list[float]:
-    """Milliseconds per point of each study."""
-    command = [python, "-c", CODE, *STUDIES]
+def measured(python: str, study: str) -> float:
+    """Milliseconds per point of a study."""
+    command = [python, "-c", CODE, study]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return [float(line) for line in done.stdout.split()]
+    return float(done.stdout)
 
 
 def main() -> None:
@@ -54,17 +55,11 @@ def main() -> None:
     arguments.add_argument("other")
     arguments.add_argument("--rounds", type=int, default=7)
     given = arguments.parse_args()
-    pairs = np.array([
-        (measured(given.other), measured(sys.executable)) for _ in range(given.rounds)
-    ])  # fmt: skip
-    ratios = pairs[:, 1] / pairs[:, 0]
-    rng = np.random.default_rng(1)
-    rows = rng.integers(0, len(ratios), (2000, len(ratios)))
-    low, high = np.quantile(np.median(ratios[rows], axis=1), (0.025, 0.975), axis=0)
-    for i, name in enumerate(STUDIES):
-        before, now = np.median(pairs[:, :, i], axis=0)
-        print(f"{name}: {before:.2f} ms and {now:.2f} ms a point, ratio "
-              f"{np.median(ratios[:, i]):.3f} ({low[i]:.3f}-{high[i]:.3f})")
+    for study in STUDIES:
+        builds = [partial(measured, python, study) for python in (given.other, sys.executable)]
+        times = alternated(*builds, given.rounds)
+        before, now = map(statistics.median, times)
+        print(f"{study}: {before:.2f} ms and {now:.2f} ms a point, ratio {ratio(*times)}")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+from alternating import alternated, ratio
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from sblcosim.fmus.build.factory import build
@@ -148,18 +149,20 @@ class Bare:
 
 def main() -> None:
     for fmi in (2, 3):
-        ours, theirs = [], []
         master(fmi, STEPS)  # builds, loads and warms everything
         with tempfile.TemporaryDirectory() as folder:
             bare = Bare(fmi, Path(folder))
-            for _ in range(REPEATS):
-                ours.append((master(fmi, STEPS + 1) - master(fmi, 1)) / STEPS * 1e6)
-                theirs.append(bare.run(STEPS) / STEPS * 1e6)
+            ours, theirs = alternated(
+                lambda fmi=fmi: (master(fmi, STEPS + 1) - master(fmi, 1)) / STEPS * 1e6,
+                lambda bare=bare: bare.run(STEPS) / STEPS * 1e6,
+                REPEATS,
+            )
         for label, times in (("Python master", ours), ("bare FMPy calls", theirs)):
             print(
                 f"FMI {fmi}  {label:16} min {min(times):6.1f} µs  "
                 f"median {statistics.median(times):6.1f} µs per step"
             )
+        print(f"FMI {fmi}  FMPy's calls/master: {ratio(ours, theirs)}")
 
 
 if __name__ == "__main__":

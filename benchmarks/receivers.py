@@ -4,7 +4,8 @@ A run of the paper's Scenario 1 at T = 0.1 s without loss, its start excluded, w
 the same without any; least of several, on one core. Code is that of the equations and the engine
 for one lane, for a Cortex-M7 (zig) and for this machine, state is the memory of an instance. Then
 what the raw fix costs beside a filter: a step of a whole run in eight lanes with it and without it,
-in turn, least of ten. Run by hand: ``python benchmarks/receivers.py [--quick]``.
+in turn, ten times: the least, and the ratio with its interval. Run by hand:
+``python benchmarks/receivers.py [--quick]``.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import sblcosim
+from alternating import Ratio, alternated, of_call, ratio
 from sblcosim.fmus.build.c_files import c_files
 from sblcosim.fmus.build.factory import engine_sources
 from sblcosim.models.loading import load
@@ -78,17 +81,15 @@ def cost(receiver: str, number: int, runs: int, repeats: int) -> float:
     return (own - others) / packets / runs * 1e9
 
 
-def beside_a_filter(runs: int) -> tuple[float, float]:
-    """ns per step and run without the raw fix and with it."""
+def beside_a_filter(runs: int) -> tuple[float, float, Ratio]:
+    """Least ns per step and run without the raw fix and with it, and the ratio."""
     plans = [plan_of("ekf", 60.0, raw) for raw in (False, True)]
-    least = [np.inf, np.inf]
-    for _ in range(10):
-        for i, plan in enumerate(plans):
-            started = time.process_time()
-            seconds(plan, 8, runs)
-            least[i] = min(least[i], time.process_time() - started)
-    alone, beside = (1e9 * t / len(plans[0].instants) / runs for t in least)
-    return alone, beside
+    both = [of_call(partial(seconds, plan, 8, runs)) for plan in plans]
+    for call in both:  # builds
+        call()
+    times = alternated(*both, 10)
+    alone, beside = (1e9 * min(t) / len(plans[0].instants) / runs for t in times)
+    return alone, beside, ratio(*times)
 
 
 def code_size(receiver: str, *flags: str) -> str:
@@ -128,9 +129,8 @@ def main() -> None:
         state = ctypes.c_uint32(engine_of(component, 1).contents.block_size).value
         print(f"{name:<17}{figures[0]:>10.0f}{figures[1]:>10.0f}{state:>10}"
               f"{code_size(name, *M7):>10}{code_size(name):>10}", flush=True)
-    alone, beside = beside_a_filter(64 if quick else 256)
-    print(f"ekf alone {alone:.0f} ns a step, with the raw fix {beside:.0f} ns: "
-          f"{beside / alone:.2f} times")
+    alone, beside, times = beside_a_filter(64 if quick else 256)
+    print(f"ekf alone {alone:.0f} ns a step, with the raw fix {beside:.0f} ns: {times}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
 """Makes the helpers beside the tests importable (``from stepper import Stepper``)."""
 
 import sys
+import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,3 +32,47 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             for each in done:
                 with suppress(BuildError):  # the tests say so
                     each.result()
+
+
+HANGS = "hangs"
+"""Name of the file that whatever hangs on purpose leaves, in `fmu/hang.h` and in Python alike."""
+LONG = 600.0
+"""Seconds that whatever does not hang may take, on a machine that has much else to do."""
+
+
+@pytest.fixture
+def only_hangs_take_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time limits of calls begin when one hangs on purpose; healthy ones may take long."""
+    from sblcosim.fmus.conformance import runner
+    from sblcosim.simulation.process import Process
+
+    next_, wait = Process._next, runner._wait
+
+    def patient_next(self: Process, *arguments: Any) -> Any:
+        _wait_for(
+            lambda: not self._answers.empty()
+            or self._process.poll() is not None
+            or bool(_marks(Path(self._folder)))
+        )
+        return next_(self, *arguments)
+
+    def patient_wait(process: Any, folder: Path, patience: float) -> bool:
+        hung = str(process.pid)  # others may have hung there before
+        _wait_for(lambda: process.poll() is not None or hung in _marks(folder))
+        return wait(process, folder, patience)
+
+    monkeypatch.setattr(Process, "_next", patient_next)
+    monkeypatch.setattr(runner, "_wait", patient_wait)
+
+
+def _wait_for(done: Callable[[], bool]) -> None:
+    until = time.monotonic() + LONG
+    while not done() and time.monotonic() < until:
+        time.sleep(0.01)
+
+
+def _marks(folder: Path) -> list[str]:
+    """What stands in the files of those that hang."""
+    with suppress(OSError):  # the folder is just being filled or removed
+        return [path.read_text() for path in folder.rglob(HANGS)]
+    return []

@@ -55,6 +55,9 @@ PATIENCE: ContextVar[float] = ContextVar("PATIENCE", default=STEP_TIMEOUT)
 _GRACE = 5.0
 """Seconds for a process to end after it has closed its pipes."""
 
+_FAREWELL = 1.0
+"""Seconds for exit handlers of the user's code."""
+
 _OUTPUT = 20_000
 """Limit on the output of FMUs and Python files that is shown of a task [bytes]."""
 
@@ -239,7 +242,7 @@ class Process:
         finally:
             if not watched.suspects:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(1.0)  # for exit handlers of the user's code
+                    self._process.wait(_FAREWELL)
             self.kill()
         self._tell(answer, watched)
         if answer.error is not None:

@@ -105,7 +105,7 @@ def browse(place: Path, *options: str) -> tuple[str, str]:
             "--allow-file-access-from-files", "--enable-logging=stderr",
             f"--user-data-dir={place / 'profile'}", *options,
         ],
-        cwd=place, capture_output=True, text=True, timeout=120, check=True,
+        cwd=place, capture_output=True, text=True, timeout=600, check=True,
     )
     complaints = "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
     return done.stdout, complaints

@@ -13,6 +13,7 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolEx
 from pathlib import Path
 from typing import Any
 
+import distributed
 import pandas as pd
 import pytest
 from distributed import LocalCluster
@@ -202,6 +203,11 @@ def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
 def test_bad_workers_get_one_line_and_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    original = distributed.Client.wait_for_workers
+
+    def wait(client: distributed.Client, number: int, timeout: float) -> Any:
+        return original(client, number, 1)
+
     monkeypatch.setattr(executors, "PATIENCE", 1)
     made = study.load(MADE)
     wrong: list[tuple[dict[str, Any], str]] = [
@@ -213,6 +219,9 @@ def test_bad_workers_get_one_line_and_no_folder(
     with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
         wrong.append(({"scheduler": empty.scheduler_address}, "must have workers, got none"))
         for arguments, message in wrong:
+            if arguments.get("scheduler") == empty.scheduler_address:  # it answers, however late
+                monkeypatch.setattr(executors, "PATIENCE", 300)
+                monkeypatch.setattr(distributed.Client, "wait_for_workers", wait)
             with pytest.raises(ConfigurationError, match=message) as caught:
                 made.run(tmp_path / "out", **arguments)
             assert "\n" not in str(caught.value)
@@ -332,7 +341,7 @@ def test_a_scheduler_that_is_gone_is_said_in_one_line_and_nothing_is_lost(tmp_pa
             assert campaign_.poll() is None, campaign_.communicate()
             time.sleep(0.005)
         running[0].kill()
-        out, err = campaign_.communicate(timeout=120)
+        out, err = campaign_.communicate(timeout=600)
     finally:
         for process in running:
             process.kill()

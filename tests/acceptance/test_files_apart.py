@@ -40,10 +40,10 @@ FATAL = {
     "kill": ("import os, signal; os.kill(os.getpid(), 9)", "crashed (signal SIGKILL) in "),
     "term": ("import os, signal; os.kill(os.getpid(), 15)", "crashed (signal SIGTERM) in "),
     "fpe": ("import os, signal; os.kill(os.getpid(), signal.SIGFPE)", "(signal SIGFPE) in "),
-    "alarm": ("import signal, time; signal.alarm(1); time.sleep(30)", "(signal SIGALRM) in "),
+    "alarm": ("import signal, time; signal.alarm(1); time.sleep(300)", "(signal SIGALRM) in "),
     "thread_exit": (
         "import os, threading, time; threading.Thread(target=os._exit, args=(3,)).start()\n"
-        "time.sleep(30)",
+        "time.sleep(300)",
         "ended the process (exit code 3) in ",
     ),
     "exec": ("import os; os.execv('/bin/true', ['true'])", "the process (exit code 0) in "),
@@ -170,7 +170,12 @@ CALLS = {
     "initialise": "initialise", "do_step": "do_step", "response": "its call", "model": "its call",
 }  # fmt: skip
 NOTHING = "pass"
-LOOP = "while True: pass"
+LOOP = (
+    "import os, tempfile\n"
+    "open(os.path.join(tempfile.gettempdir(), 'hangs'), 'w').close()\n"
+    "while True: pass"
+)
+"""It says so first: time counts from then on (`only_hangs_take_time`)."""
 
 
 def written(folder: Path, place: str, deed: str, name: str = "mine.py") -> Path:
@@ -284,6 +289,7 @@ def test_what_a_file_does_anywhere(
     checked(deed, place, tmp_path, alone)
 
 
+@pytest.mark.usefixtures("only_hangs_take_time")
 @pytest.mark.parametrize("place", PLACES)
 def test_what_does_not_return_is_given_up(
     place: str, tmp_path: Path, alone: sblcosim.Result
@@ -554,6 +560,7 @@ def test_results_go_where_the_command_was_told_and_prints_stay_out(tmp_path: Pat
     assert "from the receiver" in done.stderr
 
 
+@pytest.mark.usefixtures("only_hangs_take_time")
 @pytest.mark.parametrize(
     "words",
     [
@@ -637,7 +644,10 @@ def test_a_kept_child_is_not_one_of_a_forked_process(
     assert len(started) == 1
 
 
-def test_exit_handlers_of_a_file_are_run(tmp_path: Path) -> None:
+def test_exit_handlers_of_a_file_are_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "_FAREWELL", 300.0)
     text = f"import atexit; atexit.register(lambda: open({str(tmp_path / 'end')!r}, 'w').close())"
     sblcosim.run(SCENARIO, str(written(tmp_path, "import", text)), SHORT)
     assert not (tmp_path / "end").exists()

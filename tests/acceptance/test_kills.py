@@ -111,7 +111,7 @@ class Place:
         process = self.start()
         time.sleep(after)
         process.send_signal(number)
-        process.wait(timeout=120)
+        process.wait(timeout=600)
         gone(process.pid)
         if number == signal.SIGTERM:
             self.check_what_is_said(process.returncode)

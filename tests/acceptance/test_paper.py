@@ -40,18 +40,18 @@ def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
 def _made(folder: Path) -> dict[str, Any]:
     """Interrupt it after the first study, then give the same command again."""
     process = command(folder)
-    until = time.monotonic() + 120
+    until = time.monotonic() + 600
     while not (folder / "paper/runs/paper-scenario-1/runs.parquet").exists():
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    interrupted = (*process.communicate(timeout=120), process.returncode)
+    interrupted = (*process.communicate(timeout=600), process.returncode)
     report = (folder / "paper/report").exists()
     kept = folder / "paper/runs/paper-scenario-1/parts"
     before = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
     process = command(folder)
-    finished = (*process.communicate(timeout=300), process.returncode)
+    finished = (*process.communicate(timeout=1200), process.returncode)
     after = {file.name: file.stat().st_mtime_ns for file in kept.iterdir()}
     return {"interrupted": interrupted, "report": report, "finished": finished,
             "kept": before == after}
@@ -66,7 +66,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     try:
         folder.mkdir()
     except FileExistsError:
-        until = time.monotonic() + 600
+        until = time.monotonic() + 2400
         while not outcome.exists():
             assert time.monotonic() < until
             time.sleep(0.2)

@@ -35,6 +35,8 @@ from sblcosim.simulation.record import Record
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import runner
 
+pytestmark = pytest.mark.usefixtures("only_hangs_take_time")
+
 SCENARIO = "paper-scenario-1"
 SHORT = {"time.duration_s": 2.0}
 OTHERS = ("target", "platform", "acoustics", "ekf", "raw")

@@ -68,7 +68,7 @@ def start(script: str, *arguments: object, **environment: str) -> subprocess.Com
         [sys.executable, EXAMPLES / script, *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         env=os.environ | environment,
         check=False,
     )

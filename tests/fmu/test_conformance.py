@@ -26,7 +26,10 @@ from .planted.planted import DEFECTS, build_planted
 from .stranger.stranger import build_stranger
 
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+pytestmark = [
+    pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler"),
+    pytest.mark.usefixtures("only_hangs_take_time"),
+]
 
 
 def of(report: Report, *states: str) -> set[str]:
@@ -306,7 +309,7 @@ def test_a_description_that_cannot_be_read_is_a_failed_check(tmp_path: Path) -> 
 
 def test_each_finding_names_the_command_that_repeats_it(tmp_path: Path) -> None:
     fmu = build_planted(2, tmp_path / "a place", "DERIVATIVE_A_BIT_OFF")
-    _, text = call(fmu, "--check", "derivatives", "--timeout", "20")
+    _, text = call(fmu, "--check", "derivatives", "--timeout", "200")
     (command,) = re.findall("again: sblcosim conformance (.*)", text)
     code, again = call(*shlex.split(command))
     assert code == 1

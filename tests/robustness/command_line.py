@@ -21,8 +21,9 @@ from typing import Any
 
 SECONDS = 20.0
 """Of a processor, that a command may take."""
-PATIENCE = 120.0
-"""Seconds until a command hangs, on a machine that has much else to do."""
+PATIENCE = 900.0
+"""Seconds until a command hangs that waits for ever; an endless loop ends by `SECONDS`, on a
+machine that has much else to do, too."""
 MEGABYTES = 1000.0
 """That a command may take."""
 LOADED = (
@@ -180,6 +181,7 @@ def _become(case: Mapping[str, Any], out: int, err: int) -> None:
         os.dup2(out, 1)
         os.dup2(err, 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (3 * int(SECONDS),) * 2)
         resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30))  # spares the machine
         os.chdir(case["folder"])
         os.environ.update(case["environment"])

@@ -30,6 +30,9 @@ from sblcosim.fmus.terminals import TERMINALS
 
 HERE = Path(__file__).parents[2] / "fmu" / "planted"
 SECONDS, MEGABYTES = 20, 1000
+"""Of a processor."""
+PATIENCE = 600
+"""Seconds, for what waits for ever."""
 
 NASTY = (
     "", " ", "0", "-1", "1e999", "nan", "INF", "4294967296", "99999999999", "9" * 5000,
@@ -205,7 +208,8 @@ def main(first: int, count: int) -> None:
         path = Path(place) / "broken.fmu"
         for seed in range(first, first + count):
             path.write_bytes(broken(seed))
-            signal.alarm(SECONDS)
+            signal.setitimer(signal.ITIMER_PROF, SECONDS)
+            signal.alarm(PATIENCE)
             said = f"{path}: was read"
             try:
                 use(path)
@@ -217,6 +221,7 @@ def main(first: int, count: int) -> None:
                 raise
             finally:
                 signal.alarm(0)
+                signal.setitimer(signal.ITIMER_PROF, 0)
             assert said.isprintable(), (seed, said)
             assert said.startswith(f"{path}: "), (seed, said)
             assert len(said) < 500, (seed, said)

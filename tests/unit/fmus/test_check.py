@@ -24,6 +24,7 @@ from sblcosim.models.equations import Model
 from sblcosim.models.ports import PING_POSE, SYSTEM
 
 VERSIONS = get_args(Fmi)
+HANG = (Path(__file__).parents[2] / "fmu" / "hang.h").read_bytes()
 FUNCTIONS = set(
     re.findall(
         r"FMI2_Export\s+\w+TYPE\s+(\w+);",
@@ -358,7 +359,9 @@ def test_a_binary_that_does_not_load_is_an_error_on_demand(tmp_path: Path) -> No
 
 def compiled(code: bytes) -> bytes:
     """A shared library of some C code."""
-    return factory.compile_shared({"x.c": code}, [factory.Unit("x.c")], compiler.find())
+    return factory.compile_shared(
+        {"x.c": code, "hang.h": HANG}, [factory.Unit("x.c")], compiler.find()
+    )
 
 
 def test_a_library_that_is_no_fmu_is_told_so(tmp_path: Path) -> None:
@@ -388,7 +391,7 @@ def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None
         ("void *fmi2Instantiate(void)", "exit(0);",
          "ends the process (exit code 0x0) in fmi2Instantiate"),
         ("void *fmi2Instantiate(void)", "abort();", "crashes (SIGABRT) in fmi2Instantiate"),
-        ("void *fmi2Instantiate(void)", "for (;;) sleep(1);",
+        ("void *fmi2Instantiate(void)", "hang();",
          "has not returned after 2 s from fmi2Instantiate"),
         ("void *fmi2Instantiate(void)", "return 0;", "fmi2Instantiate must succeed, got Error"),
         ("void *fmi2Instantiate(void)", "static int x; return &x;", ""),
@@ -397,6 +400,7 @@ def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None
     ],
     ids=["exit while loading", "exit", "abort", "hang", "refused", "sound", "exit after output"],
 )  # fmt: skip
+@pytest.mark.usefixtures("only_hangs_take_time")
 def test_an_fmu_that_does_not_live_to_be_instantiated_is_not_sound(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, what: str, ending: str
 ) -> None:
@@ -405,7 +409,7 @@ def test_an_fmu_that_does_not_live_to_be_instantiated_is_not_sound(
     rest = "".join(f"int {name}(void) {{ return 3; }}\n" for name in sorted(functions))
     if "fmi2Instantiate" not in where:
         rest += "void *fmi2Instantiate(void) { return 0; }\n"
-    headers = "#pragma GCC visibility push(default)\n" + "".join(
+    headers = '#include "hang.h"\n#pragma GCC visibility push(default)\n' + "".join(
         f"#include <{name}.h>\n" for name in ("stdio", "stdlib", "unistd")
     )
     code = f"{headers}{where} {{ {what} }}\n{rest}".encode()

@@ -23,6 +23,8 @@ from sblcosim.results.artist import Artist, drawing, forked_artist
 from sblcosim.results.catalogue import Job
 
 HERE = os.getpid()
+PATIENCE = 300.0
+"""Seconds, on a machine that has much else to do."""
 
 
 def plot(number: int, *, theme: style.ThemeName) -> Axes:
@@ -36,6 +38,11 @@ def plot(number: int, *, theme: style.ThemeName) -> Axes:
 def slow(number: int, *, theme: style.ThemeName) -> Axes:
     """Takes long enough for both processes to have one."""
     time.sleep(0.3)
+    return plot(number, theme=theme)
+
+
+def slower(number: int, *, theme: style.ThemeName) -> Axes:
+    time.sleep(3.0)
     return plot(number, theme=theme)
 
 
@@ -54,9 +61,18 @@ def only_here(number: int, *, theme: style.ThemeName) -> Axes:
 def only_there(number: int, *, theme: style.ThemeName) -> Axes:
     if os.getpid() == HERE:
         raise AssertionError("drawn here")
-    axes = slow(number, theme=theme)
+    axes = plot(number, theme=theme)
     axes.set_gid(f"drawn by {os.getpid()}")
     return axes
+
+
+def together(number: int, place: Path, *, theme: style.ThemeName) -> Axes:
+    """Waits until two processes draw."""
+    (place / str(os.getpid())).touch()
+    until = time.monotonic() + PATIENCE
+    while len([*place.iterdir()]) < 2 and time.monotonic() < until:
+        time.sleep(0.01)
+    return only_there(number, theme=theme)
 
 
 def failing(number: int, *, theme: style.ThemeName) -> Axes:
@@ -132,7 +148,8 @@ def test_the_same_bytes(
 
 
 def test_two_processes_draw_and_this_one_does_not(tmp_path: Path, helper: Artist) -> None:
-    with drawing(jobs(*[only_there] * 8), tmp_path / "two", "light", helper):
+    eight = [Job(f"figure_{n}", together, (n, tmp_path / "one")) for n in range(8)]
+    with drawing(eight, tmp_path / "two", "light", helper):
         pass
     assert len(content(tmp_path / "two")) == 16
     texts = [path.read_text() for path in (tmp_path / "two").glob("*.svg")]
@@ -174,11 +191,11 @@ def test_an_error_while_it_draws_ends_it(
 ) -> None:
     with (
         pytest.raises(error, match="the disk"),
-        drawing(jobs(*[slow] * 50), tmp_path / "two", "light", helper),
+        drawing(jobs(*[slower] * 100), tmp_path / "two", "light", helper),
     ):
         interrupt(error("the disk"))
     assert ended(children)  # now, before the folder is removed
-    assert len(content(tmp_path / "two")) < 10
+    assert len(content(tmp_path / "two")) < 200  # all take more than two minutes
 
 
 def test_an_error_before_the_figures_ends_it(children: list[int], capfd: Any) -> None:

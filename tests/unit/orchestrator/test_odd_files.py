@@ -23,7 +23,7 @@ from sblcosim.tracks.read import read
 from typer.testing import CliRunner
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there are no such files")
-PATIENCE = 120
+PATIENCE = 600
 """For a command that refuses something [s]."""
 
 
