@@ -33,6 +33,7 @@ from ..errors import (
 )
 from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
+from ..simulation.settings import facts
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
@@ -261,6 +262,8 @@ def _hand_over_start(parts: dict[str, Part], labels: Iterable[str]) -> None:
 
 
 _STARTS = ("position", "path_duration")
+_OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
+"""Parameters of our target on which none of `_STARTS` depends: those of the depth sensor."""
 
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
@@ -270,12 +273,22 @@ def _begun(part: Part, start: Mapping[str, Value]) -> Part:
 
 def _at_start(part: Part, name: str) -> tuple[float, ...]:
     """The elements of an output at the start, row by row."""
-    spec = part.spec
-    if isinstance(spec.fmu, Path) and name in part.names:
-        known = (read(spec.fmu).sha256, spec.interval_ns, *sorted(spec.parameters.items()))
-        names = [n for n in _STARTS if n in part.names]
-        return alike("starts", known, lambda: _start_of(spec, names))[name]
-    return _start_of(spec, (name,))[name]
+    if isinstance(part.spec.fmu, Path) and name in part.names:
+        return alike("start", id(part), partial(_started, part), part)[name]
+    return _start_of(part.spec, (name,))[name]
+
+
+def _started(part: Part) -> dict[str, tuple[float, ...]]:
+    """Those of `_STARTS` that an FMU has, at the start."""
+    spec, is_ours = part.spec, part.foreign_inputs is None
+    assert isinstance(spec.fmu, Path)
+    start_of = partial(_start_of, spec, [name for name in _STARTS if name in part.names])
+    names = spec.parameters.keys() - (_OF_SENSOR if is_ours else ())
+    known = facts({name: spec.parameters[name] for name in sorted(names)})
+    if None in known:
+        return start_of()
+    interval = None if is_ours else spec.interval_ns
+    return alike("starts", (read(spec.fmu).sha256, interval, *known), start_of)
 
 
 def _start_of(spec: ComponentSpec, names: Sequence[str]) -> dict[str, tuple[float, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import warnings
@@ -170,8 +171,20 @@ def prepare(
     if study.model is not None:
         return _of_function(study, study.model, step_timeout)
     check_patience(step_timeout)
-    with about(study.__dict__.get("_file", "")):
+    with about(study.__dict__.get("_file", "")), _uncollected():
         return _prepared(study, master, step_timeout)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without searches for unused cycles: each would go through all points, which are kept."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def _prepared(study: Definition, master: str | None, step_timeout: float | None) -> Campaign:

@@ -171,8 +171,10 @@ class _Batch:
         self.first_elements = [first_elements(c) for c in plan.components]
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
         self.starts = [
-            starts_of(c, engine.contents)
-            for c, engine in zip(plan.components, self.engines, strict=True)
+            starts_of(c, engine.contents, first)
+            for c, engine, first in zip(
+                plan.components, self.engines, self.first_elements, strict=True
+            )
         ]
         self.runs, self.varied = self._varied(variations)
         self.receivers = receivers_of(plan)
