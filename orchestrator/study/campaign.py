@@ -194,7 +194,8 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
         systems, plans = [], []
         for number in range(1, len(study.points.values) + 1):
             scenario, system, plan = resolved(study, number)
-            keys = effects.idle(scenario, study.components(scenario), keys)
+            if keys:
+                keys = effects.idle(scenario, study.components(scenario), keys)
             systems.append(system)
             plans.append(plan)
     for line in no_effect(study.base, keys):  # of keys that have none at any point

@@ -119,8 +119,10 @@ def grouped(
             in_lanes = master == "lanes"
         values = {}
         for name, spec in points[indices[0]].system.components.items():
-            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
             taken = [points[i].system.components[name].parameters for i in indices]
+            if len({*map(id, taken)}) == 1:
+                continue
+            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
             for parameter in names:
                 rows = [parameters[parameter] for parameters in taken]
                 if rows.count(rows[0]) < len(rows):

@@ -44,6 +44,8 @@ from .lanes_driver import (
 from .lanes_memory import Memory, first_elements, receivers_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
+_SHORT = 10_000
+"""Steps of groups of runs that are over, and need no thread, before anyone could stop them."""
 ROOM_BYTES = 128 * 2**20
 """Memory of a thread [bytes] for the errors of a group of runs, if order statistics are requested.
 A single long run may take more."""
@@ -349,20 +351,25 @@ class _Batch:
             if status == -2:
                 raise FmuError("a receiver must not give more estimates than it has updates")
 
-        with ThreadPoolExecutor(threads) as pool:
-            try:
-                futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
-                total = groups * max(len(self.instants) - 1, 1)
-                for future in futures:
-                    while not wait((future,), stopping.PERIOD).done:
-                        stopping.check()
-                        if progress:
-                            progress(min(sum(c.value for c in counters) / total, 1.0))
-                    future.result()
-            except BaseException:
-                cancel.value = 1
-                pool.shutdown(cancel_futures=True)
-                raise
+        total = groups * max(len(self.instants) - 1, 1)
+        firsts = range(0, groups, _GROUPS_PER_CALL)
+        if total <= _SHORT:
+            stopping.check()
+            for first in firsts:
+                chunk(first)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                try:
+                    for future in [pool.submit(chunk, first) for first in firsts]:
+                        while not wait((future,), stopping.PERIOD).done:
+                            stopping.check()
+                            if progress:
+                                progress(min(sum(c.value for c in counters) / total, 1.0))
+                        future.result()
+                except BaseException:
+                    cancel.value = 1
+                    pool.shutdown(cancel_futures=True)
+                    raise
         if progress:
             progress(1.0)
         return self._outcome(sums, order, history)
