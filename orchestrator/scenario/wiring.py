@@ -50,6 +50,7 @@ def connect(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
     raw: bool = True,
+    tell_idle: bool = True,
 ) -> System:
     """Choose and connect the components of a scenario; build missing FMUs.
 
@@ -63,6 +64,8 @@ def connect(
         FMI version (2 or 3) of all our components, instead of the scenario's.
     components
         FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
+    tell_idle
+        Whether to warn of given keys that have no effect.
 
     Raises
     ------
@@ -79,14 +82,7 @@ def connect(
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
-    parts: dict[str, Part] = {}
-    for name in CORE_COMPONENTS:
-        table = getattr(scenario, name)
-        source = replaced.get(name, table.fmu)
-        if source is None:
-            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
-        else:
-            parts[name] = foreign(name, scenario, source, name not in replaced)
+    parts = _core(scenario, fmi, replaced)
     table = scenario.receiver
     chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
@@ -97,13 +93,29 @@ def connect(
         _hand_over_start(parts, chosen)
     connections = _connections(tuple((name, part.names) for name, part in parts.items()))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
-    _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
+    if tell_idle:
+        _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
     _warn_of_doubts(scenario, chosen)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
         stop_ns=_stop_ns(scenario, parts),
     )
+
+
+def _core(
+    scenario: Scenario, fmi: int | None, replaced: Mapping[str, Source]
+) -> dict[str, Part]:
+    """The components that every system has."""
+    parts: dict[str, Part] = {}
+    for name in CORE_COMPONENTS:
+        table = getattr(scenario, name)
+        source = replaced.get(name, table.fmu)
+        if source is None:
+            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
+        else:
+            parts[name] = foreign(name, scenario, source, name not in replaced)
+    return parts
 
 
 def applied(
@@ -169,7 +181,7 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
 
 
 def _warn_of_idle_keys(scenario: Scenario, known: effects.Ours) -> None:
-    for line in no_effect(scenario, effects.idle_of_given(scenario, known)):
+    for line in no_effect(scenario, effects.idle(scenario, known, effects.given(scenario))):
         warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 

@@ -193,7 +193,7 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
         keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
         systems, plans = [], []
         for number in range(1, len(study.points.values) + 1):
-            scenario, system, plan = resolved(study, number)
+            scenario, system, plan = resolved(study, number, tell_idle=False)
             if keys:
                 keys = effects.idle(scenario, study.components(scenario), keys)
             systems.append(system)
@@ -263,11 +263,13 @@ def point_digest(
     return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
-def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
-    """Resolve and check a design point."""
+def resolved(
+    study: Definition, number: int, tell_idle: bool = True
+) -> tuple[Scenario, System, Plan]:
+    """Resolve and check a design point; ``tell_idle`` as in `connect`."""
     try:
         scenario = study.base.override(study.overrides(number).items())
-        system = connect(scenario, receivers_of(study), raw=False)
+        system = connect(scenario, receivers_of(study), raw=False, tell_idle=tell_idle)
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
@@ -285,18 +287,14 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
 
 @contextmanager
 def _warnings_once(points: int) -> Iterator[None]:
-    """Issue each warning once, with the number of points it applies to.
-
-    Warnings of keys without effect are dropped: such a key may have an effect at another point.
-    """
+    """Issue each warning once, with the number of points it applies to."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ConfigurationWarning)
         yield
     counts = Counter((str(w.message), w.category) for w in caught)
     for (message, category), count in counts.items():
-        if not issubclass(category, NoEffectWarning):
-            at = f" (at {count} of {points} points)" if points > 1 else ""
-            warnings.warn(f"{message}{at}", category, stacklevel=4)
+        at = f" (at {count} of {points} points)" if points > 1 else ""
+        warnings.warn(f"{message}{at}", category, stacklevel=4)
 
 
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:

@@ -195,7 +195,7 @@ def test_unused_cycles_are_searched_for_again_after_points_are_made(
     study = load({"scenario": "paper-scenario-1", "design": {"kind": "single"}})
     during: list[bool] = []
 
-    def failing(*_: Any) -> Any:
+    def failing(*_: Any, **__: Any) -> Any:
         during.append(gc.isenabled())
         raise RuntimeError
 
