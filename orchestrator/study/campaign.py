@@ -193,7 +193,7 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
         keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
         systems, plans = [], []
         for number in range(1, len(study.points.values) + 1):
-            scenario, system, plan = resolved(study, number, tell_idle=False)
+            scenario, system, plan = resolved(study, number)
             if keys:
                 keys = effects.idle(scenario, study.components(scenario), keys)
             systems.append(system)
@@ -263,13 +263,20 @@ def point_digest(
     return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
-def resolved(
-    study: Definition, number: int, tell_idle: bool = True
-) -> tuple[Scenario, System, Plan]:
-    """Resolve and check a design point; ``tell_idle`` as in `connect`."""
+def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
+    """As `resolved`, and warn of keys without effect, which may have one at another point."""
+    scenario, system, plan = resolved(study, number)
+    idle = effects.idle(scenario, study.components(scenario), effects.given(scenario))
+    for line in no_effect(scenario, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=2)
+    return scenario, system, plan
+
+
+def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
+    """Resolve and check a design point."""
     try:
         scenario = study.base.override(study.overrides(number).items())
-        system = connect(scenario, receivers_of(study), raw=False, tell_idle=tell_idle)
+        system = connect(scenario, receivers_of(study), raw=False, tell_idle=False)
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
