@@ -23,7 +23,7 @@ from ..simulation.plan import Plan
 from ..simulation.process import foreign
 from ..simulation.resolve import resolve
 from ..simulation.system import System
-from ..study.campaign import receivers_of, resolved
+from ..study.campaign import receivers_of, resolved_alone
 from ..study.study import Study
 
 ENOUGH_S = 0.03
@@ -39,7 +39,7 @@ Clock = Callable[[], float]
 def update_seconds(study: Study) -> dict[str, float | None]:
     """Time of an update of each receiver of a study [s]; None where it cannot be told."""
     labels = [label for label in choose(study.base, receivers_of(study)) if label != RAW]
-    _, system, plan = resolved(study, 1)
+    _, system, plan = resolved_alone(study, 1)
     without = resolve(_with(system, labels, ()))
     ours = lanes_driver.unsupported(plan) is None
     found: dict[str, float | None] = {}

@@ -32,7 +32,7 @@ class Part:
 
     spec: ComponentSpec
     names: frozenset[str]
-    foreign_inputs: frozenset[str] = frozenset()
+    foreign_inputs: frozenset[str] | None = None
 
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})

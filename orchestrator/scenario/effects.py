@@ -7,14 +7,13 @@ A parameter of our own components has an effect if the conditions in its declara
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from typing import Any, Protocol
 
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Condition, Variable
 
-from ..simulation.alike import alike
-from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, Table, content_of, in_si, preset, toml
+from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, Table, in_si, preset, toml
 from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]
@@ -58,32 +57,6 @@ def idle(scenario: Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
     return {key: why for key, why in reasons.items() if why is not None}
 
 
-def idle_of_given(scenario: Tables, ours: Ours) -> dict[Key, str]:
-    """As `idle`, of the keys of `given`."""
-    reasons: dict[Key, str] = {}
-    for table in (*CORE_COMPONENTS, "receiver"):
-        own = {table: tuple(ours.get(table, ()))}
-        find = partial(_idle_of_table, scenario, own, table)
-        content = content_of(scenario, table)
-        reasons |= find() if content is None else alike("idle", (table, own[table], content), find)
-    return reasons
-
-
-def _idle_of_table(
-    scenario: Tables, ours: Mapping[str, tuple[str, ...]], table: str
-) -> dict[Key, str]:
-    some = _conditional(table, ours[table])
-    return idle(scenario, ours, (key for key in _given(scenario, table) if key[1] in some))
-
-
-@lru_cache(256)
-def _conditional(table: str, names: tuple[str, ...]) -> frozenset[str]:
-    """Keys that perhaps have no effect in these components."""
-    keys = {v.key for name in names for v in COMPONENTS[name].of("parameter")}
-    special = {*PRESET_TABLES, *FILE_KEYS, *(key for _, key in _SELECTED_BY)}
-    return frozenset(special | {key for key in keys if all(_takers(table, names, key))})
-
-
 def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
     """As `idle`, plus keys that only set other keys, all of which are given."""
     reasons = {
@@ -98,14 +71,9 @@ def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, st
 def given(scenario: Tables) -> Iterator[Key]:
     """Keys of parameters and presets that were given explicitly."""
     for name in (*CORE_COMPONENTS, "receiver"):
-        yield from _given(scenario, name)
-
-
-def _given(scenario: Tables, name: str) -> Iterator[Key]:
-    table = getattr(scenario, name)
-    is_set = table.model_fields_set
-    kind: type[Table] = type(table)
-    yield from ((name, key) for key in _keys_of(kind) if key in is_set)
+        table = getattr(scenario, name)
+        kind: type[Table] = type(table)
+        yield from ((name, key) for key in _keys_of(kind) if key in table.model_fields_set)
 
 
 @cache

@@ -421,7 +421,9 @@ def no_effect(key: effects.Key) -> str:
 def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mapping[str, Any], Path]:
     """Name of the source for messages, its tables, and the folder for relative paths."""
     if isinstance(source, Scenario):
-        return source.name, source.given(), Path.cwd()
+        return alike(
+            "given", id(source), lambda: (source.name, source.given(), Path.cwd()), source
+        )
     if isinstance(source, Mapping):
         check_values("scenario", source)
         return "scenario", source, Path.cwd()

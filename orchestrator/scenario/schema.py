@@ -112,8 +112,10 @@ class Table(BaseModel):
     def fill(self, values: Mapping[str, Any]) -> None:
         """Set keys that were not given. Only while the table is being validated."""
         # The table is frozen, and keys filled in here must not count as given.
-        given = self.model_fields_set
-        self.__dict__.update({k: v for k, v in values.items() if k not in given})
+        own = self.__dict__
+        given = {key: own[key] for key in self.model_fields_set}
+        own.update(values)
+        own.update(given)
 
 
 def content_of(scenario: Any, name: str) -> Hashable:

@@ -33,6 +33,7 @@ from ..errors import (
 )
 from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
+from ..simulation.settings import facts
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
@@ -49,6 +50,7 @@ def connect(
     fmi: int | None = None,
     components: Mapping[str, Source] | None = None,
     raw: bool = True,
+    tell_idle: bool = True,
 ) -> System:
     """Choose and connect the components of a scenario; build missing FMUs.
 
@@ -62,6 +64,8 @@ def connect(
         FMI version (2 or 3) of all our components, instead of the scenario's.
     components
         FMU files or makers of Python components to use as ``target``, ``platform``, ``acoustics``.
+    tell_idle
+        Whether to warn of given keys that have no effect.
 
     Raises
     ------
@@ -78,14 +82,7 @@ def connect(
     if fmi is not None:
         check_choice("fmi", fmi, (2, 3))
     replaced = _replaced(components)
-    parts: dict[str, Part] = {}
-    for name in CORE_COMPONENTS:
-        table = getattr(scenario, name)
-        source = replaced.get(name, table.fmu)
-        if source is None:
-            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
-        else:
-            parts[name] = foreign(name, scenario, source, name not in replaced)
+    parts = _core(scenario, fmi, replaced)
     table = scenario.receiver
     chosen = choose(scenario, receivers)
     _refuse_idle_keys(scenario, chosen)
@@ -96,13 +93,29 @@ def connect(
         _hand_over_start(parts, chosen)
     connections = _connections(tuple((name, part.names) for name, part in parts.items()))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
-    _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
+    if tell_idle:
+        _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
     _warn_of_doubts(scenario, chosen)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
         stop_ns=_stop_ns(scenario, parts),
     )
+
+
+def _core(
+    scenario: Scenario, fmi: int | None, replaced: Mapping[str, Source]
+) -> dict[str, Part]:
+    """The components that every system has."""
+    parts: dict[str, Part] = {}
+    for name in CORE_COMPONENTS:
+        table = getattr(scenario, name)
+        source = replaced.get(name, table.fmu)
+        if source is None:
+            parts[name] = ours_of(name, scenario, name, fmi or table.fmi or scenario.fmi)
+        else:
+            parts[name] = foreign(name, scenario, source, name not in replaced)
+    return parts
 
 
 def applied(
@@ -168,7 +181,7 @@ def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
 
 
 def _warn_of_idle_keys(scenario: Scenario, known: effects.Ours) -> None:
-    for line in no_effect(scenario, effects.idle_of_given(scenario, known)):
+    for line in no_effect(scenario, effects.idle(scenario, known, effects.given(scenario))):
         warnings.warn(line, NoEffectWarning, stacklevel=3)
 
 
@@ -261,6 +274,8 @@ def _hand_over_start(parts: dict[str, Part], labels: Iterable[str]) -> None:
 
 
 _STARTS = ("position", "path_duration")
+_OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
+"""Parameters of our target on which none of `_STARTS` depends: those of the depth sensor."""
 
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
@@ -270,12 +285,22 @@ def _begun(part: Part, start: Mapping[str, Value]) -> Part:
 
 def _at_start(part: Part, name: str) -> tuple[float, ...]:
     """The elements of an output at the start, row by row."""
-    spec = part.spec
-    if isinstance(spec.fmu, Path) and name in part.names:
-        known = (read(spec.fmu).sha256, spec.interval_ns, *sorted(spec.parameters.items()))
-        names = [n for n in _STARTS if n in part.names]
-        return alike("starts", known, lambda: _start_of(spec, names))[name]
-    return _start_of(spec, (name,))[name]
+    if isinstance(part.spec.fmu, Path) and name in part.names:
+        return alike("start", id(part), partial(_started, part), part)[name]
+    return _start_of(part.spec, (name,))[name]
+
+
+def _started(part: Part) -> dict[str, tuple[float, ...]]:
+    """Those of `_STARTS` that an FMU has, at the start."""
+    spec, is_ours = part.spec, part.foreign_inputs is None
+    assert isinstance(spec.fmu, Path)
+    start_of = partial(_start_of, spec, [name for name in _STARTS if name in part.names])
+    names = spec.parameters.keys() - (_OF_SENSOR if is_ours else ())
+    known = facts({name: spec.parameters[name] for name in sorted(names)})
+    if None in known:
+        return start_of()
+    interval = None if is_ours else spec.interval_ns
+    return alike("starts", (read(spec.fmu).sha256, interval, *known), start_of)
 
 
 def _start_of(spec: ComponentSpec, names: Sequence[str]) -> dict[str, tuple[float, ...]]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.read.ports import Port
 from sblcosim.models.declaration import Number
@@ -18,9 +17,6 @@ from .alike import alike
 from .plan import Setting
 from .system import ComponentSpec
 
-Known = dict[Any, Setting]
-"""Settings of parameters that were checked, by variable and value; they hold their variables, so
-that no other has the same id."""
 _MOST, _LONGEST = 1 << 14, 512
 _PLAIN = {bool, int, float}
 
@@ -37,35 +33,18 @@ def settings_of(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tu
 
 
 def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Setting, ...]:
-    known: Known = unchanged.once("settings", dict)  # points of a study share most of them
+    # Points of a study share most of them.
+    known: dict[Any, Setting] = alike("settings", id(ports), dict, ports)
     settings = []
-    for key, value in spec.parameters.items():
-        port = ports.get(key)
-        kind = type(value)
-        if kind in _PLAIN:  # a zero as text, which has a sign
-            fact: Any = (id(port), kind, value or repr(value))
-        else:
-            fact = None if port is None else _fact(port, value)
-        if fact in known:
-            settings.append(known[fact])
-            continue
-        where = f"{name}.{key}"
-        if port is None:
-            names = [p.name for p in ports.values() if p.causality == "parameter"]
-            raise ConfigurationError(
-                f"{where}: must be a parameter of {name}, got an unknown name{nearest(key, names)}"
-            )
-        if port.causality != "parameter":
-            got = with_article(port.causality)
-            raise ConfigurationError(f"{where}: must be a parameter, got {got}")
-        if port.type not in DTYPES:
-            got = with_article(port.type)
-            raise ConfigurationError(f"{where}: must be a number or a switch, got {got}")
-        settings.append(Setting(port, _values(where, port, value)))
-        if fact is not None:
-            if len(known) >= _MOST:
-                known.clear()
-            known[fact] = settings[-1]
+    for (key, value), fact in zip(spec.parameters.items(), facts(spec.parameters), strict=True):
+        setting = known.get(fact)
+        if setting is None:
+            setting = _setting(name, key, value, ports)
+            if fact is not None:
+                if len(known) >= _MOST:
+                    known.clear()
+                known[fact] = setting
+        settings.append(setting)
     for key, value in spec.inputs.items():
         port = ports.get(key)
         if port is None or port.causality != "input" or port.type not in DTYPES:
@@ -79,13 +58,36 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
     return tuple(settings)
 
 
-def _fact(port: Port, value: Any) -> tuple[int, bytes] | None:
-    """Tells apart all arrays that differ, in a bit or in type; None for values that are not plain.
+def facts(parameters: Mapping[str, Any]) -> list[tuple[str, bytes] | None]:
+    """Tell apart all values that differ, in a bit or in type; None for values that are not plain.
     """
-    plain = type(value) is tuple and len(value) <= _LONGEST
-    if plain and _PLAIN.issuperset(map(type, value)):
-        return id(port), marshal.dumps(value, 2)  # of version 2: without references
-    return None
+    return [  # of version 2: without references
+        (key, marshal.dumps(value, 2)) if type(value) in _PLAIN or _are_plain(value) else None
+        for key, value in parameters.items()
+    ]
+
+
+def _are_plain(value: Any) -> bool:
+    return (
+        type(value) is tuple and len(value) <= _LONGEST and _PLAIN.issuperset(map(type, value))
+    )
+
+
+def _setting(name: str, key: str, value: Any, ports: Mapping[str, Port]) -> Setting:
+    """A parameter's setting, checked."""
+    port, where = ports.get(key), f"{name}.{key}"
+    if port is None:
+        names = [p.name for p in ports.values() if p.causality == "parameter"]
+        raise ConfigurationError(
+            f"{where}: must be a parameter of {name}, got an unknown name{nearest(key, names)}"
+        )
+    if port.causality != "parameter":
+        got = with_article(port.causality)
+        raise ConfigurationError(f"{where}: must be a parameter, got {got}")
+    if port.type not in DTYPES:
+        got = with_article(port.type)
+        raise ConfigurationError(f"{where}: must be a number or a switch, got {got}")
+    return Setting(port, _values(where, port, value))
 
 
 def _values(where: str, port: Port, value: Any) -> tuple[Number, ...]:

@@ -9,7 +9,7 @@ from ..api import run as run_scenario
 from ..errors import ConfigurationError
 from ..results.result import Result
 from ..scenario.schema import CORE_COMPONENTS
-from .campaign import point_digest, receivers_of, resolved, seeded_inputs
+from .campaign import point_digest, receivers_of, resolved_alone, seeded_inputs
 from .groups import Point
 from .store import table
 from .study import study_of
@@ -50,7 +50,7 @@ def replay(
             f"run: must be the run_id of one run in {results}, got {run_id!r}, which is {what}"
         )
     number, seed, run_id = (matches.iloc[0][name] for name in ("point", "seed", "run_id"))
-    scenario, system, plan = resolved(study, int(number))
+    scenario, system, plan = resolved_alone(study, int(number))
     labels = [name for name in system.components if name not in CORE_COMPONENTS]
     seeded, handovers = seeded_inputs(study, system, labels)
     free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}

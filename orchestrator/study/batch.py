@@ -61,10 +61,12 @@ def simulate(
     durations = np.zeros(len(runs), np.int64)
     work = sum(steps_of(campaign, runs))
     passed = 0
-    for group in campaign.groups:
-        rows = [i for i, run in enumerate(runs) if run.place in group.places]
-        if not rows:
-            continue
+    numbers = {place: n for n, group in enumerate(campaign.groups) for place in group.places}
+    rows_of: dict[int, list[int]] = {}
+    for row, run in enumerate(runs):
+        rows_of.setdefault(numbers[run.place], []).append(row)
+    for number, rows in sorted(rows_of.items()):
+        group = campaign.groups[number]
         mine = [runs[i] for i in rows]
         share = group.steps * len(rows)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import warnings
@@ -170,8 +171,20 @@ def prepare(
     if study.model is not None:
         return _of_function(study, study.model, step_timeout)
     check_patience(step_timeout)
-    with about(study.__dict__.get("_file", "")):
+    with about(study.__dict__.get("_file", "")), _uncollected():
         return _prepared(study, master, step_timeout)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without searches for unused cycles: each would go through all points, which are kept."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def _prepared(study: Definition, master: str | None, step_timeout: float | None) -> Campaign:
@@ -181,7 +194,8 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
         systems, plans = [], []
         for number in range(1, len(study.points.values) + 1):
             scenario, system, plan = resolved(study, number)
-            keys = effects.idle(scenario, study.components(scenario), keys)
+            if keys:
+                keys = effects.idle(scenario, study.components(scenario), keys)
             systems.append(system)
             plans.append(plan)
     for line in no_effect(study.base, keys):  # of keys that have none at any point
@@ -249,11 +263,20 @@ def point_digest(
     return hashlib.sha256(f"{digest} {number}".encode()).hexdigest()
 
 
+def resolved_alone(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
+    """As `resolved`, and warn of keys without effect, which may have one at another point."""
+    scenario, system, plan = resolved(study, number)
+    idle = effects.idle(scenario, study.components(scenario), effects.given(scenario))
+    for line in no_effect(scenario, idle):
+        warnings.warn(line, NoEffectWarning, stacklevel=2)
+    return scenario, system, plan
+
+
 def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
     """Resolve and check a design point."""
     try:
         scenario = study.base.override(study.overrides(number).items())
-        system = connect(scenario, receivers_of(study), raw=False)
+        system = connect(scenario, receivers_of(study), raw=False, tell_idle=False)
         plan = resolve(system)
         length = plan.stop_ns - plan.start_ns
         if length <= study.settling_ns:
@@ -271,18 +294,14 @@ def resolved(study: Definition, number: int) -> tuple[Scenario, System, Plan]:
 
 @contextmanager
 def _warnings_once(points: int) -> Iterator[None]:
-    """Issue each warning once, with the number of points it applies to.
-
-    Warnings of keys without effect are dropped: such a key may have an effect at another point.
-    """
+    """Issue each warning once, with the number of points it applies to."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ConfigurationWarning)
         yield
     counts = Counter((str(w.message), w.category) for w in caught)
     for (message, category), count in counts.items():
-        if not issubclass(category, NoEffectWarning):
-            at = f" (at {count} of {points} points)" if points > 1 else ""
-            warnings.warn(f"{message}{at}", category, stacklevel=4)
+        at = f" (at {count} of {points} points)" if points > 1 else ""
+        warnings.warn(f"{message}{at}", category, stacklevel=4)
 
 
 def _check_effects(study: Definition, points: Iterable[Point]) -> None:

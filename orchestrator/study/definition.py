@@ -171,17 +171,17 @@ class Definition(Table):
         design.require(min(table.order, len(factors)))
         return design
 
-    @property
+    @cached_property
     def receiver_factor(self) -> str | None:
         """The factor whose levels are the receivers: they run side by side, on the same noise."""
         return next((n for n, f in self.factors.items() if f.keys == (RECEIVERS_KEY,)), None)
 
-    @property
+    @cached_property
     def varied_factors(self) -> Mapping[str, FactorTable]:
         """The factors that make a run another one: all but the receivers."""
         return {n: f for n, f in self.factors.items() if n != self.receiver_factor}
 
-    @property
+    @cached_property
     def varied(self) -> Mapping[str, FactorTable]:
         """Factors and conditions that make a run another one, in the order of a point's values."""
         return {**self.varied_factors, **self.conditions}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sblcosim.models import COMPONENTS
 
 from ..simulation.masters import lanes_driver, native
 from ..simulation.plan import TICK_PARAMETERS, Plan
-from ..simulation.system import System
+from ..simulation.system import ComponentSpec, System
 from .design import Level
 
 Floats = NDArray[np.float64]
@@ -74,6 +75,16 @@ class Group:
         return self.plan.count - 1
 
 
+def _kind(spec: ComponentSpec) -> Hashable:
+    """What is equal in components that run side by side."""
+    return (
+        spec.fmu,
+        spec.interval_ns,
+        tuple(sorted(spec.parameters)),
+        tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
+    )
+
+
 def grouped(
     points: Sequence[Point],
     plans: Sequence[Plan],
@@ -83,37 +94,35 @@ def grouped(
 ) -> tuple[Group, ...]:
     """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
     alike: dict[Any, list[int]] = {}
+    kinds: dict[int, Any] = {}  # by the id of what points share
     for index, (point, plan) in enumerate(zip(points, plans, strict=True)):
         specs = point.system.components
+        for spec in specs.values():
+            if id(spec) not in kinds:
+                kinds[id(spec)] = _kind(spec)
         key = (
             plan.start_ns,
             plan.stop_ns,
             point.system.connections,
-            tuple(
-                (
-                    name,
-                    spec.fmu,
-                    spec.interval_ns,
-                    tuple(sorted(spec.parameters)),
-                    tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
-                )
-                for name, spec in specs.items()
-            ),
+            tuple((name, kinds[id(spec)]) for name, spec in specs.items()),
         )
         alike.setdefault(key, []).append(index)
     groups = []
+    loop_in_c = cache(native.available)
     for indices in alike.values():
         plan = plans[indices[0]]
         if alone:
             in_lanes = False
         elif master is None:
-            in_lanes = lanes_driver.unsupported(plan) is None and native.available()
+            in_lanes = lanes_driver.unsupported(plan) is None and loop_in_c()
         else:
             in_lanes = master == "lanes"
         values = {}
         for name, spec in points[indices[0]].system.components.items():
-            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
             taken = [points[i].system.components[name].parameters for i in indices]
+            if len({*map(id, taken)}) == 1:
+                continue
+            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
             for parameter in names:
                 rows = [parameters[parameter] for parameters in taken]
                 if rows.count(rows[0]) < len(rows):

@@ -44,6 +44,8 @@ from .lanes_driver import (
 from .lanes_memory import Memory, first_elements, receivers_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
+_SHORT = 10_000
+"""Steps of groups of runs that are over, and need no thread, before anyone could stop them."""
 ROOM_BYTES = 128 * 2**20
 """Memory of a thread [bytes] for the errors of a group of runs, if order statistics are requested.
 A single long run may take more."""
@@ -171,8 +173,10 @@ class _Batch:
         self.first_elements = [first_elements(c) for c in plan.components]
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
         self.starts = [
-            starts_of(c, engine.contents)
-            for c, engine in zip(plan.components, self.engines, strict=True)
+            starts_of(c, engine.contents, first)
+            for c, engine, first in zip(
+                plan.components, self.engines, self.first_elements, strict=True
+            )
         ]
         self.runs, self.varied = self._varied(variations)
         self.receivers = receivers_of(plan)
@@ -347,20 +351,25 @@ class _Batch:
             if status == -2:
                 raise FmuError("a receiver must not give more estimates than it has updates")
 
-        with ThreadPoolExecutor(threads) as pool:
-            try:
-                futures = [pool.submit(chunk, i) for i in range(0, groups, _GROUPS_PER_CALL)]
-                total = groups * max(len(self.instants) - 1, 1)
-                for future in futures:
-                    while not wait((future,), stopping.PERIOD).done:
-                        stopping.check()
-                        if progress:
-                            progress(min(sum(c.value for c in counters) / total, 1.0))
-                    future.result()
-            except BaseException:
-                cancel.value = 1
-                pool.shutdown(cancel_futures=True)
-                raise
+        total = groups * max(len(self.instants) - 1, 1)
+        firsts = range(0, groups, _GROUPS_PER_CALL)
+        if total <= _SHORT:
+            stopping.check()
+            for first in firsts:
+                chunk(first)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                try:
+                    for future in [pool.submit(chunk, first) for first in firsts]:
+                        while not wait((future,), stopping.PERIOD).done:
+                            stopping.check()
+                            if progress:
+                                progress(min(sum(c.value for c in counters) / total, 1.0))
+                        future.result()
+                except BaseException:
+                    cancel.value = 1
+                    pool.shutdown(cancel_futures=True)
+                    raise
         if progress:
             progress(1.0)
         return self._outcome(sums, order, history)

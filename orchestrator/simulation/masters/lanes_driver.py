@@ -143,18 +143,17 @@ def engine_of(component: PlannedComponent, lanes: int) -> Any:
     return engine
 
 
-@cache
-def _library(path: str) -> ctypes.CDLL | None:
-    try:
-        return ctypes.CDLL(path)
-    except OSError:
-        return None
-
-
 def _entry(fmu: Fmu) -> Any:
     """The FMU's function that returns its engine, or None."""
-    library = _library(str(binary_of(fmu)))
-    entry = getattr(library, ENTRY, None) if library is not None else None
+    return _entry_in(str(binary_of(fmu)))
+
+
+@cache
+def _entry_in(library: str) -> Any:
+    try:
+        entry = getattr(ctypes.CDLL(library), ENTRY, None)
+    except OSError:
+        return None
     if entry is not None:
         entry.restype = ctypes.POINTER(Engine)
         entry.argtypes = (ctypes.c_uint32,)

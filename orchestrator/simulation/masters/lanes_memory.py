@@ -108,10 +108,9 @@ def first_elements(component: PlannedComponent) -> dict[str, int]:
     return {p.name: min(p.references) - 1 for p in component.ports.values()}
 
 
-def starts_of(component: PlannedComponent, engine: Engine) -> Floats:
-    """Initial parameters and inputs, as in the plan."""
+def starts_of(component: PlannedComponent, engine: Engine, first: Mapping[str, int]) -> Floats:
+    """Initial parameters and inputs, as in the plan; ``first`` are their `first_elements`."""
     values = np.zeros(engine.parameters + engine.inputs)
-    first = first_elements(component)
     for port in component.ports.values():
         if port.causality in ("parameter", "input") and port.start is not None:
             values[first[port.name] : first[port.name] + port.size] = port.start
