@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "map": ("map", PAPER, "--area", "30x30", "--depth", "5", "--cells", "4", "--runs", "4",
             "--limit", "0.5", "--duration", "6", "--settling", "2", "--no-figures"),
 }  # fmt: skip
+
+
 @pytest.fixture(autouse=True)
 def _small_parts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(runner, "KEPT_STEPS", 1)
@@ -64,7 +68,9 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
 
 def command(*arguments: str, code: int = 0) -> str:
     """What a command says on stderr."""
-    done = CliRunner().invoke(app, arguments)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["sblcosim", *arguments])
+        done = CliRunner().invoke(app, arguments)
     assert done.exit_code == code, (done.exit_code, done.stderr)
     return done.stderr
 
@@ -88,8 +94,8 @@ def test_an_interrupted_command_goes_on_and_gives_the_same_bytes(name: str, runs
         said = command(*arguments, "--out", "out", code=130)
         kept += runs.done
         folder = Path("out-unfinished").resolve()
-        assert said.startswith(f"interrupted; {kept} runs are in {folder}; go on with: sblcosim ")
-        assert len(said.splitlines()) == 1
+        same = shlex.join(["sblcosim", *arguments, "--out", "out"])
+        assert said == f"interrupted; {kept} runs are in {folder}; go on with: {same}\n"
         assert sorted(os.listdir()) == ["out-unfinished", "whole"]
     runs.again()
     command(*arguments, "--out", "out")
