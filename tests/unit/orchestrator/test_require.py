@@ -929,5 +929,6 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
     assert sorted((tmp_path / "out" / "runs" / "parts").glob("*.parquet")) == parts
     pd.testing.assert_frame_equal(again.designs, first.designs)
     there.joinpath("own.py").write_text("def spread(run):\n    return 0.6\n", "utf-8")
-    with pytest.raises(ConfigurationError, match=r"with other responses; answer into another"):
+    said = r"with other responses; the code of own\.py:spread, or what it imports, has changed; answer"
+    with pytest.raises(ConfigurationError, match=said):
         require.decide(there / "other-name.toml", tmp_path / "out")
