@@ -929,6 +929,6 @@ def test_a_question_may_be_moved_with_its_files(tmp_path: Path) -> None:
     assert sorted((tmp_path / "out" / "runs" / "parts").glob("*.parquet")) == parts
     pd.testing.assert_frame_equal(again.designs, first.designs)
     there.joinpath("own.py").write_text("def spread(run):\n    return 0.6\n", "utf-8")
-    said = r"with other responses; the code of own\.py:spread, or what it imports, has changed; answer"
-    with pytest.raises(ConfigurationError, match=said):
+    changed_code = r"other responses; the code of own\.py:spread, or what it imports, has changed; "
+    with pytest.raises(ConfigurationError, match=f"{changed_code}answer into another"):
         require.decide(there / "other-name.toml", tmp_path / "out")
