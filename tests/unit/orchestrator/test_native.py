@@ -323,9 +323,13 @@ def test_ctrl_c_ends_a_run_and_leaves_the_instances_usable(wild):
     reference = failing(wild(2), 1, at=-1.0)
     before = idle(wild(2), "bad")
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
-    with pytest.raises(KeyboardInterrupt):  # noqa: PT012
-        timer.start()
-        failing(wild(2), SLOW, at=0.0, steps=MANY)
+
+    def begun(share):  # not before the loop, however busy the machine
+        if not timer.ident:
+            timer.start()
+
+    with pytest.raises(KeyboardInterrupt):
+        failing(wild(2), SLOW, at=0.0, steps=MANY, progress=begun)
     assert idle(wild(2), "bad") is before  # the loop has seen it, and has ended
     assert_equal(failing(wild(2), 1, at=-1.0), reference)
 
