@@ -150,10 +150,20 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without end")
-def test_a_file_without_end_is_not_read_to_it() -> None:
+def test_a_file_without_end_is_not_read() -> None:
     for read in (load, study.load, workflow._read):
         assert line_of(lambda: read(Path("/dev/zero"))) == (  # noqa: B023
-            f"/dev/zero: must have at most {LARGEST:,} bytes, got more"
+            "/dev/zero: must be a file that can be read, got a device"
+        )
+
+
+def test_a_large_file_is_not_read_to_its_end(tmp_path: Path) -> None:
+    large = tmp_path / "large.toml"
+    with large.open("wb") as file:
+        file.truncate(1 << 40)  # of holes
+    for read in (load, study.load, workflow._read):
+        assert line_of(lambda: read(large)) == (  # noqa: B023
+            f"{large}: must have at most {LARGEST:,} bytes, got more"
         )
 
 
