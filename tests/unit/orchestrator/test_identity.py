@@ -15,10 +15,17 @@ import pytest
 from sblcosim.errors import ConfigurationError
 from sblcosim.report.common import as_toml
 from sblcosim.simulation import local_files, origins, user_code
-from sblcosim.simulation.user_code import function_of_file
 from sblcosim.study import load, store
 
 from .identity_cases import CHANGES, IMPORTS, OTHER_FILES, REFUSED, SAME, Files
+
+
+def function_of_file(text, folder, key):
+    """The function of a file that is run here, and what it is known by."""
+    file, _, name = text.rpartition(":")
+    path = (folder / file).absolute()
+    module, sha256 = user_code.run_file(path, path.read_bytes(), key)
+    return vars(module)[name], sha256
 
 CHILD = """
 import importlib, json, sys
@@ -27,7 +34,12 @@ from sblcosim.errors import SblcosimError
 from sblcosim.simulation.identity import identity
 from sblcosim.report.common import as_toml
 from sblcosim.simulation import local_files, origins, user_code
-from sblcosim.simulation.user_code import function_of_file
+
+def function_of_file(text, folder, key):
+    file, _, name = text.rpartition(":")
+    path = (folder / file).absolute()
+    module, sha256 = user_code.run_file(path, path.read_bytes(), key)
+    return vars(module)[name], sha256
 from sblcosim.study import load, store
 
 def of_object(folder):
