@@ -36,7 +36,7 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
     # Points of a study share most of them.
     known: dict[Any, Setting] = alike("settings", id(ports), dict, ports)
     settings = []
-    for (key, value), fact in zip(spec.parameters.items(), facts(spec.parameters), strict=True):
+    for (key, value), fact in zip(spec.parameters.items(), facts_of(spec), strict=True):
         setting = known.get(fact)
         if setting is None:
             setting = _setting(name, key, value, ports)
@@ -56,6 +56,11 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
             )
         settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     return tuple(settings)
+
+
+def facts_of(spec: ComponentSpec) -> list[tuple[str, bytes] | None]:
+    """The `facts` of a component's parameters."""
+    return alike("facts", id(spec), lambda: facts(spec.parameters), spec)
 
 
 def facts(parameters: Mapping[str, Any]) -> list[tuple[str, bytes] | None]:

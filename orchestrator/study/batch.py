@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sblcosim.fmus import stopping
+from sblcosim.fmus import stopping, unchanged
 
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
 from ..results.definitions import TRUTH
@@ -65,20 +65,21 @@ def simulate(
     rows_of: dict[int, list[int]] = {}
     for row, run in enumerate(runs):
         rows_of.setdefault(numbers[run.place], []).append(row)
-    for number, rows in sorted(rows_of.items()):
-        group = campaign.groups[number]
-        mine = [runs[i] for i in rows]
-        share = group.steps * len(rows)
+    with unchanged.assumed():
+        for number, rows in sorted(rows_of.items()):
+            group = campaign.groups[number]
+            mine = [runs[i] for i in rows]
+            share = group.steps * len(rows)
 
-        def report(part: float, passed: int = passed, share: int = share) -> None:
-            progress((passed + part * share) / work)
+            def report(part: float, passed: int = passed, share: int = share) -> None:
+                progress((passed + part * share) / work)
 
-        results = reduced(campaign, group, mine, workers, master, report, children)
-        sums[rows], extra[rows] = results[:2]
-        durations[rows] = group.plan.stop_ns - group.plan.start_ns
-        for i, error in zip(rows, results[2], strict=True):
-            errors[i] = error
-        passed += share
+            results = reduced(campaign, group, mine, workers, master, report, children)
+            sums[rows], extra[rows] = results[:2]
+            durations[rows] = group.plan.stop_ns - group.plan.start_ns
+            for i, error in zip(rows, results[2], strict=True):
+                errors[i] = error
+            passed += share
     return _table(campaign, runs, sums, extra, durations, errors)
 
 

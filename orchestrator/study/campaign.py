@@ -7,7 +7,7 @@ import hashlib
 import json
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -38,12 +38,14 @@ from ..simulation import execution
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.process import check_patience, patience
 from ..simulation.resolve import resolve
+from ..simulation.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System
 from .definition import Definition
 from .groups import Group, Point, grouped
 from .stand_in import StandIn
 
 Floats = NDArray[np.float64]
+_Texts = dict[Hashable, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,29 +193,20 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
     with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
-        systems, plans = [], []
-        for number in range(1, len(study.points.values) + 1):
+        points, plans, texts = [], [], _Texts()
+        for number, values in enumerate(study.points.values, 1):
             scenario, system, plan = resolved(study, number)
             if keys:
                 keys = effects.idle(scenario, study.components(scenario), keys)
-            systems.append(system)
+            if number == 1:
+                seeded, handovers = seeded_inputs(study, system, labels)
+                free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
+            digest = point_digest(study, number, system, plan, free, texts)
+            of_study = tuple(v if isinstance(v, str) else float(v) for v in values)
+            points.append(Point(number, of_study, system, digest))
             plans.append(plan)
     for line in no_effect(study.base, keys):  # of keys that have none at any point
         warnings.warn(line, NoEffectWarning, stacklevel=2)
-    seeded, handovers = seeded_inputs(study, systems[0], labels)
-    free = {f"{name}.seed" for name in seeded} | {c.target for c in handovers}
-    texts: dict[tuple[int, str], str] = {}
-    points = [
-        Point(
-            number,
-            tuple(v if isinstance(v, str) else float(v) for v in values),
-            system,
-            point_digest(study, number, system, plan, free, texts),
-        )
-        for number, (values, system, plan) in enumerate(
-            zip(study.points.values, systems, plans, strict=True), 1
-        )
-    ]
     _check_effects(study, points)
     alone = [r.name for r in study.asked if not r.in_lanes]
     if alone and master == "lanes":
@@ -244,16 +237,16 @@ def point_digest(
     number: int,
     system: System,
     plan: Plan,
-    free: Iterable[str],
-    texts: dict[tuple[int, str], str] | None = None,
+    free: Collection[str],
+    texts: _Texts | None = None,
 ) -> str:
     """Hash of everything that affects the responses of a point but the ``free`` parameters.
 
     Parameters
     ----------
     texts
-        Of components and connections that points with the same ``free`` share, by their ids and
-        names.
+        Of what points with the same ``free`` share: components and connections by their ids and
+        names, values of parameters by their `facts`.
     """
     known = {} if texts is None else texts
     digest = digest_of(system, plan, free, study.settling_ns, study.asked, known)
@@ -364,32 +357,32 @@ def receivers_of(study: Definition) -> list[Source]:
 def digest_of(
     system: System,
     plan: Plan,
-    free: Iterable[str],
+    free: Collection[str],
     settling_ns: int,
     asked: Iterable[Response],
-    texts: dict[tuple[int, str], str],
+    texts: _Texts,
 ) -> str:
     """Hash of everything that affects the responses, except the ``free`` parameters."""
 
-    def text(thing: object, content: Callable[[], object], name: str = "") -> str:
+    def text(thing: object, made: Callable[[], str], name: str = "") -> str:
         key = id(thing), name
         if key not in texts:
-            texts[key] = json.dumps(content(), sort_keys=True)
+            texts[key] = made()
         return texts[key]
 
     components = []
     for c in sorted(plan.components, key=lambda c: c.name):
         spec = system.components[c.name]
-        own = text(spec, partial(_about, c, spec, free), c.name)
+        own = text(spec, partial(_about, c, spec, free, texts), c.name)
         components.append(f"{json.dumps(c.name)}: {own}")
+    connections = text(
+        system.connections,
+        lambda: json.dumps(sorted(f"{c.source} {c.target}" for c in system.connections)),
+    )
     parts = [
         f'"components": {{{", ".join(components)}}}',
-        '"connections": '
-        + text(
-            system.connections,
-            lambda: sorted(f"{c.source} {c.target}" for c in system.connections),
-        ),
-        f'"free": {text(free, lambda: sorted(free))}',
+        f'"connections": {connections}',
+        f'"free": {text(free, lambda: json.dumps(sorted(free)))}',
     ]
     responses = sorted(f"{r.name} {r.sha256}" for r in asked)
     if responses:
@@ -398,15 +391,24 @@ def digest_of(
     return hashlib.sha256(f"{{{', '.join(parts)}}}".encode()).hexdigest()
 
 
-def _about(component: PlannedComponent, spec: ComponentSpec, free: Iterable[str]) -> dict[str, Any]:
+def _about(
+    component: PlannedComponent, spec: ComponentSpec, free: Collection[str], texts: _Texts
+) -> str:
     """What is hashed of a component."""
-    start = f"{component.name}."
-    left = {name.removeprefix(start) for name in free if name.startswith(start)}
-    return {
-        "fmu": component.sha256 or component.origin,
-        "interval_ns": component.interval_ns,
-        "parameters": {k: v for k, v in spec.parameters.items() if k not in left},
-    }
+    parameters = []
+    for (key, value), fact in sorted(zip(spec.parameters.items(), facts_of(spec), strict=True)):
+        if f"{component.name}.{key}" in free:
+            continue
+        entry = texts.get(fact)
+        if entry is None:
+            entry = f"{json.dumps(key)}: {json.dumps(value, sort_keys=True)}"
+            if fact is not None:
+                texts[fact] = entry
+        parameters.append(entry)
+    return (
+        f'{{"fmu": {json.dumps(component.sha256 or component.origin)}, '
+        f'"interval_ns": {component.interval_ns}, "parameters": {{{", ".join(parameters)}}}}}'
+    )
 
 
 def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:

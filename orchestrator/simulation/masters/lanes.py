@@ -20,28 +20,22 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
-from ...errors import ConfigurationError, FmuError, nearest
-from ..plan import Plan, PlannedComponent
+from ...errors import ConfigurationError, FmuError
+from ..plan import Plan
 from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,
-    MAX_COMPONENTS,
-    MAX_RECEIVERS,
-    RECEIVER_PORTS,
     SUMS,
-    Engine,
     Floats,
     LanesPlan,
     Link,
-    Receiver,
     Span,
-    Truth,
-    engine_of,
     loaded_driver,
     unsupported,
 )
-from .lanes_memory import Memory, first_elements, receivers_of, remembered, starts_of
+from .lanes_layout import layout_of
+from .lanes_memory import Memory, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 _SHORT = 10_000
@@ -139,6 +133,10 @@ def execute(
     return batch.run(threads or os.cpu_count() or 1, progress)
 
 
+_Varied = tuple[NDArray[np.int64], Floats]
+"""Elements of a component's parameters, and their values; (k,) and (runs, k)."""
+
+
 class _Batch:
     """A plan in the C driver's structures, and the parameters of all runs."""
 
@@ -151,37 +149,18 @@ class _Batch:
         settling_ns: int,
         lanes: int,
     ) -> None:
-        stranger = unsupported(plan)
-        if stranger is not None:
-            raise ConfigurationError(
-                f"{stranger}: must be a component of ours to run in lanes, got "
-                f"{next(c.origin for c in plan.components if c.name == stranger)}; "
-                "use the native or the python master"
-            )
-        odd = next((c.name for c in plan.components if _special(c)), None)
-        if odd is not None:
-            raise ConfigurationError(
-                f"{odd}: must have inputs that are whole outputs to run in lanes, got parts, "
-                "conversions or values at the start; use the native or the python master"
-            )
-        if len(plan.components) > MAX_COMPONENTS:
-            raise ConfigurationError(f"system: must have at most {MAX_COMPONENTS} components")
         self.plan = plan
-        self.names = [c.name for c in plan.components]
-        self.engines = [engine_of(c, lanes) for c in plan.components]
-        self.lanes = int(self.engines[0].contents.lanes)
-        self.first_elements = [first_elements(c) for c in plan.components]
+        self.layout = layout_of(plan, lanes)
+        self.lanes = self.layout.lanes
+        self.engines, self.receivers = self.layout.engines, self.layout.receivers
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
         self.starts = [
-            starts_of(c, engine.contents, first)
-            for c, engine, first in zip(
-                plan.components, self.engines, self.first_elements, strict=True
+            starts_of(c, start, first)
+            for c, start, first in zip(
+                plan.components, self.layout.starts, self.layout.firsts, strict=True
             )
         ]
         self.runs, self.varied = self._varied(variations)
-        self.receivers = receivers_of(plan)
-        if len(self.receivers) > MAX_RECEIVERS:
-            raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
         self.remembered = remembered(plan, variations)
         self._translate(handovers, record, settling_ns)
         self.percentages: tuple[int, ...] = ()
@@ -203,118 +182,88 @@ class _Batch:
         """Memory for the errors of a group of runs [bytes]: lengths, then keys and candidates."""
         return self.room * (len(self.receivers) * 8 + 2 + 8) * len(LENGTHS) * self.lanes
 
-    def _varied(self, variations: Mapping[str, Any]) -> tuple[int, list[tuple[int, int, Floats]]]:
-        """Number of runs, and what varies: component, first element and (runs, size) values."""
-        runs, varied = 1, []
+    def _varied(self, variations: Mapping[str, Any]) -> tuple[int, dict[int, _Varied]]:
+        """Number of runs, and what varies of each component."""
+        runs = 1
+        parts: dict[int, list[tuple[str, int, Floats]]] = {}
         for name, given in variations.items():
             component, _, variable = name.partition(".")
-            number, element = self._find(component, variable, "parameter", name)
-            values = np.asarray(given, np.float64)
+            number, element = self.layout.find(component, variable, "parameter", name)
             size = self.plan.components[number].ports[variable].size
+            values = np.asarray(given, np.float64)
             values = values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)
             if values.shape[1] != size:
                 raise ConfigurationError(
                     f"{name}: must have {size} values per run, got {values.shape[1]}"
                 )
-            if not np.isfinite(values).all():
-                raise ConfigurationError(f"{name}: must be finite in every run")
-            port = self.plan.components[number].ports[variable]
-            low, high = values.min(axis=0), values.max(axis=0)
-            if (low < port.min).any() or (high > port.max).any():
-                raise ConfigurationError(
-                    f"{name}: must be between {min(port.min):g} and {max(port.max):g} in every "
-                    f"run, got {low.min():g} to {high.max():g}"
-                )
             if len(values) != 1:
                 if runs not in (1, len(values)):
                     raise ConfigurationError(f"{name}: must have {runs} runs, got {len(values)}")
                 runs = len(values)
-            varied.append((number, element, values))
-        return runs, varied
+            parts.setdefault(number, []).append((name, element, values))
+        return runs, {number: self._together(number, runs, own) for number, own in parts.items()}
 
-    def _find(self, component: str, variable: str, causality: str, where: str) -> tuple[int, int]:
-        if component not in self.names:
+    def _together(
+        self, number: int, runs: int, parts: Sequence[tuple[str, int, Floats]]
+    ) -> _Varied:
+        """Checked values of one component, side by side."""
+        elements = np.concatenate(
+            [np.arange(first, first + values.shape[1]) for _, first, values in parts]
+        )
+        table = np.concatenate(
+            [np.broadcast_to(values, (runs, values.shape[1])) for *_, values in parts], axis=1
+        )
+        low, high = (side[number][elements] for side in (self.layout.low, self.layout.high))
+        if not (np.isfinite(table) & (low <= table) & (table <= high)).all():
+            for name, _, values in parts:
+                self._check(name, number, values)
+        return elements, table
+
+    def _check(self, name: str, number: int, values: Floats) -> None:
+        """Refuse values that a parameter cannot have."""
+        if not np.isfinite(values).all():
+            raise ConfigurationError(f"{name}: must be finite in every run")
+        port = self.plan.components[number].ports[name.partition(".")[2]]
+        low, high = values.min(axis=0), values.max(axis=0)
+        if (low < port.min).any() or (high > port.max).any():
             raise ConfigurationError(
-                f"{where}: {component!r} must be a component{nearest(component, self.names)}"
+                f"{name}: must be between {min(port.min):g} and {max(port.max):g} in every "
+                f"run, got {low.min():g} to {high.max():g}"
             )
-        number = self.names.index(component)
-        ports = self.plan.components[number].ports
-        if variable not in ports or ports[variable].causality != causality:
-            known = [p.name for p in ports.values() if p.causality == causality]
-            raise ConfigurationError(
-                f"{where}: {variable!r} must be a {causality} of {component}"
-                f"{nearest(variable, known)}"
-            )
-        return number, self.first_elements[number][variable]
 
     def _translate(
         self, handovers: Sequence[Connection], record: Sequence[str], settling_ns: int
     ) -> None:
-        links = []
-        for target, component in enumerate(self.plan.components):
-            for write in component.writes:
-                for port, connection in zip(write.ports, write.connections, strict=True):
-                    name, _, variable = connection.source.partition(".")
-                    source, element = self._find(name, variable, "output", connection.source)
-                    links.append(
-                        (source, element, target, self.first_elements[target][port.name], port.size)
-                    )
-        given = []
-        for connection in handovers:
-            name, _, variable = connection.source.partition(".")
-            source, element = self._find(name, variable, "output", connection.source)
-            name, _, variable = connection.target.partition(".")
-            target, to = self._find(name, variable, "parameter", connection.target)
-            size = self.plan.components[target].ports[variable].size
-            given.append((source, element, target, to, size))
-        judged = []
-        for name in self.receivers:
-            number = self.names.index(name)
-            first = self.first_elements[number]
-            judged.append((number, *(first.get(port, -1) for port in RECEIVER_PORTS)))
+        layout = self.layout
+        given = [layout.link(c.source, c.target, "parameter") for c in handovers]
         self.spans = []
         for name in record:
             owner, _, variable = name.partition(".")
-            number, element = self._find(owner, variable, "output", name)
+            number, element = layout.find(owner, variable, "output", name)
             self.spans.append((number, element, self.plan.components[number].ports[variable].size))
         self.recorded = list(record)
-        truth = self._truth()
         base = int(np.diff(self.instants).min())
-        same = len({c.interval_ns for c in self.plan.components}) == 1
-        self.needs_holding = [
-            not same and c.interval_ns != base for c in self.plan.components
-        ]
+        intervals = [c.interval_ns for c in self.plan.components]
+        same = len({*intervals}) == 1
+        self.needs_holding = [not same and interval != base for interval in intervals]
+        engines, links, judged, truth = layout.arrays
         arrays = (
-            (ctypes.POINTER(Engine) * len(self.engines))(*self.engines),
-            (ctypes.c_int64 * len(self.names))(*(c.interval_ns for c in self.plan.components)),
-            (Link * len(links))(*links),
+            engines,
+            (ctypes.c_int64 * len(intervals))(*intervals),
+            links,
             (Link * len(given))(*given),
-            (Receiver * len(judged))(*judged),
+            judged,
             truth,
             (Span * len(self.spans))(*self.spans),
         )
         self._kept = arrays
         self.c_plan = LanesPlan(
-            len(self.names), len(links), len(given), len(judged), len(self.spans),
+            len(intervals), len(links), len(given), len(judged), len(self.spans),
             len(self.instants), self.remembered,
             truth is not None and self.needs_holding[truth.target],
             *(None if a is None else ctypes.addressof(a) for a in arrays),
             self.instants.ctypes.data, settling_ns,
         )
-
-    def _truth(self) -> ctypes.Structure | None:
-        """Indices of the true values, if the system has a target and a platform."""
-        if not {"target", "platform"} <= set(self.names):
-            return None
-        target, platform = self.names.index("target"), self.names.index("platform")
-        moving, first = self.first_elements[target], self.first_elements[platform]
-        beacons = self.plan.components[platform].ports["beacon_position"].shape[0]
-        truth: ctypes.Structure | None = Truth(
-            target, moving["position"], moving["velocity"],
-            platform, first["position"], first["beacon_position"],
-            first["reported_beacon_position"], beacons,
-        )
-        return truth
 
     def run(self, threads: int, progress: Callable[[float], None] | None) -> Outcome:
         groups = -(-self.runs // self.lanes)
@@ -384,20 +333,20 @@ class _Batch:
         # Copies of the last run fill up the last group.
         wanted = np.arange(first * self.lanes, last * self.lanes)
         runs = np.minimum(wanted, self.runs - 1).reshape(-1, self.lanes)
-        values = [
-            np.repeat(np.repeat(start[None, :, None], len(runs), 0), self.lanes, 2)
-            for start in self.starts
-        ]
-        for number, element, varied in self.varied:
-            size = varied.shape[1]
-            chosen = varied[runs if len(varied) > 1 else np.zeros_like(runs)]
-            values[number][:, element : element + size] = chosen.transpose(0, 2, 1)
+        values = []
+        for number, start in enumerate(self.starts):
+            own = np.empty((len(runs), len(start), self.lanes))
+            own[:] = start[:, None]
+            if number in self.varied:
+                elements, table = self.varied[number]
+                own[:, elements] = table[runs].transpose(0, 2, 1)
+            values.append(own)
         return values
 
     def _disagreement(self, status: int) -> FmuError:
         component = self.plan.components[(status & 0xFFFF) - 1]
         element = (status >> 16) - 1
-        first = self.first_elements[self.names.index(component.name)]
+        first = self.layout.firsts[(status & 0xFFFF) - 1]
         name = max((p for p in first.items() if p[1] <= element), key=lambda p: p[1])[0]
         return FmuError(
             f"{component.name}.{name}: must be the same in all runs side by side, and an interval "
@@ -437,12 +386,3 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
 
 
 __all__ = ["Outcome", "execute", "unsupported"]
-
-
-def _special(component: PlannedComponent) -> bool:
-    """Whether inputs are converted, parts of arrays, or set at the start."""
-    return any(s.port.causality == "input" for s in component.settings) or any(
-        w.conversions or port.name not in component.ports or port.shape != column.shape
-        for w in component.writes
-        for port, column in zip(w.ports, w.columns, strict=True)
-    )

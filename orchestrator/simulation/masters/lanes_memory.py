@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..plan import LAG, Plan, PlannedComponent
-from .lanes_driver import LENGTHS, MOMENT, Engine, Errors, Floats
+from .lanes_driver import LENGTHS, MOMENT, Errors, Floats
 
 
 class Batch(Protocol):
     """The properties of a batch that `Memory` needs."""
 
-    engines: list[Any]
+    engines: Sequence[Any]
     needs_holding: list[bool]
     remembered: int
     lanes: int
-    receivers: list[str]
+    receivers: Sequence[str]
     percentages: tuple[int, ...]
 
     @property
@@ -108,13 +108,20 @@ def first_elements(component: PlannedComponent) -> dict[str, int]:
     return {p.name: min(p.references) - 1 for p in component.ports.values()}
 
 
-def starts_of(component: PlannedComponent, engine: Engine, first: Mapping[str, int]) -> Floats:
-    """Initial parameters and inputs, as in the plan; ``first`` are their `first_elements`."""
-    values = np.zeros(engine.parameters + engine.inputs)
-    for port in component.ports.values():
-        if port.causality in ("parameter", "input") and port.start is not None:
-            values[first[port.name] : first[port.name] + port.size] = port.start
+def starts_of(
+    component: PlannedComponent, starts: Sequence[float], first: Mapping[str, int]
+) -> Floats:
+    """Initial parameters and inputs, as in the plan.
+
+    Parameters
+    ----------
+    starts
+        Those of the component by itself.
+    first
+        Its `first_elements`.
+    """
+    values = [*starts]
     for setting in component.settings:
-        start = first[setting.port.name]
-        values[start : start + setting.port.size] = setting.values
-    return values
+        place = first[setting.port.name]
+        values[place : place + len(setting.values)] = setting.values
+    return np.array(values, np.float64)

@@ -17,7 +17,7 @@ from sblcosim.results.definitions import FRAMES
 from sblcosim.results.sums import SUMS, responses, sums_of
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
-from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.simulation.masters import lanes, lanes_driver, lanes_layout
 from sblcosim.simulation.plan import Plan, Setting
 from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
@@ -206,7 +206,7 @@ def tampered(
         kept.extend((ours, callback, step))
         return ctypes.pointer(ours)
 
-    monkeypatch.setattr(lanes, "engine_of", engine)
+    monkeypatch.setattr(lanes_layout, "engine_of", engine)
     return kept
 
 

@@ -15,7 +15,7 @@ from pyarrow import parquet
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.results.sums import SUMS
 from sblcosim.simulation import resolve
-from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.simulation.masters import lanes, lanes_driver, lanes_layout
 from sblcosim.study import again, batch, campaign, definition, executors, runner, study
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
@@ -455,7 +455,7 @@ def test_components_that_are_not_ours_run_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small().run(tmp_path / "lanes")
-    for module in (lanes, lanes_driver):
+    for module in (lanes, lanes_driver, lanes_layout):
         monkeypatch.setattr(module, "unsupported", lambda plan: "ekf")
     monkeypatch.setattr(runner, "ALONE", 1)
     small().run(tmp_path / "alone", workers=2)

@@ -1,0 +1,207 @@
+"""What plans of the same components and connections share, in the C driver's structures."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...errors import ConfigurationError, nearest
+from ..alike import alike
+from ..plan import Plan, PlannedComponent
+from .lanes_driver import (
+    MAX_COMPONENTS,
+    MAX_RECEIVERS,
+    RECEIVER_PORTS,
+    Engine,
+    Floats,
+    Link,
+    Receiver,
+    Truth,
+    engine_of,
+    unsupported,
+)
+from .lanes_memory import first_elements, receivers_of
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where everything is.
+
+    Attributes
+    ----------
+    numbers
+        Of the components, by name.
+    engines
+        Pointers to each component's engine.
+    lanes
+        Simulations side by side.
+    firsts
+        By component: index of each variable's first element.
+    starts, low, high
+        By component: parameters and inputs that a plan does not set, and the bounds of all.
+    receivers
+        Those that are judged.
+    """
+
+    components: tuple[PlannedComponent, ...]
+    numbers: Mapping[str, int]
+    engines: Sequence[Any]
+    lanes: int
+    firsts: Sequence[Mapping[str, int]]
+    starts: Sequence[Sequence[float]]
+    low: Sequence[Floats]
+    high: Sequence[Floats]
+    receivers: Sequence[str]
+
+    def find(self, component: str, variable: str, causality: str, where: str) -> tuple[int, int]:
+        """Number of a component, and a variable's first element.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none; ``where`` begins the message.
+        """
+        if component not in self.numbers:
+            raise ConfigurationError(
+                f"{where}: {component!r} must be a component{nearest(component, self.numbers)}"
+            )
+        number = self.numbers[component]
+        ports = self.components[number].ports
+        if variable not in ports or ports[variable].causality != causality:
+            known = [p.name for p in ports.values() if p.causality == causality]
+            raise ConfigurationError(
+                f"{where}: {variable!r} must be a {causality} of {component}"
+                f"{nearest(variable, known)}"
+            )
+        return number, self.firsts[number][variable]
+
+    @cached_property
+    def links(self) -> Sequence[tuple[int, ...]]:
+        """All connections of outputs with inputs, as C has them."""
+        return [
+            self.link(connection.source, f"{component.name}.{port.name}", "input")
+            for component in self.components
+            for write in component.writes
+            for port, connection in zip(write.ports, write.connections, strict=True)
+        ]
+
+    @cached_property
+    def arrays(self) -> tuple[Any, Any, Any, Any]:
+        """Engines, links, judged receivers, and truth or None, for C."""
+        judged = []
+        for name in self.receivers:
+            number = self.numbers[name]
+            first = self.firsts[number]
+            judged.append((number, *(first.get(port, -1) for port in RECEIVER_PORTS)))
+        return (
+            (ctypes.POINTER(Engine) * len(self.engines))(*self.engines),
+            (Link * len(self.links))(*self.links),
+            (Receiver * len(judged))(*judged),
+            self._truth(),
+        )
+
+    def _truth(self) -> Any:
+        """Indices of the true values, if the system has a target and a platform."""
+        if not {"target", "platform"} <= set(self.numbers):
+            return None
+        target, platform = self.numbers["target"], self.numbers["platform"]
+        moving, first = self.firsts[target], self.firsts[platform]
+        beacons = self.components[platform].ports["beacon_position"].shape[0]
+        return Truth(
+            target, moving["position"], moving["velocity"],
+            platform, first["position"], first["beacon_position"],
+            first["reported_beacon_position"], beacons,
+        )
+
+    def link(self, source: str, target: str, causality: str) -> tuple[int, int, int, int, int]:
+        """A connection of an output with a whole input or parameter, as C has it."""
+        name, _, variable = source.partition(".")
+        number, element = self.find(name, variable, "output", source)
+        name, _, variable = target.partition(".")
+        to, place = self.find(name, variable, causality, target)
+        return number, element, to, place, self.components[to].ports[variable].size
+
+
+def layout_of(plan: Plan, lanes: int) -> Layout:
+    """The layout of a plan, shared while files are assumed unchanged.
+
+    Raises
+    ------
+    ConfigurationError
+        A component is unsupported, or there are too many.
+    FmuError
+        The processor does not support that many lanes.
+    """
+    names = tuple(c.name for c in plan.components)
+    kept = (plan.columns, *(c.ports for c in plan.components))
+    layout = alike("lanes", (lanes, names, *map(id, kept)), lambda: _made(plan, lanes), *kept)
+    for component in plan.components:
+        if any(s.port.causality == "input" for s in component.settings):
+            raise _special(component)
+    return layout
+
+
+def _made(plan: Plan, lanes: int) -> Layout:
+    stranger = unsupported(plan)
+    if stranger is not None:
+        raise ConfigurationError(
+            f"{stranger}: must be a component of ours to run in lanes, got "
+            f"{next(c.origin for c in plan.components if c.name == stranger)}; "
+            "use the native or the python master"
+        )
+    for component in plan.components:
+        if _in_parts(component):
+            raise _special(component)
+    if len(plan.components) > MAX_COMPONENTS:
+        raise ConfigurationError(f"system: must have at most {MAX_COMPONENTS} components")
+    receivers = receivers_of(plan)
+    if len(receivers) > MAX_RECEIVERS:
+        raise ConfigurationError(f"system: must have at most {MAX_RECEIVERS} receivers")
+    engines = [engine_of(c, lanes) for c in plan.components]
+    values = [_values(c, e.contents) for c, e in zip(plan.components, engines, strict=True)]
+    return Layout(
+        plan.components,
+        {c.name: number for number, c in enumerate(plan.components)},
+        engines,
+        int(engines[0].contents.lanes),
+        [first_elements(c) for c in plan.components],
+        [start.tolist() for start, _, _ in values],
+        [low for _, low, _ in values],
+        [high for _, _, high in values],
+        receivers,
+    )
+
+
+def _values(component: PlannedComponent, engine: Any) -> tuple[Floats, Floats, Floats]:
+    """Starts and bounds of parameters and inputs, by element."""
+    start = np.zeros(engine.parameters + engine.inputs)
+    low, high = np.full((2, len(start)), np.nan)
+    first = first_elements(component)
+    for port in component.ports.values():
+        if port.causality in ("parameter", "input"):
+            place = slice(first[port.name], first[port.name] + port.size)
+            low[place], high[place] = port.min, port.max
+            if port.start is not None:
+                start[place] = port.start
+    return start, low, high
+
+
+def _in_parts(component: PlannedComponent) -> bool:
+    """Whether inputs are converted, or parts of arrays."""
+    return any(
+        w.conversions or port.name not in component.ports or port.shape != column.shape
+        for w in component.writes
+        for port, column in zip(w.ports, w.columns, strict=True)
+    )
+
+
+def _special(component: PlannedComponent) -> ConfigurationError:
+    return ConfigurationError(
+        f"{component.name}: must have inputs that are whole outputs to run in lanes, got parts, "
+        "conversions or values at the start; use the native or the python master"
+    )
