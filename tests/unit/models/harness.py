@@ -149,3 +149,21 @@ def hear(box: Stepper, position: Any, epoch: float, *, beacons: Array = CROSS,
         reception_count=box.u["reception_count"] + 1, ping_beacon_position=beacons,
         packet_beacon_position=beacons, depth=position[2], depth_epoch=epoch,
     )
+
+
+def follow(found: Dive, reference: Any, tolerance: float) -> None:
+    """Show a reference all that a receiver saw in a dive, and compare them at each estimate."""
+    rows = {round(epoch, 6): row for row, epoch in enumerate(found.epoch)}
+    for u in found.inputs:
+        before = reference.updates
+        reference.tick(u)
+        if reference.updates == before:
+            continue
+        row, expected = rows.pop(round(reference.epoch, 6)), reference.output()
+        for name in ("position", "velocity", "covariance", "nis", "nis_degrees"):
+            np.testing.assert_allclose(
+                getattr(found, name)[row], expected[name], rtol=tolerance, atol=tolerance,
+                err_msg=name,
+            )
+    assert not rows
+    assert len(found.epoch) > 20

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import harness
 import numpy as np
 import pytest
 from coupled_reference import PSI, SINK, Reference
@@ -53,19 +54,7 @@ def follow(raft: Raft, parameters: Mapping[str, Any], **settings: Any) -> Refere
     """A dive by both, compared at its last tick and at each estimate."""
     result = raft.dive(LINE, parameters, **settings)
     reference = Reference(result.receiver.p)
-    rows = {round(epoch, 6): row for row, epoch in enumerate(result.epoch)}
-    for u in result.inputs:
-        before = reference.updates
-        reference.tick(u)
-        if reference.updates == before:
-            continue
-        row, expected = rows.pop(round(reference.epoch, 6)), reference.output()
-        for name in ("position", "velocity", "covariance", "nis", "nis_degrees"):
-            np.testing.assert_allclose(
-                getattr(result, name)[row], expected[name], rtol=1e-6, atol=1e-6, err_msg=name,
-            )
-    assert not rows
-    assert len(result.epoch) > 20
+    harness.follow(result, reference, 1e-6)
     check(result.receiver, reference)
     return reference
 

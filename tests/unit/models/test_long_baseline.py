@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
+import harness
 import numpy as np
 import pytest
 from harness import Array, Dive, dive, simultaneous, straight
@@ -39,19 +40,7 @@ def follow(parameters: Mapping[str, Any], path: Any = LINE, **settings: Any) -> 
                 "beacons": lambda t: BOTTOM, "acoustics": NOISY, **settings}
     found = dive("long_baseline", path, parameters={**ROUGH, **parameters}, **settings)
     reference = Reference(found.receiver.p)
-    rows = {round(epoch, 6): row for row, epoch in enumerate(found.epoch)}
-    for u in found.inputs:
-        before = reference.updates
-        reference.tick(u)
-        if reference.updates == before:
-            continue
-        row, expected = rows.pop(round(reference.epoch, 6)), reference.output()
-        for name in ("position", "velocity", "covariance", "nis", "nis_degrees"):
-            np.testing.assert_allclose(
-                getattr(found, name)[row], expected[name], rtol=2e-6, atol=2e-6, err_msg=name,
-            )
-    assert not rows
-    assert len(found.epoch) > 20
+    harness.follow(found, reference, 2e-6)
     np.testing.assert_allclose(covariance(found), reference.P, rtol=2e-6, atol=1e-6)
     assert found.receiver.y["restart_count"] == reference.restarts
     return reference
