@@ -10,12 +10,12 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.machinery
-import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.machinery import ModuleSpec
+from json import dumps
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -162,7 +162,7 @@ def loaded(
     sha256 = hashlib.sha256(source).hexdigest()
     if not known.imports:
         return known.module, sha256
-    facts = json.dumps([sha256, *known.imports.facts()])
+    facts = dumps([sha256, *known.imports.facts()])
     return known.module, hashlib.sha256(facts.encode()).hexdigest()
 
 
