@@ -24,6 +24,7 @@ from functools import partial
 from importlib.metadata import version
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -97,7 +98,7 @@ def ready(
         yield partial(_spread, executor, pack(campaign), number, master)
     else:
         with processes(number) as pool:
-            yield partial(_spread, pool, pack(campaign), number, master)
+            yield partial(_spread, pool, pack(campaign), number, master, ours=True)
 
 
 def _here(
@@ -122,8 +123,13 @@ def _spread(
     master: str | None,
     parts: Iterable[Sequence[Run]],
     done: Done,
+    *,
+    ours: bool = False,
 ) -> Simulated:
-    """Distribute the runs of a part, and those of the next parts while some workers are idle."""
+    """Distribute the runs of a part, and those of the next parts while some workers are idle.
+
+    ``ours``: the pool ends with the runs, and what it has not begun with it.
+    """
     pending: deque[tuple[Sequence[Run], list[Future[pd.DataFrame]]]] = deque()
     rest = iter(parts)
     try:
@@ -134,7 +140,7 @@ def _spread(
                     break
                 size = -(-len(part) // (2 * workers))
                 try:
-                    with deferring_sigint():  # this may start a process
+                    with deferring_signals():  # this may start a process
                         futures = [
                             pool.submit(_work, parcel, part[i : i + size], master)
                             for i in range(0, len(part), size)
@@ -152,7 +158,7 @@ def _spread(
             pending.popleft()
             yield part, pd.concat(tables, ignore_index=True)
     finally:
-        for _, futures in pending:
+        for _, futures in () if ours else pending:
             for future in futures:
                 future.cancel()
 
@@ -195,7 +201,9 @@ def processes(workers: int) -> Iterator[Executor]:
         yield pool
     except BaseException:
         telling.close()
-        _end(pool)
+        workers = [*(pool._processes or {}).values()]
+        pool.shutdown(wait=False, cancel_futures=True)  # else they end with those that are killed
+        _end(workers)
         raise
     finally:
         pool.shutdown(cancel_futures=True)
@@ -203,17 +211,17 @@ def processes(workers: int) -> Iterator[Executor]:
         told.close()
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
+def _end(workers: Iterable[BaseProcess]) -> None:
     """Kill the workers that do not end as they are told, being busy or not ready yet."""
     until = time.monotonic() + 2 * stopping.GRACE
-    for process in [*(pool._processes or {}).values()]:
+    for process in workers:
         process.join(max(until - time.monotonic(), 0))
         process.kill()
 
 
 @contextmanager
-def deferring_sigint() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C; this process handles it after the block."""
+def deferring_signals() -> Iterator[None]:
+    """Start processes that ignore signals to stop; this process handles them after the block."""
     with stopping.deferred(), _blocked_in_children():
         yield
 
@@ -224,15 +232,20 @@ def _blocked_in_children() -> Iterator[None]:
         yield
         return
     resource_tracker.ensure_running()  # if it started inside the block, it would unblock SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
 def begin(told: Connection | None = None) -> None:
-    """Initialise a worker: ignore Ctrl-C, and end with the parent process, however that ends.
+    """Initialise a worker: it ends as it is told or with the parent process, however that ends.
+
+    Signals to stop, which a whole group of processes may get, are for the parent.
 
     Parameters
     ----------
@@ -240,6 +253,9 @@ def begin(told: Connection | None = None) -> None:
         When it ends, the worker's task is to end: at the next check, or with the worker.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: None)  # which the worker's processes do not inherit
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     parent = multiprocessing.parent_process()
 
     def follow() -> None:

@@ -291,7 +291,7 @@ def test_ctrl_c_while_processes_start_is_quiet(tmp_path: Path, moment: float) ->
 def test_ctrl_c_is_deferred_and_not_lost() -> None:
     reached = False
     with (  # noqa: PT012
-        pytest.raises(KeyboardInterrupt), stopping.stoppable(), executors.deferring_sigint()
+        pytest.raises(KeyboardInterrupt), stopping.stoppable(), executors.deferring_signals()
     ):
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(2 * stopping.GRACE)

@@ -50,11 +50,16 @@ keys = ["platform.gps_horizontal_std_m"]
 levels = [0.1, 3.5]
 """
 RECEIVER = """
+import time
+
 import sblcosim
 
 class Slow(sblcosim.Receiver):
-    def update(self, time_s, ranges, depth):
-        return None
+    def update(self, samples):
+        until = time.perf_counter() + 0.002
+        while time.perf_counter() < until:
+            pass
+        return sblcosim.Estimate(samples[-1].epoch, (1.0, 2.0, 3.0)) if samples else None
 """
 ENDLESS = ("--set", "time.duration_s=20000", "--set", "time.sampling_time_s=0.01")
 
@@ -84,7 +89,7 @@ COMMANDS = {
     ),
     "study": Command(("study", "endless.toml")),
     "study processes": Command(
-        ("study", "endless.toml", "--executor", "processes", "--workers", "2"), latest=8.0
+        ("study", "endless.toml", "--executor", "processes", "--workers", "2"), latest=12.0
     ),
     "study native": Command(("study", "endless.toml", "--master", "native")),
     "study python": Command(("study", "endless.toml", "--master", "python")),
@@ -130,9 +135,12 @@ def catches(process: subprocess.Popen[str]) -> bool:
 
 
 def stopped(
-    folder: Path, command: Command, number: int, after: float
+    folder: Path, command: Command, number: int, after: float, group: bool
 ) -> tuple[float, int, str]:
-    """Seconds until a command has ended after a signal, its code, what it said."""
+    """Seconds until a command has ended after a signal, its code, what it said.
+
+    ``group``: its workers get the signal, too, as from a terminal or a batch system.
+    """
     own = {"SBLCOSIM_CACHE": str(folder / "cache")} if command.own_cache else {}
     process = subprocess.Popen(
         [sys.executable, "-m", "sblcosim", *command.arguments, "--out", "made"],
@@ -143,7 +151,10 @@ def stopped(
         time.sleep(0.005)
     time.sleep(after)
     finished = process.poll() is not None
-    process.send_signal(number)
+    if group and not finished:
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
     began = time.monotonic()
     try:
         err = process.communicate(timeout=PATIENCE)[1]
@@ -187,19 +198,21 @@ def long_run(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "number"),
+    ("name", "number", "group"),
     [
-        ("run", signal.SIGTERM),
-        ("study processes", signal.SIGTERM),
-        ("study native", signal.SIGINT),
-        ("map, possible", signal.SIGTERM),
-        ("budget", signal.SIGINT),
+        ("run", signal.SIGTERM, False),
+        ("study processes", signal.SIGTERM, False),
+        ("study processes", signal.SIGTERM, True),
+        ("study native", signal.SIGINT, False),
+        ("study of a python receiver", signal.SIGTERM, True),
+        ("map, possible", signal.SIGTERM, False),
+        ("budget", signal.SIGINT, True),
     ],
 )
-def test_a_signal_ends_a_command(tmp_path: Path, name: str, number: int) -> None:
+def test_a_signal_ends_a_command(tmp_path: Path, name: str, number: int, group: bool) -> None:
     place, command = place_of(tmp_path), COMMANDS[name]
     after = random.Random(f"{SEED} {name}").uniform(0.0, command.latest / 2)
-    _, code, err = stopped(place, command, number, after)
+    _, code, err = stopped(place, command, number, after, group)
     check(place, command, number, code, err)
 
 
@@ -214,8 +227,13 @@ def test_a_signal_at_any_moment(tmp_path: Path, name: str) -> None:
             long_run(place)
         number = draw.choice([signal.SIGTERM, signal.SIGINT])
         after = draw.uniform(0.0, command.latest)
-        took, code, err = stopped(place, command, number, after)
+        group = draw.random() < 0.5
+        took, code, err = stopped(place, command, number, after, group)
         seconds.append(took)
-        print(f"{name}: {number.name} after {after:.2f} s: code {code}, {took:.2f} s; {err[:90]!r}")
+        whom = "the group" if group else "it"
+        print(
+            f"{name}: {number.name} to {whom} after {after:.2f} s: code {code}, {took:.2f} s; "
+            f"{err[:90]!r}"
+        )
         check(place, command, number, code, err)
     print(f"{name}: {len(seconds)} stops, {max(seconds):.2f} s at most")

@@ -32,7 +32,7 @@ from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
 from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
-from ...study.executors import deferring_sigint, processes
+from ...study.executors import deferring_signals, processes
 from ...style import ThemeName, new_figure, use
 from .. import factorial
 from ..factorial import Findings
@@ -399,7 +399,7 @@ def painters(workers: int | None) -> Iterator[Executor | None]:
         yield None
         return
     with processes(count) as pool:
-        with deferring_sigint():
+        with deferring_signals():
             for _ in range(count):
                 pool.submit(factorial.get_ready)
         yield pool
@@ -410,7 +410,7 @@ def draw(material: Material, pool: Executor | None, tell: Progress) -> dict[str,
     jobs = jobs_of(FIGURES, material)
     results = (
         map(Job.svg, jobs) if pool is None
-        else stopping.results([pool.submit(Job.svg, job) for job in jobs])
+        else map(stopping.result, [pool.submit(Job.svg, job) for job in jobs])
     )
     drawings: dict[str, str] = {}
     for i, (job, svg) in enumerate(zip(jobs, results, strict=True), 1):
