@@ -314,14 +314,20 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     Raises
     ------
     ConfigurationError
-        There are no runs, or a part is damaged.
+        There are no runs, or a part is damaged or gone.
     """
     folder = Path(results)
     said = described(folder).get("table", {})
     there, damaged = looked_through(folder, said)
-    for path in damaged:
+    gone = {*said.get("parts", ())} - {path.name for path in (*there.paths, *damaged)}
+    wrong = {path: OTHER for path in damaged} | {
+        folder / PARTS / name: f"must be there, as {STUDY} names it, got no such file"
+        for name in sorted(gone)
+    }
+    for path, problem in wrong.items():
         raise ConfigurationError(
-            f"{path}: {OTHER}; 'sblcosim study' with the same study and folder does its runs again"
+            f"{path}: {problem}; 'sblcosim study' with the same study and folder does its runs "
+            "again"
         )
     if not there.paths:
         raise ConfigurationError(f"{folder}: must hold runs, got none yet")

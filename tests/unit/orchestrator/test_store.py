@@ -31,7 +31,6 @@ def test_a_part_without_its_columns_is_one_line(tmp_path: Path) -> None:
     stream = pa.BufferOutputStream()
     parquet.write_table(short, stream)
     content = stream.getvalue().to_pybytes()
-    part.unlink()
     (part.parent / stored.named(part.stem.rpartition("-")[0], content)).write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"must have a column replicate, got none$"):
         store.table(tmp_path)
@@ -126,6 +125,21 @@ def test_a_damaged_part_is_set_aside_and_its_runs_are_done_again(
     assert (out / "parts" / "damaged" / path.name).read_bytes() == bad
     assert path.read_bytes() == good
     assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+
+
+def test_a_part_that_is_gone_is_named_and_its_runs_are_done_again(out: Path, whole: Path) -> None:
+    path = parts(out)[0]
+    path.unlink()
+    with pytest.raises(ConfigurationError) as caught:
+        store.table(out)
+    assert str(caught.value) == (
+        f"{path}: must be there, as study.json names it, got no such file; 'sblcosim study' with "
+        "the same study and folder does its runs again"
+    )
+    assert runner.missing(campaign.prepare(small()), out, tell=True).runs == 2
+    small().run(out)
+    assert (out / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+    assert len(store.table(out)) == 4
 
 
 def test_the_table_is_made_from_the_parts_each_time(out: Path, whole: Path) -> None:
