@@ -22,7 +22,7 @@ from pyarrow import csv, parquet
 from sblcosim.fmus import files, stopping
 
 from . import manifests
-from .errors import ConfigurationError, DamageWarning, check_choice
+from .errors import ConfigurationError, DamageWarning, check_choice, resolved
 from .manifests import FILES, HASHES, MANIFEST
 
 UNFINISHED, NOTE = "-unfinished", "unfinished.txt"
@@ -85,7 +85,7 @@ def draft(
     """
     path = Path(path)
     check(path, manifest, other)
-    path = path.resolve()
+    path = resolved(path)
     try:
         empty = _is_empty(path)
         # Keep a folder that the user made: it may have its own permissions.
@@ -227,7 +227,7 @@ def check(
         As `draft`.
     """
     check_choice("other", other, get_args(Other))
-    shown, path = path, Path(path).resolve()
+    shown, path = path, resolved(path)
     files.sweep(path.parent)
     if files.sweep(path):
         _empty(path)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Collection
+from pathlib import Path
 
 from sblcosim.fmus.errors import (
     BuildError,
@@ -32,6 +34,7 @@ __all__ = [
     "nearest",
     "one_line",
     "quoted",
+    "resolved",
     "shortened",
 ]
 
@@ -63,3 +66,21 @@ class ConfigurationWarning(Concise, UserWarning):
 
 class NoEffectWarning(ConfigurationWarning):
     """A key was given explicitly but has no effect."""
+
+
+def resolved(path: str | Path) -> Path:
+    """A path that the user has given, absolute and without links.
+
+    Raises
+    ------
+    ConfigurationError
+        Its links go round in a loop.
+    """
+    try:
+        return Path(path).resolve()
+    except (RuntimeError, OSError) as error:  # the former before Python 3.13
+        raise ConfigurationError(
+            f"{path}: must lead to a place, got links that go round in a loop"
+            if isinstance(error, RuntimeError) or error.errno == errno.ELOOP
+            else f"{path}: must lead to a place, got {error.strerror}"
+        ) from None

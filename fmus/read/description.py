@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import re
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
@@ -78,6 +79,10 @@ def describe(archive: Archive) -> ModelDescription:
         description = _by_fmpy(xml)
         for problem in _problems(description):
             raise ValueError(problem)
+    except UnicodeEncodeError as error:  # lxml asks where it is
+        raise FmuError(
+            f"working directory: must have a name in UTF-8, got {os.getcwd()!a}"
+        ) from error
     except Exception as error:  # FMPy and lxml raise all sorts, Exception itself included
         reason = one_line(error)
         raise DescriptionError(

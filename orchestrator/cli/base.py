@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import ConfigurationError, shortened
+from ..errors import ConfigurationError, resolved, shortened
 from . import completion
 from .outcome import ErrorReportingGroup, say_warnings
 
@@ -217,7 +217,7 @@ def refuse_silence(result: Any) -> None:
 
 def beside(results: Path, what: str) -> Path:
     """Default folder of what is computed from a folder of results, also if that is ``.``."""
-    whole = results.resolve()
+    whole = resolved(results)
     near = whole if results.name in {"", ".."} else results
     return near.parent / f"{whole.name}-{what}"
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, resolved
 from ..results.responses import RESPONSES
 from ..scenario.files import naming_files
 from ..study import executors, parts, runner, store
@@ -96,7 +96,7 @@ def decided(
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
     """Run until all is decided; return what is, and the responses by design and condition."""
-    folder = folder.resolve()
+    folder = resolved(folder)
     campaign = prepare(question.study)
     try:
         store.check_folder(folder, campaign)

@@ -17,7 +17,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
 from sblcosim.models import RECEIVERS
 from sblcosim.models.ports import BEACONS
 
-from ..errors import ConfigurationError, instance, shortened
+from ..errors import ConfigurationError, instance, resolved, shortened
 from ..simulation.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
@@ -393,7 +393,7 @@ def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
                     f"override {shortened('.'.join(path))}: {shortened(part)} must be a table"
                 )
         is_file = path[-1] in FILES and isinstance(value, str)
-        table[path[-1]] = str(Path(value).resolve()) if is_file else value
+        table[path[-1]] = str(resolved(value)) if is_file else value
     return {path for path, _ in batch}
 
 
@@ -443,4 +443,4 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, Mappi
     if tables.keys() <= {key for key in fields if not is_table(fields, key)}:
         names = ", ".join(f"[{key}]" for key in fields if is_table(fields, key))
         raise ConfigurationError(f"{shown(path)}: must have at least one table ({names}), got none")
-    return shown(path), tables, path.resolve().parent
+    return shown(path), tables, resolved(path).parent

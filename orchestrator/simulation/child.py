@@ -34,11 +34,13 @@ from . import user_code
 from .masters import native, python
 from .memory import Memory, up
 from .messages import (
+    Added,
     Answer,
     Begun,
     Call,
     End,
     Execute,
+    Here,
     InitialOutputs,
     SharedArray,
     Start,
@@ -48,7 +50,7 @@ from .messages import (
 from .record import Record
 from .shared import Shared
 from .state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
-from .user_code import raised
+from .user_code import PythonSource, raised
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -78,11 +80,16 @@ class _Telling(Watch):
                 f"is not seen and not undone, as the native master cannot be built: {error}",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
+        self.here, self.added = Here.now(), Added()
         self.take(())
+
+    def loaded(self) -> None:
+        """The user's code has been loaded: what it has added to its surroundings stays."""
+        self.added = self.here.added()
 
     def take(self, components: Sequence[str], strangers: Sequence[str] = ()) -> None:
         """Reset the state for a new task."""
-        self._names = tuple(components)
+        self.names = tuple(components)
         self._numbers = {name: i for i, name in enumerate(components)}
         self._strangers = frozenset(strangers)
         self._labels: list[tuple[str, str]] = []
@@ -186,7 +193,7 @@ class _Telling(Watch):
             at: int = self._state.progress.at
             return self._labels[at][0]
         number: int = self._state.component
-        return self._names[number] if 0 <= number < len(self._names) else None
+        return self.names[number] if 0 <= number < len(self.names) else None
 
 
 def main() -> None:
@@ -211,10 +218,15 @@ def main() -> None:
         (_text(text), _warning(kind), str(file), line)
     )
     shared, own = Shared(telling.settle), os.getpid()
-    user_code.allow(shared.look)
+
+    def loaded() -> None:
+        telling.loaded()
+        shared.look()
+
+    user_code.allow(loaded)
     send(answers, Answer())
     while True:
-        task, answer = _done(todo.get(), telling)
+        task, answer = _done(todo.get(), telling, shared)
         if os.getpid() != own:  # the user's code has forked, and this is the copy
             os._exit(0)
         answer = replace(answer, warned=tuple(warned[:_MOST_WARNINGS]))
@@ -263,13 +275,14 @@ def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> No
     os._exit(1)
 
 
-def _done(content: bytes, telling: _Telling) -> tuple[Task | None, Answer]:
+def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | None, Answer]:
     """Do a task; return it and its answer."""
     task, value = None, None
     error: Exception | None = None
     try:
         task = _unpacked(content)
-        task.here.take_over()
+        task.here.take_over(telling.added)
+        telling.here = task.here
         telling.take(task.components, task.strangers)
         value = _value(task)
     except SblcosimError as problem:
@@ -277,20 +290,30 @@ def _done(content: bytes, telling: _Telling) -> tuple[Task | None, Answer]:
     except MemoryError:
         error = MemoryError()
     except BaseException as problem:
-        blamed = telling.blamed()
+        blamed = telling.blamed() or (_from_file(task) if shared.looked else None)
         if blamed is None:  # our own bug
             error = RuntimeError(traceback.format_exc())
         else:  # of code that the user's code has changed or is called by
             error = ConfigurationError(
                 f"{blamed}: must let its process go on, got {raised(problem)}"
             )
-            error.component = blamed
+            error.component = blamed if blamed in telling.names else None
     return task, Answer(
         value,
         error,
         tuple(telling.failures.items()),
         tuple((*call, habits) for call, habits in telling.habits.items()),
     )
+
+
+def _from_file(task: Task | None) -> str:
+    """The component from the user's file; all, where there are several."""
+    if isinstance(task, Execute):
+        sources = {c.name: c.source for c in task.plan.components}
+        names = [name for name, source in sources.items() if isinstance(source, PythonSource)]
+    else:
+        names = [] if task is None else [*task.components]
+    return ", ".join(names) or "Python files"
 
 
 def _ours(problem: SblcosimError) -> SblcosimError:

@@ -7,8 +7,9 @@ import io
 import os
 import pickle
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
 
 from ..errors import ConfigurationError
@@ -58,15 +59,34 @@ class Here:
             folder = None
         return cls(folder, tuple(os.environ.items()), tuple(map(str, sys.path)))
 
-    def take_over(self) -> None:
-        """Make them those of this process."""
+    def added(self) -> Added:
+        """What this process has beside them."""
+        first = [*takewhile(lambda place: place not in self.path, sys.path)]
+        rest = sys.path[len(first) :]
+        return Added(
+            {key: value for key, value in os.environ.items() if key not in dict(self.environment)},
+            first,
+            [place for place in rest if place not in self.path],
+        )
+
+    def take_over(self, added: Added) -> None:
+        """Make them those of this process, with what the user's files have added as they loaded."""
         if self.folder is not None:
             os.chdir(self.folder)
-        if tuple(os.environ.items()) != self.environment:
+        environment = added.environment | dict(self.environment)
+        if dict(os.environ) != environment:
             os.environ.clear()
-            os.environ.update(self.environment)
-        if tuple(sys.path) != self.path:
-            sys.path[:] = self.path
+            os.environ.update(environment)
+        sys.path[:] = [*added.first, *self.path, *added.last]
+
+
+@dataclass(frozen=True)
+class Added:
+    """Variables of the environment, and places of modules before and after those of the parent."""
+
+    environment: dict[str, str] = field(default_factory=dict)
+    first: Sequence[str] = ()
+    last: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import pickle
 import queue
@@ -61,9 +60,8 @@ _FAREWELL = 1.0
 _OUTPUT = 20_000
 """Limit on the output of FMUs and Python files that is shown of a task [bytes]."""
 
-_PROGRAM = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from sblcosim.simulation.child import main; main()"
+_PROGRAM = (  # imports nothing before it has the path: the working directory may hold anything
+    "import sys; sys.path[:] = sys.argv[1:]; from sblcosim.simulation.child import main; main()"
 )
 
 
@@ -159,7 +157,7 @@ class Process:
         )
         try:
             return subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, json.dumps(sys.path)],
+                [sys.executable, "-c", _PROGRAM, *map(str, sys.path)],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 **group, **self._memory.inherited(),
             )  # fmt: skip

@@ -6,6 +6,7 @@ import gc
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Mapping
 from operator import is_
 from types import ModuleType
@@ -24,7 +25,7 @@ _HABITS: tuple[Callable[[], Any], ...] = (
 
 
 class Shared:
-    """Modules' functions, standard streams, signals and habits, as they were at the latest look.
+    """Modules, our classes, streams, signals and habits, as they were at the latest look.
 
     A run after which they have changed must be the last of its process, as the next one would
     depend on it. What is new, such as a module, changes nothing for others.
@@ -37,34 +38,45 @@ class Shared:
 
     def __init__(self, settle: Callable[[], bool]) -> None:
         self._settle = settle
-        self._functions: dict[str, tuple[ModuleType, Mapping[str, Any]]] = {}
+        self._names: list[tuple[Any, Mapping[str, Any]]] = []
         self._habits: tuple[Any, ...] | None = None
+
+    @property
+    def looked(self) -> bool:
+        """Whether there was a look: some code of the user has been loaded."""
+        return self._habits is not None
 
     def look(self) -> None:
         """Take everything for what it is to be."""
         self._settle()
-        self._functions = {
-            name: (module, dict(vars(module)))
-            for name, module in [*sys.modules.items()]
-            if isinstance(module, ModuleType)
+        modules = [it for it in [*sys.modules.values()] if isinstance(it, ModuleType)]
+        ours = {
+            id(it): it
+            for module in modules if module.__name__.startswith("sblcosim")
+            for it in [*vars(module).values()]
+            if isinstance(it, type) and it.__module__.startswith("sblcosim")
         }
+        self._names = [(it, dict(vars(it))) for it in (*modules, *ours.values())]
         self._habits = _habits()
 
     def changed(self) -> bool:
         """Whether anything has changed since the latest look, or there was none."""
         try:
             return self._settle() or _habits() != self._habits or any(
-                _replaced(before, vars(module)) for module, before in self._functions.values()
+                _replaced(before, vars(it)) for it, before in self._names
             )
         except BaseException:  # of whatever is in place of ours
             return True
 
 
 def _replaced(before: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
-    """Whether a name of a module is something else than the function or class that it was."""
+    """Whether a name is something else than the function, class or constant that it was."""
     if all(map(is_, before.values(), now.values())):  # what is new comes last
         return False
-    return any(now.get(name) is not value and callable(value) for name, value in before.items())
+    return any(
+        now.get(name) is not value and (callable(value) or isinstance(value, float | property))
+        for name, value in before.items()
+    )
 
 
 def _habits() -> tuple[Any, ...]:
@@ -74,6 +86,7 @@ def _habits() -> tuple[Any, ...]:
         *(stream is None or stream.closed for stream in streams),
         *(habit() for habit in _HABITS),
         *map(signal.getsignal, _SIGNALS),
+        *warnings.filters,
         _alarm(),
     )
 

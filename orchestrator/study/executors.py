@@ -201,9 +201,9 @@ def processes(workers: int) -> Iterator[Executor]:
         yield pool
     except BaseException:
         telling.close()
-        workers = [*(pool._processes or {}).values()]
-        pool.shutdown(wait=False, cancel_futures=True)  # else they end with those that are killed
-        _end(workers)
+        started = [*(pool._processes or {}).values()]
+        pool.shutdown(wait=False, cancel_futures=True)  # else runs end with those who are killed
+        _end(started)
         raise
     finally:
         pool.shutdown(cancel_futures=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 from sblcosim.fmus import files
 
 from ..artifacts import NOTE, UNFINISHED
-from ..errors import ConfigurationWarning, DamageWarning
+from ..errors import ConfigurationWarning, DamageWarning, resolved
 from ..manifests import OTHER
 from . import parts
 from .parts import Parts
@@ -43,7 +43,7 @@ class Kept:
     """
 
     def __init__(self, result: str | Path) -> None:
-        path = Path(result).resolve()
+        path = resolved(result)
         self.folder = path.with_name(f"{path.name}{UNFINISHED}")
         self._used: dict[Path, None] = {}
         self._above = [it for it in self.folder.parents if not os.path.exists(it)]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, instance, quoted, shortened
+from ..errors import ConfigurationError, instance, quoted, resolved, shortened
 from ..scenario.reading import parse, read_text, shown
 from ..scenario.sources import known_source, labelled, named
 from ..simulation.user_code import component_of, is_python
@@ -18,7 +18,7 @@ def receiver(entry: Any, folder: Path) -> Any:
     if isinstance(entry, str | Path):
         text = str(entry)
         is_file = text.endswith(".fmu") or is_python(text)
-        return str((folder / text).resolve()) if is_file else text
+        return str(resolved(folder / text)) if is_file else text
     return component_of(entry) if callable(entry) else entry
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
+from ..errors import resolved
 from ..scenario.files import naming_files
 from ..simulation.children import Children
 from ..simulation.process import foreign
@@ -120,7 +121,7 @@ def carry_out(
     progress: Callable[[float], None] | None = None,
 ) -> Parts:
     """As `run`, for whoever does not need the whole table; return where it is."""
-    folder = Path(out).resolve()
+    folder = resolved(out)
     campaign = prepare(as_begun(study, folder), master, step_timeout)
     check_folder(folder, campaign)
     with (
@@ -290,7 +291,7 @@ def missing(campaign: Campaign, out: str | Path, *, tell: bool = False) -> Missi
     ConfigurationError
         The folder belongs to another study.
     """
-    folder = Path(out).resolve()
+    folder = resolved(out)
     check_folder(folder, campaign)
     return _missing_of(campaign, finished(folder, tell=tell))
 

@@ -320,7 +320,7 @@ def table(results: str | Path, wanted: Wanted | None = None) -> pd.DataFrame:
     said = described(folder).get("table", {})
     there, damaged = looked_through(folder, said)
     gone = {*said.get("parts", ())} - {path.name for path in (*there.paths, *damaged)}
-    wrong = {path: OTHER for path in damaged} | {
+    wrong = dict.fromkeys(damaged, OTHER) | {
         folder / PARTS / name: f"must be there, as {STUDY} names it, got no such file"
         for name in sorted(gone)
     }

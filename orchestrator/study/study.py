@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from ..errors import ConfigurationError, instance, shortened
+from ..errors import ConfigurationError, instance, resolved, shortened
 from ..results.responses import Response
 from ..results.user_responses import of_file, of_function, of_origin
 from ..scenario import files, library
@@ -283,7 +283,7 @@ def read(
         text = read_text(path, known, what)
     raw = parse(shown(path), text)
     raw.setdefault("name", path.stem)
-    return shown(path), raw, path.resolve().parent
+    return shown(path), raw, resolved(path).parent
 
 
 # --- Checks and messages -------------------------------------------------------------------------

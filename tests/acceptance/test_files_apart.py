@@ -366,6 +366,15 @@ CHANGES = {
         "__import__('sblcosim.simulation.receiver', fromlist='r').nanoseconds(1.0) == 1",
     ),
     "builtin": ("import builtins; builtins.sorted = list", "sorted is list"),
+    "our_method": (
+        "sblcosim.Receiver.fix = lambda *_: None",
+        "sblcosim.Receiver.fix.__name__ == '<lambda>'",
+    ),
+    "constant": ("np.pi = 3.0", "np.pi == 3.0"),
+    "warnings": (
+        "import warnings; warnings.simplefilter('error')",
+        "any(f[0] == 'error' for f in __import__('warnings').filters)",
+    ),
 }  # fmt: skip
 AGAIN = '''
 import gc, os, signal, sys
@@ -526,7 +535,65 @@ def test_a_component_from_a_file_on_which_others_depend(place: str, tmp_path: Pa
     assert " in do_step at 0 s" in message
 
 
+ADDS = """
+import os, sys
+from pathlib import Path
+import sblcosim
+sys.path.insert(0, str(Path(__file__).parent / "lib"))
+sys.path.append(str(Path(__file__).parent / "more"))
+os.environ["OF_THE_FILE"] = "2.0"
+
+class Mine(sblcosim.Receiver):
+    def start(self):
+        import imported_later
+        self.place = imported_later.PLACE
+    def update(self, samples):
+        import much_later
+        place = float(os.environ["OF_THE_FILE"]), *self.place, much_later.PLACE
+        return sblcosim.Estimate(samples[-1].epoch, place)
+"""
+
+
+def test_what_a_file_adds_for_itself_is_there_when_it_runs(tmp_path: Path) -> None:
+    modules = {"lib/imported_later": "PLACE = (3.0,)", "more/much_later": "PLACE = 4.0"}
+    for name, text in modules.items():
+        file = tmp_path / f"{name}.py"
+        file.parent.mkdir()
+        file.write_text(text)
+    (tmp_path / "mine.py").write_text(ADDS)
+    path = [*sys.path]
+    for _ in range(2):
+        result = sblcosim.run(SCENARIO, str(tmp_path / "mine.py"), SHORT)
+        assert (result.record.values["Mine.position"][-1] == (2.0, 3.0, 4.0)).all()
+    assert sys.path == path
+    assert "OF_THE_FILE" not in os.environ
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have other limits")
+@pytest.mark.parametrize("limit", ["RLIMIT_AS, (10**6, 10**6)", "RLIMIT_FSIZE, (0, 0)"])
+def test_a_limit_that_a_file_sets_is_its_own_fault(
+    limit: str, tmp_path: Path, alone: sblcosim.Result
+) -> None:
+    text = f"import resource; resource.setrlimit(resource.{limit})"
+    result = sblcosim.run(SCENARIO, ["ekf", str(written(tmp_path, "import", text))], SHORT)
+    same(result, alone, ("target", "platform", "acoustics", "ekf", "raw"))
+    assert one_line(result.failures["Mine"]).startswith("Mine: must let its process go on, got ")
+
+
 # ---- the command ----
+
+
+def test_modules_of_the_working_directory_are_not_ours(tmp_path: Path) -> None:
+    for name in ("json", "numpy", "sblcosim", "pickle"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(3)")
+    file = written(tmp_path, "nowhere", NOTHING)
+    words = ("--set", "time.duration_s=2", "--no-figures", "--out", "out")
+    script = Path(sys.executable).with_name("sblcosim")
+    done = subprocess.run(
+        [script, "run", SCENARIO, "--receiver", file.name, *words],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_command_ends_with_a_line_and_a_code(tmp_path: Path) -> None:

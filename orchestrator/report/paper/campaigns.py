@@ -17,7 +17,7 @@ from sblcosim.fmus.files import is_hidden
 
 from ... import artifacts
 from ...api import run as run_scenario
-from ...errors import ConfigurationError
+from ...errors import ConfigurationError, resolved
 from ...results.figures import INCLINATION_WINDOW_S
 from ...scenario.scenario import load as load_scenario
 from ...simulation.record import Record
@@ -150,7 +150,7 @@ def runs_of(study: Study) -> int:
 
 def progress_of(out: str | Path, quick: bool = False) -> tuple[int, int]:
     """Finished runs, and runs in all."""
-    folder = Path(out).resolve() / RUNS
+    folder = resolved(out) / RUNS
     runs = {name: runs_of(study) for name, study in all_campaigns(quick).items()}
     done = sum(min(len(store.finished(folder / name)), number) for name, number in runs.items())
     return done, sum(runs.values())

@@ -19,7 +19,7 @@ from sblcosim.fmus.stopping import interruptible
 
 from ... import artifacts
 from ...analysis.sentences import answer
-from ...errors import ConfigurationError
+from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
 from ...study import store
 from .. import factorial, possible
@@ -117,7 +117,7 @@ def run(
     ConfigurationError
         The folder is not one of ours or cannot be written to, or a number is out of range.
     """
-    folder = Path(out).resolve()
+    folder = resolved(out)
     check(folder)
     if not 0 < practical < np.inf:
         raise ConfigurationError(f"practical: must be above 0, got {practical}")

@@ -43,8 +43,12 @@ def _socket(path: Path) -> None:
     os.chdir(here)
 
 
+def _loop(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
 ODD: dict[str, Callable[[Path], None]] = {
-    "pipe": _fifo, "device": _device, "socket": _socket, "folder": Path.mkdir,
+    "pipe": _fifo, "device": _device, "socket": _socket, "folder": Path.mkdir, "loop": _loop,
 }  # fmt: skip
 
 SCENARIO = "[time]\nduration_s = 1.0\nsampling_time_s = 0.1\n"
@@ -96,6 +100,14 @@ CASES: list[tuple[str, str, dict[str, str]]] = [
     ("smooth folder", "folder/manifest.json", {"folder/record.parquet": ""}),
     ("run paper-scenario-1 --out folder", "folder/manifest.json", {}),
     ("run paper-scenario-1 --out {}", "x", {}),
+    ("run paper-scenario-1 --runs 3 --out {}", "x", {}),
+    ("study study.toml --out {}", "x", {"study.toml": STUDY}),
+    ("map paper-scenario-1 --area 9x9 --depth 3 --out {}", "x", {}),
+    ("budget paper-scenario-1 --out {}", "x", {}),
+    ("compare paper-scenario-1 --receiver ekf --receiver coupled --out {}", "x", {}),
+    ("require q.toml --out {}", "x", {"q.toml": QUESTION}),
+    ("paper --quick --out {}", "x", {}),
+    ("calibrate --out {}", "x", {}),
     ("advise results --costs {}", "x.toml", {}),
 ]
 
@@ -134,6 +146,20 @@ def test_what_is_no_file_is_refused_in_a_line(
     assert "must not happen" not in done.stderr
     (line,) = [x for x in done.stderr.splitlines() if x.startswith("error: ")]
     assert Path(name).name.split(".")[0] in line or "results" in line or "folder" in line
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such names")
+def test_a_working_directory_that_is_no_utf_8_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = os.fsencode(tmp_path) + b"/n\xff"
+    os.mkdir(folder)
+    monkeypatch.chdir(os.fsdecode(folder))
+    done = CliRunner().invoke(app, ["run", "paper-scenario-1"])
+    assert done.exit_code == 2
+    line = done.stderr.strip()
+    assert line.startswith("error: working directory: must have a name in UTF-8, got ")
+    assert line.endswith("/n\\udcff'")
 
 
 GPX = """<?xml version="1.0" encoding="{}"?>
