@@ -245,10 +245,12 @@ def test_runs_that_go_one_by_one_and_fail_come_back_as_they_were(
     tmp_path: Path, runs: Runs
 ) -> None:
     (tmp_path / "odd.py").write_text(
-        "from sblcosim import Estimate, Receiver\n\n\nclass Odd(Receiver):\n"
-        "    def update(self, now_s, samples):\n"
-        "        if len(samples.ranges) and round(samples.ranges[0].distance * 1e6) % 2:\n"
+        "from sblcosim import Estimate, Range, Receiver\n\n\nclass Odd(Receiver):\n"
+        "    def update(self, samples):\n"
+        "        heard = [s for s in samples if isinstance(s, Range)]\n"
+        "        if heard and heard[0].epoch > 1.5 and round(heard[0].range * 1e6) % 8 == 0:\n"
         "            raise ValueError('odd')\n"
+        "        return Estimate(samples[-1].epoch, (1.0, 2.0, 3.0))\n"
     )
     definition = {
         "name": "alone", "scenario": PAPER, "replicates": 9, "design": {"kind": "single"},
@@ -257,6 +259,6 @@ def test_runs_that_go_one_by_one_and_fail_come_back_as_they_were(
     study = load(definition, receivers=["ekf", "odd.py:Odd"])
     kept = Kept("alone")
     whole = runner.simulated(study)
-    assert whole["error"].notna().sum() > 0
+    assert 0 < whole["error"].notna().sum() < len(whole)
     for _ in range(2):
         pd.testing.assert_frame_equal(runner.simulated(study, keep=kept), whole)

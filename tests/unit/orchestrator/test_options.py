@@ -186,7 +186,9 @@ class Made:
                 stand_in = MagicMock(name=dotted)
                 root.attach_mock(stand_in, dotted.replace(".", "_"))
                 patch.setattr(f"sblcosim.{dotted}", stand_in)
-            for dotted in ("cli.document.Document.of", "results.artist.forked_artist"):
+            for dotted in (
+                "cli.document.Document.of", "cli.studies._estimated", "results.artist.forked_artist"
+            ):
                 patch.setattr(f"sblcosim.{dotted}", MagicMock())
             patch.setattr(time, "perf_counter", lambda: 0.0)
             patch.setattr(sys, "stdin", _Terminal())
@@ -197,6 +199,7 @@ class Made:
             for name, args, given in root.mock_calls
         ]
         self.output = out.getvalue()
+        assert "must not happen" not in self.output
         self.reached = bool(self.calls or case.printed)
         self.seen = (self.calls, self.output if case.printed else "")
 
