@@ -122,7 +122,7 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
     untried = len(findings) == _CRASHES
     findings += _accepted(folder)
     blamed = [finding for finding in findings if finding.clause]
-    lawful = len(findings) - len(blamed)
+    lawful = len({finding.call for finding in findings} - {finding.call for finding in blamed})
     also = [f"and {lawful} more, lawfully"] if blamed and lawful else []
     also += ["other calls were not tried"] if untried else []
     reason = _without(folder, "; ".join([_told(blamed or findings), *also]))
@@ -136,7 +136,7 @@ def _accepted(folder: Path) -> list[_Finding]:
     """The calls that should have been refused and were not."""
     path = folder / ACCEPTED
     lines = path.read_text("utf-8").splitlines() if path.is_file() else []
-    return [_Finding("answers OK to", *json.loads(line)) for line in lines]
+    return [_Finding("accepts", *json.loads(line)) for line in lines]
 
 
 def _without(folder: Path, text: str) -> str:

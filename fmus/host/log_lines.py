@@ -11,6 +11,7 @@ be read are not followed.
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import re
 import struct
@@ -225,7 +226,8 @@ def _is_prose(match: re.Match[bytes], following: bytes) -> bool:
     """Whether it is no conversion but a per cent sign before a word: ``100% sure``, ``5% of``."""
     if match["kind"] in (b"c", b"s", b"p", b"n"):
         return re.search(rb"[ +#']", match["flags"]) is not None
-    return match["flags"] == b" " and not match["width"] and following.isalpha()
+    alone = match["flags"] == b" " and not match["width"] and match["precision"] is None
+    return alone and following.isalpha()
 
 
 def _converted(match: re.Match[bytes], values: Values) -> bytes | None:
@@ -238,7 +240,10 @@ def _converted(match: re.Match[bytes], values: Values) -> bytes | None:
         flags, width = f"{flags}-", -width
     asked = f"%{flags}{min(width, _WIDEST) or ''}"
     if kind in "eEfFgGaA":
-        return _number(asked, kind, precision, values.real())
+        real = values.real()
+        if not math.isfinite(real):
+            asked = asked.replace("0", "", flags.count("0"))
+        return _number(asked, kind, precision, real)
     value = values.whole()
     if kind == "n":
         return b""  # C would write to the address

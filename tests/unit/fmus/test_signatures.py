@@ -109,8 +109,8 @@ def test_every_function_that_a_host_for_co_simulation_calls_is_in_the_table(fmi:
             "GetEventIndicators", "GetContinuousStates", "GetNominalsOfContinuousStates",
         },
         3: {
-            "InstantiateModelExchange", "InstantiateScheduledExecution", "GetBinary", "SetBinary",
-            "GetClock", "SetClock", "GetIntervalDecimal", "GetIntervalFraction",
+            "InstantiateModelExchange", "InstantiateScheduledExecution",
+            "GetIntervalDecimal", "GetIntervalFraction",
             "GetShiftDecimal", "GetShiftFraction", "SetIntervalDecimal", "SetIntervalFraction",
             "SetShiftDecimal", "SetShiftFraction", "EvaluateDiscreteStates",
             "EnterContinuousTimeMode", "CompletedIntegratorStep", "SetTime",
