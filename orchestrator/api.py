@@ -114,7 +114,7 @@ def run(
             scenario_name=settled.name,
             scenario=applied(settled, receiver, fmi, components),
             receivers=_labels(system),
-            fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+            fmus={c.name: c.sha256 for c in plan.components if isinstance(c.source, Fmu)},
             seeds={name: getattr(settled, name).seed for name in CORE_COMPONENTS},
             origins=_origins(choose(settled, receiver), system, plan),
             remarks=_remarks(settled, system, plan),

@@ -136,8 +136,10 @@ class PlannedComponent:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the FMU, or of the user's Python file; empty for any other class."""
-        return self.source.sha256 if isinstance(self.source, Fmu | PythonSource) else ""
+        """SHA-256 that the FMU, or the user's Python file, is known by; else empty."""
+        if isinstance(self.source, Fmu):
+            return self.source.known_as
+        return self.source.sha256 if isinstance(self.source, PythonSource) else ""
 
 
 @dataclass(frozen=True)
