@@ -32,7 +32,7 @@ _TOOLS = (
 )
 _FAILED = "(?:could ?n[o']t|can ?n?[o']t|failed to|unable to)"
 _LOGGED = (
-    (r"\blicen[cs]|flex(?:lm|net)|\blmgrd\b|\bdongle\b", "a licence"),
+    (r"\blicen[cs]|\blizenz|flex(?:lm|net)|\blmgrd\b|\bdongle\b", "a licence"),
     (r"No module named|ModuleNotFoundError|ImportError", "a Python module"),
     (r"cannot open shared object file|Library not loaded|error while loading shared libraries",
      "a shared library"),
@@ -59,7 +59,7 @@ def of_loader(text: str, folder: Path) -> str | None:
         if match is None:
             continue
         name = Path(match[1]).name if match.groups() else ""
-        if name and any(folder.rglob(name)):
+        if name and any(path.name == name for path in folder.rglob("*")):
             return None
         return meaning.format(*match.groups()) + _documented(folder)
     return None
