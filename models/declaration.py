@@ -18,7 +18,9 @@ Variability = Literal["fixed", "continuous", "discrete"]
 Number = float | int | bool
 Starts = Callable[[tuple[int, ...]], tuple[Number, ...]]
 """Makes the start values of an array, row by row, of its shape."""
-TerminalKind = Literal["reception", "pose", "depth", "estimate", "system"]
+TerminalKind = Literal[
+    "reception", "pose", "depth", "estimate", "system", "beacons", "reported_pose"
+]
 
 INT32_MAX = 2**31 - 1
 

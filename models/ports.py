@@ -93,3 +93,12 @@ def terminal(name: str, kind: TerminalKind, description: str, variables: Iterabl
     """A terminal whose member names are the names of the variables."""
     members: Mapping[str, str] = {v.name: v.name for v in variables}
     return Terminal(name, kind, description, members)
+
+
+BROADCAST = (
+    terminal("beacons", "beacons", "Where the beacons are, and what they say of it",
+             BEACON_POSITIONS),
+    terminal("reported_pose", "reported_pose", "The pose that the platform broadcasts",
+             REPORTED_POSE),
+)
+"""Terminals between the platform and the acoustics."""

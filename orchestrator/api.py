@@ -164,7 +164,7 @@ def _run_package(
         scenario_name=package.name,
         scenario={"package": f"{package.name}.ssp", "sha256": package.sha256},
         receivers=receivers,
-        fmus={name: component.sha256 for name, component in planned.items()},
+        fmus={name: component.file_sha256 for name, component in planned.items()},
         seeds=seeds,
         origins=_origins({name: Path(name) for name in receivers}, package.system, plan),
         remarks=[*package.remarks, *_shortening(package.system, plan, 0)],
@@ -249,8 +249,8 @@ def _origins(
             origin: dict[str, Any] = {"type": source}
         else:
             origin = {"fmu" if isinstance(source, Path) else "python": component.origin}
-        if component.sha256:
-            origin["sha256"] = component.sha256
+        if component.file_sha256:
+            origin["sha256"] = component.file_sha256
         if component.lag_s > 0:
             origin["looks_back"] = True
         origins[label] = {**origin, "parameters": dict(system.components[label].parameters)}

@@ -5,15 +5,17 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import BuildError
 from ..files import write_file
+from ..known_as import KNOWN_AS, note
 from ..platforms import in_folders, suffix
 from ..standard import Fmi
-from ..terminals import TERMINALS
+from ..terminals import PORTS, TERMINALS
 from .description import PACKAGE, build_description, model_description, terminals
 from .documentation import index_html
 
@@ -43,14 +45,8 @@ def contents(
     """
     component = model.component
     compiled = sorted(name for name in sources if name.endswith(".c"))
-    files = {
-        DESCRIPTION: model_description(model, fmi, token, compiled),
-        "documentation/index.html": index_html(model, fmi).encode(),
-        "documentation/licenses/license.txt": licence().encode(),
-    }
-    plugs = terminals(model, fmi)
-    if plugs is not None:
-        files[TERMINALS] = plugs
+    text = licence()
+    files = {"documentation/licenses/license.txt": text.encode()}
     if compiled:
         files["sources/buildDescription.xml"] = build_description(component, compiled)
     files |= {f"sources/{name}": data for name, data in sources.items()}
@@ -58,7 +54,31 @@ def contents(
         f"binaries/{folder}/{component.name}{suffix(folder)}": data
         for folder, data in in_folders(binaries, fmi).items()
     }
-    return files
+    less = model_description(model, fmi, token, compiled)
+    plain = files | _told(_without_others(model), fmi, less)
+    files |= _told(model, fmi, model_description(model, fmi, token, compiled, _copyright(text)))
+    return files | {KNOWN_AS: note(pack(plain), files)}
+
+
+def _told(model: Model, fmi: Fmi, description: bytes) -> dict[str, bytes]:
+    """The files that say something of the model."""
+    plugs = terminals(model, fmi)
+    return {
+        DESCRIPTION: description,
+        "documentation/index.html": index_html(model, fmi).encode(),
+        **({} if plugs is None else {TERMINALS: plugs}),
+    }
+
+
+def _without_others(model: Model) -> Model:
+    """The model with those terminals only that name ports of receivers."""
+    own = tuple(terminal for terminal in model.component.terminals if terminal.kind in PORTS)
+    return replace(model, component=replace(model.component, terminals=own))
+
+
+def _copyright(text: str) -> str:
+    """The line of a licence that says whose it is."""
+    return next(line for line in text.splitlines() if line.startswith("Copyright"))
 
 
 def licence() -> str:

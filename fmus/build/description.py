@@ -74,7 +74,9 @@ def value_references(component: Component) -> Mapping[str, int]:
     return references
 
 
-def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]) -> bytes:
+def model_description(
+    model: Model, fmi: Fmi, token: str, sources: Sequence[str], copyright_: str | None = None
+) -> bytes:
     """Return modelDescription.xml.
 
     It carries no date, so that equal inputs give equal bytes.
@@ -85,10 +87,14 @@ def model_description(model: Model, fmi: Fmi, token: str, sources: Sequence[str]
         FMI 2 ``guid``, FMI 3 ``instantiationToken``.
     sources
         Names of the C files to compile, relative to the folder ``sources``.
+    copyright_
+        Whose it is; None: it does not say.
     """
     component = model.component
     pairs = _feedthrough(model, fmi)
     root = _root(component, fmi, token)
+    if copyright_ is not None:
+        root.set("copyright", copyright_)
     _interface(root, component, fmi, sources, derivatives=bool(pairs))
     _units(root, component, fmi)
     categories = ET.SubElement(root, "LogCategories")

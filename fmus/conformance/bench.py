@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .environment import of_loader
 from .library import Instance, Library, output_names
 from .subject import Number, Subject, Variable
 from .trace import Trace
@@ -28,6 +29,9 @@ STANDARDS = {2: "FMI 2.0.5", 3: "FMI 3.0.2"}
 """The editions whose sections are cited."""
 
 INSTANCES = 4
+
+ACCEPTED = "accepted"
+"""Name of the file with what `Bench.accept` notes, in whatever process."""
 
 ALL, LIVELY, REALS, STILL = LEVELS = (
     "parameters changed, inputs moving", "inputs moving", "real inputs moving", "inputs at rest"
@@ -57,6 +61,10 @@ class NotApplicableError(Exception):
     """The FMU does not promise this, or it cannot be told."""
 
 
+class BlockedError(Exception):
+    """The machine lacks what the FMU needs."""
+
+
 @dataclass
 class Bench:
     """What a check works with.
@@ -69,6 +77,8 @@ class Bench:
         Number of the first probe to try; those before it have crashed or are done.
     resume
         Number of the probe with which another process is to go on; None: all is done.
+    talks
+        Whether instances log: then what is missing can be said, and runs are slow.
     """
 
     subject: Subject
@@ -76,6 +86,7 @@ class Bench:
     trace: Trace
     first: int = 0
     resume: int | None = None
+    talks: bool = False
     _library: Library | None = None
 
     @property
@@ -86,6 +97,9 @@ class Bench:
                 self._library = Library(self.subject, self.trace)
             except OSError as error:
                 reason = str(error).removeprefix(f"{self.subject.library}: ")
+                missing = of_loader(reason, Path(self.subject.resources).parent)
+                if missing is not None:
+                    raise BlockedError(f"the library does not load here: {missing}") from None
                 raise ConformanceError(f"the library does not load: {reason}") from None
         return self._library
 
@@ -100,7 +114,18 @@ class Bench:
 
     def instance(self, name: str = "conformance") -> Instance:
         """A new instance."""
-        return Instance(self.library, name)
+        return Instance(self.library, name, talks=self.talks)
+
+    def accept(self, call: str, clause: str | None) -> None:
+        """Note that a call was done which should have been refused.
+
+        Parameters
+        ----------
+        clause
+            Section of the standard that says so, if one does.
+        """
+        with (self.folder / ACCEPTED).open("a", encoding="utf-8") as file:
+            file.write(json.dumps([call, clause]) + "\n")
 
     def reference(self) -> list[Values]:
         """The run of a fresh instance, the first one of this process.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import life, resources, robustness, state, steps
+from . import life, references, resources, robustness, state, steps
 from .bench import Bench, Clauses
 
 _WISH: Clauses = (None, None)
@@ -101,8 +101,8 @@ CHECKS = (
     ),
     Check(
         "unknown references",
-        "references of no variable are answered, without a crash",
-        (robustness.unknown_references,),
+        "references of no variable are refused, without a crash",
+        (references.unknown_references,),
         _WISH,
     ),
     Check(

@@ -9,8 +9,9 @@ import sys
 import traceback
 from pathlib import Path
 
-from .bench import Bench, ConcernError, ConformanceError, NotApplicableError
+from .bench import Bench, BlockedError, ConcernError, ConformanceError, NotApplicableError
 from .checks import CHECKS, LOADING
+from .environment import of_log
 from .library import MissingError, RefusedError
 from .trace import Trace
 
@@ -33,8 +34,14 @@ def main(folder: Path, name: str, step: int, first: int) -> None:
     except ConformanceError as problem:
         clause = clause if problem.clauses is None else problem.clauses[subject.fmi - 2]
         state, reason = "failed" if clause else "warning", str(problem)
-    except (MissingError, RefusedError) as problem:
+    except RefusedError as problem:
+        missing = of_log(problem.said)
+        state = "blocked" if missing else "failed" if clause else "warning"
+        reason = f"{missing}: {problem}" if missing else str(problem)
+    except MissingError as problem:
         state, reason = "failed" if clause else "warning", str(problem)
+    except BlockedError as problem:
+        state, reason = "blocked", str(problem)
     except ConcernError as problem:
         state, reason = "warning", str(problem)
     except NotApplicableError as problem:

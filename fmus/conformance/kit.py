@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from fmpy.model_description import ModelDescription
 from sblcosim.models.ports import REQUIRED_ESTIMATE
@@ -45,7 +45,7 @@ class Result:
         The promise that was checked.
     state
         ``failed``: the standard says otherwise. ``warning``: lawful, but it will hurt those who use
-        the FMU.
+        the FMU. ``blocked``: this machine lacks what the FMU needs, which says nothing of the FMU.
     reason
         What was seen if it passed; else why it did not pass, in one line.
     clause
@@ -64,7 +64,7 @@ class Result:
     def __str__(self) -> str:
         cited = f" ({self.clause})" if self.clause else ""
         line = f"{self.name:{_WIDTH}}  {self.state:14}  {self.reason}{cited}".rstrip()
-        if self.state in ("failed", "warning"):
+        if self.state in ("failed", "warning", "blocked"):
             line += f"\n{'':{_WIDTH}}  again: {self.command}"
         return line
 
@@ -88,6 +88,11 @@ class Report:
         """Whether nothing failed; there may be warnings."""
         return not self.count("failed")
 
+    @property
+    def blocked(self) -> str | None:
+        """What this machine lacks, so that a check could not be made; None: nothing."""
+        return next((r.reason for r in self.results if r.state == "blocked"), None)
+
     def __getitem__(self, name: str) -> Result:
         return next(result for result in self.results if result.name == name)
 
@@ -107,8 +112,7 @@ class Report:
     @property
     def summary(self) -> str:
         """One line: how many checks came to what."""
-        states: tuple[State, ...] = ("passed", "failed", "warning", "does not apply", "not run")
-        counts = ", ".join(f"{n} {state}" for state in states if (n := self.count(state)))
+        counts = ", ".join(f"{n} {state}" for state in get_args(State) if (n := self.count(state)))
         return f"{self.path.name}, FMI {self.fmi}: {counts}"
 
     def __str__(self) -> str:

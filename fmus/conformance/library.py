@@ -13,12 +13,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..host.log_lines import line, logger2, logger3
 from ..host.signatures import (
     C_TYPES,
     DISCARD,
     ERROR,
     FATAL,
-    LOGGERS,
     WARNING,
     exported,
     state_function,
@@ -27,20 +27,23 @@ from ..host.signatures import (
 from .subject import Number, Subject, Variable
 from .trace import Trace
 
-_MESSAGE = 200
-"""Characters that are kept of what an FMU logs."""
-
 Setting = tuple[str, tuple[Any, ...]]
 """A function that sets, and its arguments after the instance."""
 
 
 class RefusedError(Exception):
-    """A call that must succeed has returned a status worse than a warning."""
+    """A call that must succeed has returned a status worse than a warning.
+
+    Attributes
+    ----------
+    said
+        What the FMU has logged meanwhile.
+    """
 
     def __init__(self, what: str, status: int, message: str) -> None:
         got = status_text(status) + (f": {message}" if message else "")
         super().__init__(f"{what} must succeed, got {got}")
-        self.status = status
+        self.status, self.said = status, message
 
 
 class MissingError(Exception):
@@ -74,25 +77,23 @@ class Library:
         self._callbacks = self._prepared()
 
     def _prepared(self) -> Any:
-        def log2(_: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
-            self._note(status, message)
-
-        def log3(_: Any, status: int, category: bytes, message: bytes) -> None:
-            self._note(status, message)
-
         if self.fmi == 3:
-            return LOGGERS[3](log3)
-        # The message comes as its format: ctypes cannot take what follows it.
-        self._logger = LOGGERS[2](log2)
+            return logger3(self._note)
+        self._logger = logger2(self._note)
         memory = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
         functions = (self._logger, memory.calloc, memory.free)
         addresses = (ctypes.cast(f, ctypes.c_void_p) for f in functions)
         return (ctypes.c_void_p * 5)(*addresses, None, None)
 
-    def _note(self, status: int, message: bytes | None) -> None:
-        if status >= WARNING:
-            text = " ".join((message or b"")[: 4 * _MESSAGE].decode(errors="replace").split())
-            self.message = text.replace("%%", "%").replace("##", "#")[:_MESSAGE]
+    def _note(self, environment: int | None, name: bytes, status: int, message: bytes) -> None:
+        self.message = line(message, self._name_of if self.fmi == 2 else None)
+        self.trace.say(self.message)
+
+    def _name_of(self, kind: str, reference: int) -> str | None:
+        """The variable of a type that has a value reference."""
+        wanted = (kind, reference)
+        variables = self.subject.variables
+        return next((v.name for v in variables if (v.kind, v.reference) == wanted), None)
 
     def has(self, function: str) -> bool:
         """Whether a function, named in full, is exported."""
@@ -134,17 +135,26 @@ class Library:
         ]
 
     def instantiate(
-        self, name: bytes | None, token: bytes | None, logger: bool = True
+        self, name: bytes | None, token: bytes | None, logger: bool = True, talks: bool = False
     ) -> int | None:
-        """An instance's address, or None. ``logger`` is for FMI 3, where there need be none."""
+        """An instance's address, or None.
+
+        Parameters
+        ----------
+        logger
+            For FMI 3, where there need be none.
+        talks
+            Whether its logging is on.
+        """
+        self.message = ""
         resources, callbacks = Path(self.subject.resources), self._callbacks
         if self.fmi == 2:
             location = resources.as_uri().encode()
-            address = self.call("Instantiate", name, 1, token, location, callbacks, 0, 0)
+            address = self.call("Instantiate", name, 1, token, location, callbacks, 0, talks)
         else:
             location = f"{resources}{os.sep}".encode()
             address = self.call(
-                "InstantiateCoSimulation", name, token, location, False, False, False, False, None,
+                "InstantiateCoSimulation", name, token, location, False, talks, False, False, None,
                 0, None, callbacks if logger else None, None,
             )  # fmt: skip
         return address or None
@@ -156,15 +166,22 @@ class Instance:
     One that is not ``born`` is there to be looked at: it knows its library and has no address.
     """
 
-    def __init__(self, library: Library, name: str = "conformance", *, born: bool = True) -> None:
+    def __init__(
+        self, library: Library, name: str = "conformance", *, born: bool = True, talks: bool = False
+    ) -> None:
         self.library, self.subject = library, library.subject
         self._read: Any = None
         self._results: tuple[Any, ...] | None = None
         self.address: int | None = None
         if not born:
             return
-        address = library.instantiate(name.encode(), self.subject.token.encode())
+        known_by = name.encode(), self.subject.token.encode()
+        address = library.instantiate(*known_by, talks=talks)
         if address is None:
+            if not (library.message or talks or self.subject.once):  # ask it for the reason
+                other = library.instantiate(*known_by, talks=True)
+                if other is not None:
+                    library.call("FreeInstance", other)
             raise RefusedError(f"fmi{library.fmi}Instantiate", ERROR, library.message)
         self.address = address
 

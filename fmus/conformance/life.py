@@ -13,7 +13,7 @@ from .bench import (
     LEVELS,
     STILL,
     Bench,
-    ConcernError,
+    BlockedError,
     ConformanceError,
     Values,
     advance,
@@ -24,11 +24,13 @@ from .bench import (
     refuse_single,
     run,
 )
+from .environment import of_log
 from .library import RefusedError
 
 
 def loading(bench: Bench) -> str:
     """Load, instantiate, initialise and end; only the first two must succeed."""
+    bench.talks = True
     functions(bench)
     instance = bench.instance()
     if instance.try_enter() <= 1 and instance.try_("ExitInitializationMode") <= 1:
@@ -47,6 +49,7 @@ def functions(bench: Bench) -> str:
 
 def find_level(bench: Bench) -> str:
     """The first life: how lively a run may be."""
+    bench.talks = True
     subject, library = bench.subject, bench.library
     version = (library.call("GetVersion") or b"").decode(errors="replace")
     if not version.startswith(f"{subject.fmi}."):
@@ -60,8 +63,8 @@ def find_level(bench: Bench) -> str:
             rows = _tried(bench, level)
         except RefusedError as refusal:
             if level == STILL and subject.tool:
-                raise ConcernError(f"{refusal} (it needs a tool, which may be missing)") from None
-            if level == STILL:
+                raise BlockedError(f"it needs a tool, which may be missing: {refusal}") from None
+            if level == STILL or of_log(refusal.said):
                 raise
             if subject.once:
                 bench.resume = index + 1

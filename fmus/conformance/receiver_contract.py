@@ -222,6 +222,8 @@ def _check_binary(archive: Archive, description: ModelDescription) -> Finding:
         outcome = run(folder, LOADING, PATIENCE)
     if outcome.state == "passed":
         return Finding("binary", "ok", "loads and can be instantiated")
+    if outcome.state == "blocked":
+        return Finding("binary", "warning", outcome.reason)
     return Finding("binary", "error", outcome.reason)
 
 

@@ -20,13 +20,13 @@ from fmpy.model_description import ModelDescription
 from ..files import scratch
 from ..read.archive import Archive
 from ..read.description import library_of
-from .bench import STANDARDS
+from .bench import ACCEPTED, STANDARDS
 from .checks import Check
 from .facts import subject_of
 from .subject import Subject
-from .trace import Position, read_trace
+from .trace import read_trace
 
-State = Literal["passed", "failed", "warning", "does not apply", "not run"]
+State = Literal["passed", "failed", "warning", "blocked", "does not apply", "not run"]
 
 PATIENCE = 30.0
 """Seconds that a call may take."""
@@ -86,11 +86,21 @@ def run(folder: Path, check: Check, patience: float) -> Outcome:
     return outcome
 
 
+@dataclass(frozen=True, slots=True)
+class _Finding:
+    """A call with a bad end: ``how`` stands before it. The clause forbids that, if there is one."""
+
+    how: str
+    call: str
+    clause: str | None
+
+
 def _step(folder: Path, subject: Subject, check: Check, step: int, patience: float) -> Outcome:
     standard = STANDARDS[subject.fmi]
-    crashes: list[tuple[str, Position]] = []
+    findings: list[_Finding] = []
     first = 0
-    while len(crashes) < _CRASHES:
+    (folder / ACCEPTED).unlink(missing_ok=True)
+    while len(findings) < _CRASHES:
         (folder / "result").unlink(missing_ok=True)
         ending = _process(folder, check, step, first, patience)
         if ending is None:
@@ -98,30 +108,35 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
             if result["resume"] is not None and result["state"] == "passed":
                 first = result["resume"]
                 continue
-            if crashes:
+            if findings or (result["state"] == "passed" and (folder / ACCEPTED).exists()):
                 break
             clause = f"{standard}, {result['clause']}" if result["clause"] else ""
             return Outcome(result["state"], _without(folder, result["reason"]), clause)
         position = read_trace(folder / "trace")
-        crashes.append((ending, position))
+        violated = check.clauses[subject.fmi - 2] if position.probe is None else position.clause
+        said = f" ({position.said})" if position.said else ""
+        findings.append(_Finding(ending, position.call + said, violated))
         if position.probe is None:
             break
         first = position.probe + 1  # the others may be answered
-    blamed: list[tuple[str, Position]] = []
-    cited: dict[str, None] = {}
-    for crash in crashes:
-        position = crash[1]
-        violated = check.clauses[subject.fmi - 2] if position.probe is None else position.clause
-        if violated:
-            blamed.append(crash)
-            cited[violated] = None
-    lawful = len(crashes) - len(blamed)
+    untried = len(findings) == _CRASHES
+    findings += _accepted(folder)
+    blamed = [finding for finding in findings if finding.clause]
+    lawful = len({finding.call for finding in findings} - {finding.call for finding in blamed})
     also = [f"and {lawful} more, lawfully"] if blamed and lawful else []
-    also += ["other calls were not tried"] if len(crashes) == _CRASHES else []
-    reason = _without(folder, "; ".join([_crashed(blamed or crashes), *also]))
+    also += ["other calls were not tried"] if untried else []
+    reason = _without(folder, "; ".join([_told(blamed or findings), *also]))
     if not blamed:
         return Outcome("warning", reason)
-    return Outcome("failed", reason, f"{standard}, {', '.join(cited)}")
+    cited = ", ".join(dict.fromkeys(finding.clause or "" for finding in blamed))
+    return Outcome("failed", reason, f"{standard}, {cited}")
+
+
+def _accepted(folder: Path) -> list[_Finding]:
+    """The calls that should have been refused and were not."""
+    path = folder / ACCEPTED
+    lines = path.read_text("utf-8").splitlines() if path.is_file() else []
+    return [_Finding("accepts", *json.loads(line)) for line in lines]
 
 
 def _without(folder: Path, text: str) -> str:
@@ -129,11 +144,16 @@ def _without(folder: Path, text: str) -> str:
     return text.replace(f"{folder / 'fmu'}/", "")
 
 
-def _crashed(crashes: Sequence[tuple[str, Position]]) -> str:
+def _told(findings: Sequence[_Finding]) -> str:
     calls: dict[str, dict[str, None]] = {}
-    for ending, position in crashes:
-        calls.setdefault(ending, {})[position.call] = None
-    return "; ".join(f"{ending} {', '.join(names)}" for ending, names in calls.items())
+    for finding in findings:
+        calls.setdefault(finding.how, {})[finding.call] = None
+    return "; ".join(f"{how} {_some([*names])}" for how, names in calls.items())
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _CRASHES} more" if len(names) > _CRASHES else ""
+    return ", ".join(names[:_CRASHES]) + more
 
 
 def _process(folder: Path, check: Check, step: int, first: int, patience: float) -> str | None:

@@ -24,6 +24,7 @@ from ..errors import FmuError, one_line
 from ..read.ports import NUMBERS, Fmu, Port
 from ..standard import FMI2_TYPES
 from . import libraries, logs
+from .log_lines import line
 from .nanoseconds import SECOND, text_of
 from .signatures import C_TYPES, DISCARD, FATAL, PENDING, WARNING, accessor, exported, status_text
 from .watch import watch
@@ -47,8 +48,6 @@ LOADING, UNLOADING = "loading", "unloading"
 
 _INSTANTIATE = {2: "fmi2Instantiate", 3: "fmi3InstantiateCoSimulation"}
 _LOG_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
-_LONGEST = 500
-"""Bytes that are kept of an FMU's message."""
 
 
 class Instance:
@@ -80,7 +79,8 @@ class Instance:
                     self._fmu = fmi3.FMU3Slave(**common)
             with watch().calling(name, _INSTANTIATE[fmu.fmi]):
                 if fmu.fmi == 2:
-                    self._fmu.instantiate(callbacks=logs.callbacks(self._note), loggingOn=True)
+                    callbacks = logs.callbacks(self._note, name)
+                    self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
                 else:
                     self._fmu.instantiate(loggingOn=True, logMessage=logs.logger3(self._note))
         except Exception as error:  # FMPy raises Exception itself
@@ -97,10 +97,17 @@ class Instance:
     def _note(self, status: int, message: bytes) -> None:
         """Take a message of the FMU."""
         if status >= WARNING:
-            text = " ".join((message or b"")[:_LONGEST].decode(errors="replace").split())
+            text = line(message, self._name_of if self.fmu.fmi == 2 else None)
             if text not in self._log:
                 self._log.append(text)
                 watch().said(self.name, "; ".join(self._log))
+
+    def _name_of(self, kind: str, reference: int) -> str | None:
+        """The variable of a type of FMI 2 that has a value reference."""
+        for port in self.fmu.ports.values():
+            if FMI2_TYPES.get(port.type, port.type) == kind and reference in port.references:
+                return port.variables[port.references.index(reference)]
+        return None
 
     def _blamed(self, message: str) -> FmuError:
         error = FmuError(message)

@@ -1,4 +1,4 @@
-"""What FMUs log: from FMPy's callbacks to the instance concerned."""
+"""What FMUs log: from the callbacks of their instances to whoever takes it."""
 
 from __future__ import annotations
 
@@ -8,21 +8,24 @@ from functools import cache, partial
 from itertools import count
 from typing import Any
 
-from fmpy import fmi1, fmi2
+from fmpy import fmi2
+
+from .log_lines import logger2
 
 Note = Callable[[int, bytes], None]
-"""Takes a status and a message."""
+"""Takes a status and a message, in FMI 2 with the values of its format."""
 
 _KEYS = count(1)
-_NOTES: dict[int, Note] = {}
+_NOTES: dict[int | bytes, Note] = {}
+"""By the key of an instance and by its name: some FMUs do not hand on the key."""
 
 
-def callbacks(note: Note) -> Any:
+def callbacks(note: Note, name: str) -> Any:
     """The callbacks of FMI 2 for an instance whose messages somebody takes."""
     key = next(_KEYS)
-    _NOTES[key] = note
+    _NOTES[key] = _NOTES[name.encode()] = note
     result = fmi2.fmi2CallbackFunctions()
-    result.logger = _logger()
+    result.logger = ctypes.cast(_logger(), fmi2.fmi2CallbackLoggerTYPE)
     result.allocateMemory = fmi2.defaultCallbacks.allocateMemory
     result.freeMemory = fmi2.defaultCallbacks.freeMemory
     result.componentEnvironment = key
@@ -35,29 +38,16 @@ def logger3(note: Note) -> Callable[[int, int, bytes, bytes], None]:
 
 
 def _log3(note: Note, environment: int, status: int, category: bytes, message: bytes) -> None:
-    note(status, message)
-
-
-@fmi2.fmi2CallbackLoggerTYPE  # type: ignore[untyped-decorator]
-def _log2(environment: int, name: bytes, status: int, category: bytes, message: bytes) -> None:
-    note = _NOTES.get(environment)
-    if note is None:  # somebody else's instance
-        fmi1.printLogMessage(environment, name, status, category, message)
-    else:
-        note(status, (message or b"").replace(b"##", b"#"))
+    note(status, message or b"")
 
 
 @cache
 def _logger() -> Any:
-    """The logger of FMI 2, with FMPy's C function before it that formats the message.
+    """The logger of FMI 2, one for all instances."""
+    return logger2(_log2)
 
-    That C function keeps one logger for the whole process, so ours takes all messages.
-    """
-    callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = _log2
-    try:
-        from fmpy.logging import addLoggerProxy
-    except OSError:  # no such library for this machine: messages come with their % signs
-        return callbacks.logger
-    addLoggerProxy(ctypes.byref(callbacks))
-    return callbacks.logger
+
+def _log2(environment: int | None, name: bytes, status: int, message: bytes) -> None:
+    note = _NOTES.get(environment or 0) or _NOTES.get(name)
+    if note is not None:
+        note(status, message)

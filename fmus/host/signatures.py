@@ -103,16 +103,15 @@ SIGNATURES: Mapping[int, Mapping[str, Signature]] = {
             "GetNumberOfVariableDependencies": (_P, _R, _P),
             "GetVariableDependencies": (_P, _R, _P, _P, _P, _P, _N),
             **{verb + kind: (_P, _P, _N, _P, _N) for verb in ("Get", "Set") for kind in C_TYPES[3]},
+            **{f"{verb}Binary": (_P, _P, _N, _P, _P, _N) for verb in ("Get", "Set")},
+            **{f"{verb}Clock": (_P, _P, _N, _P) for verb in ("Get", "Set")},
         }),
     },
 }  # fmt: skip
 """The functions in use, by version and by name without the prefix ``fmi2`` or ``fmi3``."""
 
-LOGGERS: Mapping[int, Any] = {
-    2: ctypes.CFUNCTYPE(None, _P, _S, _I, _S, _S),
-    3: ctypes.CFUNCTYPE(None, _P, _I, _S, _S),
-}
-"""The loggers. In FMI 2 the message is a format; ctypes cannot take the arguments after it."""
+LOGGERS: Mapping[int, tuple[Any, ...]] = {2: (_P, _S, _I, _S, _S), 3: (_P, _I, _S, _S)}
+"""Arguments of the loggers. In FMI 2 the message is a format, and its values follow it."""
 
 
 def accessor(fmi: int, verb: str, kind: str) -> str:

@@ -84,6 +84,11 @@ class Archive:
             raise FmuError(f"{self.path}: {name} must have at most {most:,} bytes, got {size:,}")
         return b"".join(self._pieces(name))
 
+    def facts(self) -> dict[str, tuple[int, int]]:
+        """Sizes and checksums (CRC-32) of all files, by their names, as the directory says."""
+        files = (entry for entry in self._zip.infolist() if not entry.is_dir())
+        return {entry.filename: (entry.file_size, entry.CRC) for entry in files}
+
     def start(self, name: str, size: int) -> bytes:
         """The first bytes of a file."""
         with _intact(self.path), self._zip.open(name) as file:

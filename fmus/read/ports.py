@@ -13,8 +13,9 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from sblcosim.models.declaration import Number, Variable
 
 from .. import unchanged
+from ..known_as import KNOWN_AS, LONGEST, noted
 from ..terminals import port_names
-from .archive import opened
+from .archive import Archive, opened
 from .description import check_interface, describe, library_of, split, terminals_of
 
 NUMBERS = (
@@ -80,6 +81,8 @@ class Fmu:
     ----------
     sha256
         Of the file; equal contents are one FMU wherever they lie.
+    known_as
+        What runs know it by, as `sblcosim.fmus.known_as` says; of others, the same.
     fmi
         2 or 3.
     identifier, token
@@ -92,6 +95,7 @@ class Fmu:
 
     path: Path
     sha256: str
+    known_as: str
     fmi: int
     identifier: str
     token: str
@@ -125,6 +129,7 @@ def _read(path: Path) -> Fmu:
             known = _READ[archive.sha256] = Fmu(
                 path=path,
                 sha256=archive.sha256,
+                known_as=_known_as(archive),
                 fmi=description.fmiMajorVersion,
                 identifier=description.coSimulation.modelIdentifier,
                 token=description.guid or "",
@@ -137,6 +142,13 @@ def _read(path: Path) -> Fmu:
 
 
 _READ: dict[str, Fmu] = {}
+
+
+def _known_as(archive: Archive) -> str:
+    facts = archive.facts()
+    size, _ = facts.pop(KNOWN_AS, (LONGEST + 1, 0))
+    said = noted(archive.read(KNOWN_AS), facts) if size <= LONGEST else None
+    return said or archive.sha256
 
 
 def ports_of(variables: Iterable[Variable]) -> dict[str, Port]:

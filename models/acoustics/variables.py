@@ -16,6 +16,7 @@ from ..declaration import (
 from ..ports import (
     BEACON_POSITIONS,
     BEACONS,
+    BROADCAST,
     MOTION,
     PING_POSE,
     RECEPTION,
@@ -96,6 +97,7 @@ COMPONENT = Component(
         *ports(PING_POSE, "output"),
     ),
     terminals=(
+        *BROADCAST,
         terminal("reception", "reception", "Newest reception from each beacon", RECEPTION),
         terminal("pose", "pose", "The platform's pose in the packets of those receptions",
                  PING_POSE),

@@ -19,7 +19,7 @@ from ..declaration import (
     switch,
     tick_interval,
 )
-from ..ports import BEACON_POSITIONS, BEACONS, REPORTED_POSE, ports
+from ..ports import BEACON_POSITIONS, BEACONS, BROADCAST, REPORTED_POSE, ports
 
 ANGLES = ("roll", "pitch", "yaw")
 DIRECTIONS = {"surge": "north", "sway": "east", "heave": "down"}
@@ -155,4 +155,5 @@ COMPONENT = Component(
         *ports(BEACON_POSITIONS, "output"),
         *ports(REPORTED_POSE, "output"),
     ),
+    terminals=BROADCAST,
 )

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, FmuError
 from . import completion
 from .base import JsonOption, app, numeric, say, show, waiting
 
@@ -113,8 +113,9 @@ def conformance(
     """Check that an FMU keeps the promises of FMI 2 or 3 Co-Simulation and its own.
 
     A check has failed where the standard says otherwise; what is lawful but hurts users is a
-    warning. Crashes and calls that do not return are findings. The exit code is 1 if a check has
-    failed, and 2 if FILE.fmu cannot be checked.
+    warning. Crashes and calls that do not return are findings. A check is blocked if this machine
+    lacks what the FMU needs, such as a library or a licence. The exit code is 1 if a check has
+    failed, and 2 if FILE.fmu cannot be checked or a check is blocked.
     """
     from sblcosim.fmus.conformance.kit import Result, examine
 
@@ -131,5 +132,7 @@ def conformance(
         show(Conformance.of(report.to_json()))
     else:
         say(report.summary)
+    if report.ok and report.blocked is not None:
+        raise FmuError(f"{file}: must find here what it needs, got: {report.blocked}")
     if not report.ok or (strict and report.count("warning")):
         raise typer.Exit(1)

@@ -44,7 +44,7 @@ def plan(plan: Plan) -> documents.Plan:
                     "name": c.name,
                     "origin": c.origin,
                     "fmi": c.source.fmi if isinstance(c.source, Fmu) else None,
-                    "sha256": c.sha256,
+                    "sha256": c.file_sha256,
                     "interval_s": c.interval_ns / 1e9,
                     "tick_s": None if c.tick_ns is None else c.tick_ns / 1e9,
                 }

@@ -277,7 +277,7 @@ class CheckResult(Part):
     name: str
     what: str
     """The promise that was checked."""
-    state: Literal["passed", "failed", "warning", "does not apply", "not run"]
+    state: Literal["passed", "failed", "warning", "blocked", "does not apply", "not run"]
     reason: str
     clause: str
     """Edition and section of the standard, where it says otherwise."""

@@ -136,7 +136,12 @@ class PlannedComponent:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the FMU, or of the user's Python file; empty for any other class."""
+        """SHA-256 by which runs know the FMU, or the user's Python file; else empty."""
+        return self.source.known_as if isinstance(self.source, Fmu) else self.file_sha256
+
+    @property
+    def file_sha256(self) -> str:
+        """SHA-256 of the FMU's file, or of the user's Python file; else empty."""
         return self.source.sha256 if isinstance(self.source, Fmu | PythonSource) else ""
 
 
@@ -233,7 +238,7 @@ def _lines(plan: Plan, width: int | None) -> Iterator[str]:
             c.name,
             c.origin,
             str(c.source.fmi) if isinstance(c.source, Fmu) else "Python",
-            c.sha256[:12],
+            c.file_sha256[:12],
             text_of(c.interval_ns),
             "" if c.tick_ns is None else text_of(c.tick_ns),
         )

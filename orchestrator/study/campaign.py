@@ -63,7 +63,7 @@ class Campaign:
     handovers
         Connections from the true start to the priors, for ``prior = "true"``.
     fmus
-        SHA-256 of the FMUs and of the user's Python files, by component.
+        SHA-256 that the FMUs and the user's Python files are known by, by component.
     step_timeout
         As in `sblcosim.study.runner.run`.
     """

@@ -24,7 +24,8 @@ def row(path: Path, folder: Path) -> tuple[str, ...]:
         report = examine(path)
     except FmuError as error:
         return name, "", "2", str(error).removeprefix(f"{path}: "), ""
-    return name, report.fmi, str(int(not report.ok)), _of(report, "failed"), _of(report, "warning")
+    code = 1 if not report.ok else 0 if report.blocked is None else 2
+    return name, report.fmi, str(code), _of(report, "failed"), _of(report, "warning")
 
 
 def _of(report: Report, state: str) -> str:

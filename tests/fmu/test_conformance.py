@@ -15,10 +15,13 @@ from typing import Any
 
 import pytest
 from sblcosim.cli import app
+from sblcosim.errors import FmuError
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.conformance import kit
 from sblcosim.fmus.conformance.checks import CHECKS
 from sblcosim.fmus.conformance.kit import Report, examine
+from sblcosim.fmus.host.instances import acquire
+from sblcosim.fmus.read.ports import read
 from sblcosim.models import COMPONENTS, RECEIVERS
 from typer.testing import CliRunner
 
@@ -107,6 +110,26 @@ FOUND: dict[str, tuple[str, set[str], str]] = {
         "crashes (SIGABRT) in a reset before initialisation, a reset during initialisation",
     ),
     "EXITS": ("life cycle", set(), "ends the process (exit code 0x3) in fmi"),
+    "ANY_REFERENCE": ("unknown references", set(), "accepts fmi"),
+    "ANY_OF_STRINGS": ("unknown references", set(), "GetString of 2147483647, which is no String"),
+    "WARNS_OF_REFERENCES": ("unknown references", set(), "accepts fmi"),
+    "HIDDEN_REFERENCE": ("unknown references", set(), "of 8, which is no "),
+    "ANY_TOKEN": (
+        "illegal calls", set(),
+        "accepts instantiation with a wrong token, instantiation with an empty token",
+    ),
+    "ANY_EMPTY_TOKEN": ("illegal calls", set(), "accepts instantiation with an empty token"),
+    "OUTPUT_IS_SET": ("illegal calls", set(), "accepts setting position[1] between steps"),
+    "ABORTS_SAYING": (
+        "life cycle", set(),
+        "(no licence for 'planted': server 27000@keys.example, error -15.5, 100%)",
+    ),
+    "SAYS_MORE": (
+        "life cycle", set(),
+        "got Error: many: -1 of 2, 3.14|42 |0007, ff z 1.234568e+04 0.5 -9000000000 11 abc % 5 2.2 "
+        "0x10",
+    ),
+    "SAYS_WRONG": ("life cycle", set(), "\N{REPLACEMENT CHARACTER} 100% sure\\x1b "),
 }  # fmt: skip
 """By defect: the check that finds it, others that may, and a part of the reason."""
 
@@ -117,6 +140,13 @@ LAWFUL = {
     "HANG_ON_NAN": (2, 3),
     "CRASH_ON_REFERENCE": (3,),
     "THREADS_CLASH": (3,),
+    "ANY_REFERENCE": (3,),
+    "ANY_OF_STRINGS": (3,),
+    "WARNS_OF_REFERENCES": (3,),
+    "HIDDEN_REFERENCE": (2, 3),
+    "ANY_TOKEN": (2, 3),
+    "ANY_EMPTY_TOKEN": (2, 3),
+    "OUTPUT_IS_SET": (2, 3),
 }
 """Defects that hurt and do not violate these versions of the standard."""
 
@@ -127,8 +157,8 @@ ALL = {check.name for check in CHECKS}
 
 def test_every_planted_defect_has_a_finding() -> None:
     assert set(DEFECTS) == FOUND.keys() | {
-        "NONE", "STEP_DISCARDED", "NEVER_THE_SAME", "NO_FATAL_END",
-    }  # fmt: skip
+        "NONE", "STEP_DISCARDED", "NEVER_THE_SAME", "NO_FATAL_END", "CONSTANT_IS_SET",
+    } | BLOCKED.keys()  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -152,6 +182,117 @@ def test_planted_defect_is_found(defect: str, fmi: int, tmp_path: Path) -> None:
     edition = {2: "FMI 2.0.5, ", 3: "FMI 3.0.2, "}[fmi]
     assert report[check].clause.startswith("" if lawful else edition)
     assert bool(report[check].clause) != lawful
+
+
+BLOCKED: dict[str, tuple[str, str]] = {
+    "NO_LICENCE": (
+        "life cycle",
+        "a licence is missing: fmi{}Instantiate must succeed, got Error: no licence for 'planted': "
+        "server 27000@keys.example, error -15.5, 100%",
+    ),
+    "SILENT": ("life cycle", "got Error: no licence for 'planted'"),
+    "NO_SEAT": ("instances", "got Error: all 1 licences are in use"),
+    "NO_MODULE": (
+        "life cycle",
+        "a Python module is missing: fmi{}EnterInitializationMode must succeed, got Error: "
+        "ModuleNotFoundError: No module named 'scipy'",
+    ),
+}
+"""What an FMU lacks, and no defect: the check that cannot be made, and a part of the reason."""
+
+
+@pytest.mark.parametrize(("lacks", "fmi"), [(d, fmi) for d in BLOCKED for fmi in (2, 3)])
+def test_what_the_machine_lacks_is_no_verdict(lacks: str, fmi: int, tmp_path: Path) -> None:
+    check, reason = BLOCKED[lacks]
+    fmu = build_planted(fmi, tmp_path, lacks)
+    report = examine(fmu, only=["functions", "life cycle", "instances"])
+    assert of(report, "blocked") == {check}, str(report)
+    assert found(report) == set()
+    assert reason.format(fmi) in report[check].reason
+    code, text = call(fmu, "--check", check, "--strict")
+    assert code == 2
+    last = text.splitlines()[-1]
+    assert last == f"error: {fmu}: must find here what it needs, got: {report[check].reason}"
+    code, text = call(fmu, "--check", check, "--json")
+    assert code == 2
+    states = {c["name"]: c["state"] for c in json.loads(text[: text.rindex("}") + 1])["checks"]}
+    assert states[check] == "blocked"
+
+
+def missing_library(folder: Path) -> tuple[str, ...]:
+    """A library to link with, which is gone afterwards."""
+    folder.mkdir()
+    command = ["cc", "-shared", "-fPIC", "-xc", "-", "-o", folder / "libgone_7.so"]
+    subprocess.run(command, input=b"int gone(void) { return 1; }", check=True)
+    return f"-L{folder}", "-Wl,--no-as-needed", "-lgone_7"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="libraries that need others, of Linux")
+@BOTH
+def test_a_library_of_the_system_that_is_missing_is_no_verdict(fmi: int, tmp_path: Path) -> None:
+    options = missing_library(tmp_path / "gone")
+    report = examine(build_planted(fmi, tmp_path, options=options))
+    reason = "the library does not load here: it needs libgone_7.so, which is not on this machine"
+    assert of(report, "blocked") == {"functions", "life cycle"}, str(report)
+    assert found(report) == set()
+    assert report.blocked == reason
+    library = tmp_path / "gone" / "libgone_7.so"
+    inside = build_planted(fmi, tmp_path / "in", options=options, more={library.name: library})
+    report = examine(inside, only=["functions"])
+    assert failed(report) == {"functions", "life cycle"}  # it is there, and is not found
+    assert "libgone_7.so: cannot open shared object file" in report["functions"].reason
+
+
+def test_a_failed_check_counts_more_than_what_is_missing(tmp_path: Path) -> None:
+    fmu = build_planted(2, tmp_path, "NO_LICENCE", lambda text: text.replace('"m"', '"mm"', 1))
+    code, text = call(fmu, "--check", "description", "--check", "life cycle")
+    assert code == 1, text
+    assert "1 failed, 1 blocked" in text
+
+
+def test_a_tool_that_the_fmu_needs_may_be_missing(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return text.replace("<CoSimulation ", '<CoSimulation needsExecutionTool="true" ')
+
+    report = examine(build_planted(2, tmp_path, "SAYS_MORE", edit), only=["life cycle"])
+    assert of(report, "blocked") == {"life cycle"}
+    assert "it needs a tool, which may be missing: fmi2Enter" in str(report.blocked)
+
+
+@BOTH
+def test_a_constant_that_can_be_set_is_found(fmi: int, tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        common = 'name="c" valueReference="9" causality="output" variability="constant"'
+        constant = {
+            2: f'<ScalarVariable {common} initial="exact"><Real start="1"/></ScalarVariable>',
+            3: f'<Float64 {common} initial="exact" start="1"/>',
+        }[fmi]
+        output = {2: '<Unknown index="8"/></Outputs>', 3: '<Output valueReference="9"/>'}[fmi]
+        text = text.replace("</ModelVariables>", f"{constant}</ModelVariables>")
+        if fmi == 2:
+            return text.replace("</Outputs>", output)
+        return text.replace("<ModelStructure>", f"<ModelStructure>{output}")
+
+    report = examine(build_planted(fmi, tmp_path, edit=edit), only=["illegal calls"])
+    assert found(report) == set(), str(report)
+    lax = build_planted(fmi, tmp_path / "lax", "CONSTANT_IS_SET", edit)
+    report = examine(lax, only=["illegal calls"])
+    assert (failed if fmi == 2 else found)(report) == {"illegal calls"}, str(report)
+    assert report["illegal calls"].reason == "accepts setting the constant c"
+    assert report["illegal calls"].clause == ("FMI 2.0.5, 2.1.2" if fmi == 2 else "")
+
+
+def test_run_and_the_kit_say_the_same_of_a_message(tmp_path: Path) -> None:
+    for defect in ("NO_LICENCE", "SAYS_MORE", "SAYS_WRONG"):
+        fmu = build_planted(2, tmp_path / defect, defect)
+        reason = examine(fmu, only=["life cycle"])["life cycle"].reason
+        said = reason.partition("got Error: ")[2]
+        if defect == "SAYS_WRONG":
+            said = said.partition(" #1 ")[0]
+            assert said.endswith("100% sure\\x1b depth")
+        with pytest.raises(FmuError) as caught:
+            acquire(read(fmu), "planted").initialise(0, [])
+        assert said in str(caught.value)
 
 
 @BOTH

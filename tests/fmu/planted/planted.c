@@ -8,6 +8,7 @@
 #include "../hang.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -39,6 +40,21 @@ enum defect {
     ONLY_ONCE,             /* no defect if it says so: a second instance crashes, also afterwards */
     CRASH_ON_RESET,        /* before and during initialisation */
     NO_FATAL_END,          /* no defect: a step of NaN s is Fatal, and no call is answered after it */
+    ANY_REFERENCE,         /* references of no variable are ignored */
+    ANY_OF_STRINGS,        /* the same of texts only */
+    HIDDEN_REFERENCE,      /* no defect: 8 is a variable that the description does not name */
+    WARNS_OF_REFERENCES,   /* answers Warning */
+    ANY_TOKEN,             /* tokens are not compared */
+    ANY_EMPTY_TOKEN,       /* an empty one will do */
+    OUTPUT_IS_SET,         /* position can be set at any time */
+    CONSTANT_IS_SET,       /* no defect without one, which has the reference 9 */
+    NO_LICENCE,            /* no instance, and says why */
+    NO_SEAT,               /* one instance at a time, and says why */
+    NO_MODULE,             /* initialisation fails, and says why */
+    ABORTS_SAYING,         /* ends the process when it is instantiated, and says why */
+    SILENT,                /* no instance; says why if its logging is on */
+    SAYS_MORE,             /* initialisation fails; the message has the values of many types */
+    SAYS_WRONG,            /* the same; the message is no format for its values */
 };
 
 #ifndef DEFECT
@@ -67,6 +83,9 @@ typedef bool boolean;
 
 enum mode { NEW, INITIALISATION, STEPPING, TERMINATED };
 enum { OK = 0, DISCARD = 2, ERROR = 3, FATAL = 4 };
+/* What comes of a reference of no variable. */
+#define UNKNOWN                                                                                    \
+    (DEFECT == ANY_REFERENCE ? OK : DEFECT == WARNS_OF_REFERENCES ? 1 : ERROR)
 enum { TAU = 1, DEPTH = 2, POSITION = 3, EPOCH = 6, COUNT = 7 };
 
 typedef struct {
@@ -78,9 +97,39 @@ typedef struct {
 typedef struct {
     state now;
     char *name;
+    const void *callbacks;
 } instance;
 
+/* What is said, in FMI 2 with values that follow. */
+#if FMI == 2
+struct callbacks {
+    void (*log)(void *, const char *, int, const char *, const char *, ...);
+    void *others[3], *environment;
+};
+#define SAY(to, ...)                                                                               \
+    ((const struct callbacks *)(to))                                                               \
+        ->log(((const struct callbacks *)(to))->environment, "", ERROR, "", __VA_ARGS__)
+#define WRONG "\xfc 100% sure\x1b #r2# ##1 %s %s %s %s %s %s %n %s"
+#else
+#define WRONG "\xfc 100% sure\x1b #r2# ##1 %s"
+static void *their_environment; /* of the newest instance */
+static void say(const void *log, const char *format, ...)
+{
+    char text[20000];
+    va_list values;
+    va_start(values, format);
+    vsnprintf(text, sizeof text, format, values);
+    va_end(values);
+    void (*tell)(void *, int, const char *, const char *);
+    memcpy(&tell, &log, sizeof tell);
+    if (tell)
+        tell(their_environment, ERROR, "", text);
+}
+#define SAY(to, ...) say(to, __VA_ARGS__)
+#endif
+
 static double shared;
+static int *seats; /* NO_SEAT */
 static bool dead; /* NO_FATAL_END */
 
 static double *x_of(instance *in) { return DEFECT == SHARED_GLOBAL ? &shared : &in->now.x; }
@@ -98,14 +147,28 @@ static void start(instance *in, bool again)
     }
 }
 
-static instance *create(const char *name, const char *token)
+static instance *create(const char *name, const char *token, const void *callbacks, bool logging)
 {
-    if (!name || !token || strcmp(token, "planted"))
+    const bool any = DEFECT == ANY_TOKEN || (DEFECT == ANY_EMPTY_TOKEN && token && !*token);
+    if (!name || !token || (strcmp(token, "planted") && !any))
         return NULL;
-    static int instances;
+    if (DEFECT == NO_LICENCE || DEFECT == ABORTS_SAYING || (DEFECT == SILENT && logging))
+        SAY(callbacks, "no licence for '%s': server %d@%s, error %g, 100%%", "planted", 27000,
+            "keys.example", -15.5);
+    if (DEFECT == ABORTS_SAYING)
+        abort();
+    if (DEFECT == NO_LICENCE || DEFECT == SILENT)
+        return NULL;
+    static int instances, living;
+    if (DEFECT == NO_SEAT && living) {
+        SAY(callbacks, "all %d licences are in use", living);
+        return NULL;
+    }
+    seats = &living, living++;
     if ((DEFECT == ONLY_ONCE && instances++) || dead)
         abort();
     instance *in = calloc(1, sizeof *in);
+    in->callbacks = callbacks;
     in->name = malloc(strlen(name) + 1);
     strcpy(in->name, name);
     start(in, false);
@@ -116,6 +179,7 @@ void EXPORT(FreeInstance)(instance *in)
 {
     if (!in)
         return;
+    --*seats;
     if (DEFECT != LEAK)
         free(in->name);
     if (DEFECT == POINTER_IN_STATE)
@@ -134,6 +198,19 @@ static int enter(instance *in, double time)
 {
     if (!in || in->now.mode != NEW)
         return ERROR;
+    if (DEFECT == NO_MODULE)
+        return SAY(in->callbacks, "ModuleNotFoundError: No module named '%s'", "scipy"), ERROR;
+    if (DEFECT == SAYS_MORE)
+        return SAY(in->callbacks,
+                   "%s: %d of %i, %5.2f|%-4d|%04u, %x %c %e %g %lld %zu %.3s %% %*d %.*f %p", "many",
+                   -1, 2, 3.14159, 42, 7u, 255u, 'z', 12345.678, 0.5, -9000000000ll, (size_t)11,
+                   "abcdef", 4, 5, 1, 2.25, (void *)16), ERROR;
+    if (DEFECT == SAYS_WRONG)
+#if FMI == 2
+        return SAY(in->callbacks, WRONG, 1, 2, 3, 4, 5, 6, 7, 8), ERROR;
+#else
+        return SAY(in->callbacks, "%s", WRONG), ERROR;
+#endif
     in->now.mode = INITIALISATION, in->now.time = time;
     return OK;
 }
@@ -182,9 +259,12 @@ int REAL(Get)(instance *in, const unsigned vr[], size_t n, double values[] VALUE
 #if FMI == 3
         case 0: values[i] = in->now.time; break;
 #endif
+        case 9: values[i] = 1; break;
         default:
+            if (DEFECT == HIDDEN_REFERENCE && vr[i] == 8)
+                break;
             if (DEFECT != CRASH_ON_REFERENCE)
-                return ERROR;
+                return UNKNOWN;
             values[i] = ((volatile double *)table)[vr[i]];
         }
     return OK;
@@ -201,8 +281,12 @@ int REAL(Set)(instance *in, const unsigned vr[], size_t n, const double values[]
             in->now.tau = values[i];
         else if (vr[i] == DEPTH)
             in->now.depth = values[i];
-        else
+        else if (DEFECT == OUTPUT_IS_SET && vr[i] == POSITION)
+            *x_of(in) = values[i];
+        else if (vr[i] < 8 || (vr[i] == 9 && DEFECT != CONSTANT_IS_SET))
             return ERROR;
+        else if (vr[i] != 9 && (DEFECT != HIDDEN_REFERENCE || vr[i] != 8))
+            return UNKNOWN;
     }
     return OK;
 }
@@ -213,7 +297,7 @@ int INTEGER(Get)(instance *in, const unsigned vr[], size_t n, int32_t values[] V
         return ERROR;
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != COUNT)
-            return ERROR;
+            return UNKNOWN;
         values[i] = (int32_t)ceil(in->now.time - 1e-6);
     }
     return OK;
@@ -221,7 +305,7 @@ int INTEGER(Get)(instance *in, const unsigned vr[], size_t n, int32_t values[] V
 
 int INTEGER(Set)(instance *in, const unsigned vr[], size_t n, const int32_t values[] VALUES)
 {
-    return (void)in, (void)vr, (void)values, n ? ERROR : OK;
+    return (void)in, (void)values, n ? (vr[0] == COUNT ? ERROR : UNKNOWN) : OK;
 }
 
 static int step(instance *in, double time, double h)
@@ -347,7 +431,12 @@ int DESERIALIZE(instance *in, const char bytes[], size_t size, state **copy)
 #define NO_VALUES(name)                                                                            \
     int EXPORT(name)(instance *in, const unsigned vr[], size_t n)                                  \
     {                                                                                              \
-        return (void)vr, in && !n ? OK : ERROR;                                                    \
+        return (void)vr, in && !n ? OK : UNKNOWN;                                                  \
+    }
+#define TEXTS(name)                                                                                \
+    int EXPORT(name)(instance *in, const unsigned vr[], size_t n)                                  \
+    {                                                                                              \
+        return (void)vr, in && (!n || DEFECT == ANY_OF_STRINGS) ? OK : UNKNOWN;                    \
     }
 
 #if FMI == 2
@@ -356,8 +445,8 @@ const char *fmi2GetTypesPlatform(void) { return "default"; }
 instance *fmi2Instantiate(const char *name, int type, const char *token, const char *resources,
                           const void *callbacks, int visible, int logging)
 {
-    (void)resources, (void)callbacks, (void)visible, (void)logging;
-    return type == 1 ? create(name, token) : NULL;
+    (void)resources, (void)visible;
+    return type == 1 ? create(name, token, callbacks, logging) : NULL;
 }
 static double start_time; /* between two calls of one host; threads all start at 0 */
 int fmi2SetupExperiment(instance *in, int a, double b, double time, int c, double d)
@@ -373,7 +462,7 @@ int fmi2DoStep(instance *in, double time, double h, int no_set)
 }
 NO(CancelStep) NO(GetBooleanStatus) NO(GetIntegerStatus) NO(GetRealOutputDerivatives)
 NO(GetRealStatus) NO(GetStatus) NO(GetStringStatus) NO(SetRealInputDerivatives)
-NO_VALUES(GetBoolean) NO_VALUES(GetString) NO_VALUES(SetBoolean) NO_VALUES(SetString)
+NO_VALUES(GetBoolean) TEXTS(GetString) NO_VALUES(SetBoolean) TEXTS(SetString)
 #else
 const char *fmi3GetVersion(void) { return "3.0"; }
 instance *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
@@ -381,9 +470,10 @@ instance *fmi3InstantiateCoSimulation(const char *name, const char *token, const
                                       const unsigned required[], size_t n_required,
                                       void *environment, void *logger, void *update)
 {
-    (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required;
-    (void)n_required, (void)environment, (void)logger, (void)update;
-    return create(name, token);
+    (void)resources, (void)visible, (void)events, (void)early, (void)required;
+    (void)n_required, (void)update;
+    their_environment = environment;
+    return create(name, token, logger, logging);
 }
 int fmi3EnterInitializationMode(instance *in, bool a, double b, double time, bool c, double d)
 {
@@ -399,14 +489,14 @@ int fmi3DoStep(instance *in, double time, double h, bool no_set, bool *event, bo
     return step(in, time, h);
 }
 NO(EnterConfigurationMode) NO(EnterEventMode) NO(EnterStepMode) NO(EvaluateDiscreteStates)
-NO(ExitConfigurationMode) NO(GetAdjointDerivative) NO(GetBinary) NO(GetClock)
+NO(ExitConfigurationMode) NO(GetAdjointDerivative) NO_VALUES(GetBinary) NO_VALUES(GetClock)
 NO(GetIntervalDecimal) NO(GetIntervalFraction) NO(GetNumberOfVariableDependencies)
 NO(GetOutputDerivatives) NO(GetShiftDecimal) NO(GetShiftFraction) NO(GetVariableDependencies)
-NO(SetBinary) NO(SetClock) NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal)
+NO_VALUES(SetBinary) NO_VALUES(SetClock) NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal)
 NO(SetShiftFraction) NO(UpdateDiscreteStates)
 NO_VALUES(GetBoolean) NO_VALUES(GetFloat32) NO_VALUES(GetInt16) NO_VALUES(GetInt64)
-NO_VALUES(GetInt8) NO_VALUES(GetString) NO_VALUES(GetUInt16) NO_VALUES(GetUInt32)
+NO_VALUES(GetInt8) TEXTS(GetString) NO_VALUES(GetUInt16) NO_VALUES(GetUInt32)
 NO_VALUES(GetUInt64) NO_VALUES(GetUInt8) NO_VALUES(SetBoolean) NO_VALUES(SetFloat32)
-NO_VALUES(SetInt16) NO_VALUES(SetInt64) NO_VALUES(SetInt8) NO_VALUES(SetString)
+NO_VALUES(SetInt16) NO_VALUES(SetInt64) NO_VALUES(SetInt8) TEXTS(SetString)
 NO_VALUES(SetUInt16) NO_VALUES(SetUInt32) NO_VALUES(SetUInt64) NO_VALUES(SetUInt8)
 #endif

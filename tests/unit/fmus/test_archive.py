@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sblcosim.fmus.build.archive import contents, licence, write_fmu
+from sblcosim.fmus.build.archive import contents, licence, pack, write_fmu
+from sblcosim.fmus.build.description import terminals
+from sblcosim.fmus.build.documentation import index_html
+from sblcosim.fmus.known_as import KNOWN_AS
+from sblcosim.fmus.platforms import this_platform
+from sblcosim.fmus.read.ports import read
 from sblcosim.fmus.standard import Fmi
+from sblcosim.fmus.terminals import PORTS, TERMINALS
 from sblcosim.models.loading import load
 
 FILES = {
@@ -63,7 +71,43 @@ def test_contents_have_their_places(fmi: Fmi, folder: str) -> None:
         "sources/model.c",
         "sources/model.h",
         f"binaries/{folder}/RangeModel.dll",
+        KNOWN_AS,
     }
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", ["platform", "acoustics", "ekf", "range_model"])
+def test_runs_know_an_fmu_by_what_counts_in_it(name: str, fmi: Fmi, tmp_path: Path) -> None:
+    """Neither its copyright does, nor a terminal that names no port of a receiver."""
+    model, sources = load(name), {"model.c": b"1"}
+    binary = {this_platform(): b"3"}
+    whole = dict(contents(model, fmi, "{token}", sources, binary))
+    path = tmp_path / "whole.fmu"
+    write_fmu(path, whole)
+    line = next(line for line in licence().splitlines() if line.startswith("Copyright"))
+    stated = f' copyright="{line}"'.encode()
+    assert whole["modelDescription.xml"].count(stated) == 1
+
+    plain = {file: content for file, content in whole.items() if file != KNOWN_AS}
+    plain["modelDescription.xml"] = plain["modelDescription.xml"].replace(stated, b"")
+    ports = tuple(t for t in model.component.terminals if t.kind in PORTS)
+    less = replace(model, component=replace(model.component, terminals=ports))
+    plain["documentation/index.html"] = index_html(less, fmi).encode()
+    if not ports:
+        plain.pop(TERMINALS, None)
+    else:
+        plain[TERMINALS] = terminals(less, fmi) or b""
+    known_as = read(path).known_as
+    assert known_as == hashlib.sha256(pack(plain)).hexdigest() != read(path).sha256
+
+    for file in whole.keys() - {KNOWN_AS}:  # whatever is changed by others, it is another FMU
+        other = tmp_path / "other.fmu"
+        write_fmu(other, whole | {file: whole[file] + b" "})
+        assert read(other).known_as == read(other).sha256, file
+    write_fmu(other, whole | {"resources/more": b""})
+    assert read(other).known_as == read(other).sha256
+    write_fmu(other, {**whole, KNOWN_AS: whole[KNOWN_AS].ljust(2000)})
+    assert read(other).known_as == read(other).sha256
 
 
 def test_licence_is_the_project_s() -> None:

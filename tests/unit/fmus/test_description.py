@@ -259,6 +259,15 @@ def test_terminals_are_valid_and_name_variables_of_the_component(name: str, fmi:
         assert names == [m.get("memberName") for m in element]
 
 
+def test_every_component_has_its_terminals() -> None:
+    def kinds(name: str) -> list[str]:
+        return [terminal.kind for terminal in COMPONENTS[name].terminals]
+
+    assert kinds("platform") == ["beacons", "reported_pose"]
+    assert kinds("acoustics") == ["beacons", "reported_pose", "reception", "pose"]
+    assert {name for name in COMPONENTS if not kinds(name)} == {"range_model"}
+
+
 def test_plugs_of_acoustics_and_receivers_have_equal_members() -> None:
     def members(name: str) -> list[str | None]:
         root = etree.fromstring(terminals(MODELS[name], 3))

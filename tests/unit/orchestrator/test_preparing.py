@@ -7,6 +7,7 @@ import hashlib
 import json
 import random
 import warnings
+from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
@@ -243,6 +244,24 @@ def test_a_digest_is_that_of_the_whole_content(extra: dict[str, Any]) -> None:
     } | ({"responses": sorted(f"{r.name} {r.sha256}" for r in study.asked)} if extra else {})
     text = json.dumps(content, sort_keys=True)
     assert prepared.points[0].digest == hashlib.sha256(text.encode()).hexdigest()
+    assert prepared.fmus == {c.name: c.sha256 for c in plan.components}
+
+
+def test_runs_know_our_fmus_by_what_counts_in_them() -> None:
+    study = load({
+        "scenario": "paper-scenario-1", "fixed": {"time.duration_s": 5.0}, "receivers": ["ekf"],
+        "design": {"kind": "single"},
+    })  # fmt: skip
+    _, system, plan = campaign.resolved(study, 1)
+    first = plan.components[0]
+    assert first.sha256 == first.source.known_as != first.source.sha256 == first.file_sha256
+
+    def digest(**changes: str) -> str:
+        changed = replace(first, source=replace(first.source, **changes))
+        other = replace(plan, components=(changed, *plan.components[1:]))
+        return campaign.point_digest(study, 1, system, other, ())
+
+    assert digest() == digest(sha256="0" * 64) != digest(known_as="0" * 64)
 
 
 def test_what_is_missing_is_sampled_without_looking_at_what_is_there(
