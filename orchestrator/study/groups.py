@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ class Group:
     values: Mapping[str, Floats]
     in_lanes: bool
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Number of communication steps of a run."""
         return self.plan.count - 1
