@@ -33,7 +33,7 @@ from ..errors import (
 )
 from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
-from ..simulation.settings import facts
+from ..simulation.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
@@ -295,8 +295,8 @@ def _started(part: Part) -> dict[str, tuple[float, ...]]:
     spec, is_ours = part.spec, part.foreign_inputs is None
     assert isinstance(spec.fmu, Path)
     start_of = partial(_start_of, spec, [name for name in _STARTS if name in part.names])
-    names = spec.parameters.keys() - (_OF_SENSOR if is_ours else ())
-    known = facts({name: spec.parameters[name] for name in sorted(names)})
+    without = _OF_SENSOR if is_ours else ()
+    known = [fact for name, fact in facts_of(spec).items() if name not in without]
     if None in known:
         return start_of()
     interval = None if is_ours else spec.interval_ns
