@@ -177,13 +177,20 @@ def _values(
 ) -> dict[str, Value]:
     """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
     values: dict[str, Value] = {}
-    is_set = table.model_fields_set
+    content, is_set = vars(table), table.model_fields_set
+    last: dict[str, tuple[Any, Value]] = alike("converted", id(rows), dict, rows)
     for name, key, convert in rows:
-        value = getattr(table, key)
+        value = content[key]
         if key not in is_set:
             value = assumptions.get(key, value)
-        if value is not None:
-            values[name] = value if convert is None else convert(value)
+        if value is None:
+            continue
+        if convert is not None:  # points of a study share most values
+            known = last.get(name)
+            if known is None or known[0] is not value:
+                known = last[name] = value, convert(value)
+            value = known[1]
+        values[name] = value
     return values
 
 

@@ -82,12 +82,11 @@ def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[
     0.40 m, pessimistic; below buoys (gps-buoys) `long_baseline` 0.62 m, in band, `coupled` 0.48 m,
     pessimistic, `fixed_lag` 0.33 m, pessimistic.
     """
-    own = arrangement.has_own_errors(scenario.platform)
-    shared = arrangement.shares_errors(scenario.platform)
+    platform = scenario.platform
     for label, source in chosen.items():
-        if own and source in ("coupled", "fixed_lag"):
-            here = _surveyed(str(source)) if scenario.platform.gps_shared else _BUOYS
-        elif shared and source == "long_baseline":
+        if source in ("coupled", "fixed_lag") and arrangement.has_own_errors(platform):
+            here = _surveyed(str(source)) if platform.gps_shared else _BUOYS
+        elif source == "long_baseline" and arrangement.shares_errors(platform):
             here = "all beacons share those of one platform: try coupled"
         else:
             continue

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -250,8 +249,9 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         if not isinstance(source, str):
             has = ports_of_source(label, source)
             known |= {key for key, v in table.variables.items() if v.name in has}
-    for key in table.variables:
-        if key in table.model_fields_set and key not in known:
+    unknown = (table.model_fields_set & table.variables.keys()) - known
+    for key in table.variables if unknown else ():
+        if key in unknown:
             have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]
             raise ConfigurationError(
                 f"{scenario.where('receiver', key)}: must be a key of a receiver of this run "
@@ -280,7 +280,9 @@ _OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
     known = {name: value for name, value in start.items() if name in part.names}
-    return replace(part, spec=replace(part.spec, parameters={**part.spec.parameters, **known}))
+    spec = part.spec
+    begun = ComponentSpec(spec.fmu, spec.interval_ns, {**spec.parameters, **known}, spec.inputs)
+    return Part(begun, part.names, part.foreign_inputs)
 
 
 def _at_start(part: Part, name: str) -> tuple[float, ...]:
