@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import marshal
 from collections.abc import Iterator, Mapping
 
+from ..simulation.alike import alike
 from . import arrangement
 from .assumptions import beacons_of
 from .scenario import Scenario, Source
@@ -68,7 +70,12 @@ def _of_sound(scenario: Scenario) -> Iterator[str]:
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:
     """What the beacons cannot tell."""
     platform = scenario.platform
-    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
+    if platform.fmu:
+        return
+    offsets = beacons_of(platform)
+    problem = alike(
+        "degenerate", marshal.dumps(offsets, 2), lambda: arrangement.degenerate(offsets)
+    )
     if problem is not None:
         key = "beacon_m" if platform.beacon_m else "arm_length_m"
         yield f"{scenario.where('platform', key)}: {problem}"

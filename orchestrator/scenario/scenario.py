@@ -378,7 +378,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
 def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
     """Change keys of nested tables; which."""
     given = gathered(overrides)
-    if isinstance(given, Mapping):
+    if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # which fit
         check_values("overrides", given)
     batch = list(pairs(given))
     for path, value in batch:

@@ -112,8 +112,10 @@ class Table(BaseModel):
     def fill(self, values: Mapping[str, Any]) -> None:
         """Set keys that were not given. Only while the table is being validated."""
         # The table is frozen, and keys filled in here must not count as given.
-        given = self.model_fields_set
-        self.__dict__.update({key: value for key, value in values.items() if key not in given})
+        own = self.__dict__
+        given = {key: own[key] for key in self.model_fields_set}
+        own.update(values)
+        own.update(given)
 
 
 def content_of(scenario: Any, name: str) -> Hashable:
@@ -155,12 +157,11 @@ def _range(unit: str | None, low: float | None, high: float | None) -> tuple[flo
 
 def within(variable: Variable, value: Any) -> Any:
     """A value of a scenario file, or the nearest that the declaration allows."""
-    if variable.choices is not None and not variable.shape:
-        return value
     low, high = _range(variable.unit, variable.min, variable.max)
     if variable.shape:
         return tuple(min(max(v, low), high) for v in value)
-    return value if low <= value <= high else min(max(value, low), high)
+    fits = variable.choices is not None or low <= value <= high
+    return value if fits else min(max(value, low), high)
 
 
 def in_si(variable: Variable, value: Any) -> Any:
