@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import marshal
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -46,10 +47,9 @@ def ours_of(
     content = content_of(scenario, where)
     if content is None:
         return _made(name, scenario, where, fmi, assumptions)
-    key = (name, where, fmi, scenario.beacons, content, id(assumptions))
-    return alike(
-        "parts", key, lambda: _made(name, scenario, where, fmi, assumptions), assumptions
-    )
+    assumed = marshal.dumps([*assumptions.items()], 2)  # of version 2: without references
+    key = (name, where, fmi, scenario.beacons, content, assumed)
+    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions))
 
 
 def _made(
@@ -93,8 +93,10 @@ def _rows(variables: Iterable[Variable]) -> tuple[_Row, ...]:
 def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Part:
     table = scenario.receiver
     if isinstance(source, str):
-        known = described(source, ())[0]
-        return ours_of(source, scenario, "receiver", fmi, scenario.assumptions(known))
+        names, rows = described(source, ())
+        assumed = scenario.assumptions(names)
+        own = {key: assumed[key] for _, key, _ in rows if key in assumed}
+        return ours_of(source, scenario, "receiver", fmi, own)
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return foreign("receiver", scenario, source, own)

@@ -124,12 +124,11 @@ def grouped(
         values = {}
         for name, spec in points[indices[0]].system.components.items():
             taken = [points[i].system.components[name].parameters for i in indices]
-            if len({*map(id, taken)}) == 1:
-                continue
-            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
-            for parameter in names:
-                rows = [parameters[parameter] for parameters in taken]
-                if rows.count(rows[0]) < len(rows):
+            distinct = {id(parameters): parameters for parameters in taken}.values()
+            for parameter in spec.parameters:
+                given = [parameters[parameter] for parameters in distinct]
+                if given.count(given[0]) < len(given) and f"{name}.{parameter}" not in free:
+                    rows = [parameters[parameter] for parameters in taken]
                     values[f"{name}.{parameter}"] = np.array(rows, np.float64)
         groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
     return tuple(groups)
