@@ -115,5 +115,5 @@ def _matching(kind: Any, pattern: str) -> tuple[str, ...]:
 
 def _any(platform: Any, pattern: str) -> bool:
     """Whether a key of this pattern is not zero."""
-    values = (getattr(platform, key) for key in _matching(type(platform), pattern))
+    values = (getattr(platform, key) for key in _matching(platform.__class__, pattern))
     return any(any(v) if isinstance(v, tuple) else bool(v) for v in values)

@@ -95,8 +95,8 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
     if isinstance(source, str):
         names, rows = described(source, ())
         assumed = scenario.assumptions(names)
-        own = {key: assumed[key] for _, key, _ in rows if key in assumed}
-        return ours_of(source, scenario, "receiver", fmi, own)
+        assumed = {key: assumed[key] for _, key, _ in rows if key in assumed}
+        return ours_of(source, scenario, "receiver", fmi, assumed)
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return foreign("receiver", scenario, source, own)

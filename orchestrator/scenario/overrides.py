@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 from ..errors import ConfigurationError, instance, quoted, shortened
 from .keys import Overrides
@@ -31,7 +31,7 @@ def clear_for_presets(
 _PLAIN = {bool, int, float, str, tuple, list}
 
 
-def _is_table(value: Any) -> bool:
+def _is_table(value: Any) -> TypeGuard[Mapping[str, Any]]:
     # Of most values the type tells at once that they are none.
     return type(value) not in _PLAIN and isinstance(value, Mapping)
 
@@ -40,8 +40,7 @@ def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of nested tables without the keys whose value is None."""
     return {
         key: without_none(value) if _is_table(value) else value
-        for key, value in tables.items()
-        if value is not None
+        for key, value in tables.items() if value is not None
     }
 
 
