@@ -27,6 +27,8 @@ def once(question: Hashable, answer: Callable[[], T]) -> T:
     answers = _ANSWERS.get()
     if answers is None:
         return answer()
-    if question not in answers:
-        answers[question] = answer()
-    return answers[question]  # type: ignore[return-value]
+    try:
+        return answers[question]  # type: ignore[return-value]
+    except KeyError:
+        pass  # the answer may take long, and raise
+    return answers.setdefault(question, answer())  # type: ignore[return-value]

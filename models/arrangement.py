@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import cos, pi, sin
 from typing import Any
 
@@ -10,6 +11,7 @@ ARM, DEPTH = 3.0, 0.5
 _QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
+@cache
 def arms(count: int) -> tuple[tuple[float, float], ...]:
     """Directions of the arms in the body frame, forward and starboard: the first one forward.
 

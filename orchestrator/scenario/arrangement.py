@@ -98,8 +98,8 @@ def has_own_errors(platform: Any) -> bool:
         return False
     if not platform.gps_shared:
         return True
-    still = not _any(platform, _MOTION) and not _any(platform, _SENSORS)
-    return still and bool(platform.mounting_std_m > 0)
+    surveyed = bool(platform.mounting_std_m > 0)
+    return surveyed and not _any(platform, _MOTION) and not _any(platform, _SENSORS)
 
 
 def shares_errors(platform: Any) -> bool:
@@ -108,13 +108,12 @@ def shares_errors(platform: Any) -> bool:
 
 
 @cache
-def _matching(keys: tuple[str, ...], pattern: str) -> tuple[str, ...]:
-    """The keys that are of this pattern."""
-    return tuple(key for key in keys if re.fullmatch(pattern, key))
+def _matching(kind: Any, pattern: str) -> tuple[str, ...]:
+    """The keys of a table's class that are of this pattern."""
+    return tuple(key for key in kind.model_fields if re.fullmatch(pattern, key))
 
 
 def _any(platform: Any, pattern: str) -> bool:
     """Whether a key of this pattern is not zero."""
-    keys = _matching(tuple(type(platform).model_fields), pattern)
-    values = (getattr(platform, key) for key in keys)
+    values = (getattr(platform, key) for key in _matching(platform.__class__, pattern))
     return any(any(v) if isinstance(v, tuple) else bool(v) for v in values)

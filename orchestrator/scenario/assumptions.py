@@ -159,9 +159,10 @@ def assumed(
         **_of_each_beacon(platform, acoustics),
     }
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
+    foreign = {name: table for name, table in tables.items() if table.fmu is not None}
     return {
         key: value for key, value in values.items()
-        if value is not None and _known(tables, key)
+        if value is not None and not (foreign and _unknown(foreign, key))
     }
 
 
@@ -174,11 +175,11 @@ _DECISIVE = {
 """The first table of `SOURCES`, and the keys in it."""
 
 
-def _known(tables: Mapping[str, Any], key: str) -> bool:
-    """Whether the scenario says what a key follows from, of the component that it describes."""
+def _unknown(foreign: Mapping[str, Any], key: str) -> bool:
+    """Whether a key follows from a component of somebody else of which the scenario says nothing.
+    """
     name, keys = _DECISIVE[key]
-    table = tables[name]
-    return table.fmu is None or not table.model_fields_set.isdisjoint(keys)
+    return name in foreign and foreign[name].model_fields_set.isdisjoint(keys)
 
 
 def _with(rounding: float, *stds: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import marshal
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -46,10 +47,9 @@ def ours_of(
     content = content_of(scenario, where)
     if content is None:
         return _made(name, scenario, where, fmi, assumptions)
-    key = (name, where, fmi, scenario.beacons, content, id(assumptions))
-    return alike(
-        "parts", key, lambda: _made(name, scenario, where, fmi, assumptions), assumptions
-    )
+    assumed = marshal.dumps([*assumptions.items()], 2)  # of version 2: without references
+    key = (name, where, fmi, scenario.beacons, content, assumed)
+    return alike("parts", key, lambda: _made(name, scenario, where, fmi, assumptions))
 
 
 def _made(
@@ -93,8 +93,10 @@ def _rows(variables: Iterable[Variable]) -> tuple[_Row, ...]:
 def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Part:
     table = scenario.receiver
     if isinstance(source, str):
-        known = described(source, ())[0]
-        return ours_of(source, scenario, "receiver", fmi, scenario.assumptions(known))
+        names, rows = described(source, ())
+        assumed = scenario.assumptions(names)
+        assumed = {key: assumed[key] for _, key, _ in rows if key in assumed}
+        return ours_of(source, scenario, "receiver", fmi, assumed)
     _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
     return foreign("receiver", scenario, source, own)
@@ -177,13 +179,20 @@ def _values(
 ) -> dict[str, Value]:
     """Values of some parameters, given, assumed or of the table: FMI names and SI values."""
     values: dict[str, Value] = {}
-    is_set = table.model_fields_set
+    content, is_set = vars(table), table.model_fields_set
+    last: dict[str, tuple[Any, Value]] = alike("converted", id(rows), dict, rows)
     for name, key, convert in rows:
-        value = getattr(table, key)
+        value = content[key]
         if key not in is_set:
             value = assumptions.get(key, value)
-        if value is not None:
-            values[name] = value if convert is None else convert(value)
+        if value is None:
+            continue
+        if convert is not None:  # points of a study share most values
+            known = last.get(name)
+            if known is None or known[0] is not value:
+                known = last[name] = value, convert(value)
+            value = known[1]
+        values[name] = value
     return values
 
 

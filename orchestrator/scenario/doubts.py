@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import marshal
 from collections.abc import Iterator, Mapping
 
+from ..simulation.alike import alike
 from . import arrangement
 from .assumptions import beacons_of
 from .scenario import Scenario, Source
@@ -68,7 +70,12 @@ def _of_sound(scenario: Scenario) -> Iterator[str]:
 def _of_arrangement(scenario: Scenario) -> Iterator[str]:
     """What the beacons cannot tell."""
     platform = scenario.platform
-    problem = None if platform.fmu else arrangement.degenerate(beacons_of(platform))
+    if platform.fmu:
+        return
+    offsets = beacons_of(platform)
+    problem = alike(
+        "degenerate", marshal.dumps(offsets, 2), lambda: arrangement.degenerate(offsets)
+    )
     if problem is not None:
         key = "beacon_m" if platform.beacon_m else "arm_length_m"
         yield f"{scenario.where('platform', key)}: {problem}"
@@ -82,12 +89,11 @@ def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[
     0.40 m, pessimistic; below buoys (gps-buoys) `long_baseline` 0.62 m, in band, `coupled` 0.48 m,
     pessimistic, `fixed_lag` 0.33 m, pessimistic.
     """
-    own = arrangement.has_own_errors(scenario.platform)
-    shared = arrangement.shares_errors(scenario.platform)
+    platform = scenario.platform
     for label, source in chosen.items():
-        if own and source in ("coupled", "fixed_lag"):
-            here = _surveyed(str(source)) if scenario.platform.gps_shared else _BUOYS
-        elif shared and source == "long_baseline":
+        if source in ("coupled", "fixed_lag") and arrangement.has_own_errors(platform):
+            here = _surveyed(str(source)) if platform.gps_shared else _BUOYS
+        elif source == "long_baseline" and arrangement.shares_errors(platform):
             here = "all beacons share those of one platform: try coupled"
         else:
             continue

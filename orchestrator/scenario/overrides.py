@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 from ..errors import ConfigurationError, instance, quoted, shortened
 from .keys import Overrides
@@ -31,14 +31,16 @@ def clear_for_presets(
 _PLAIN = {bool, int, float, str, tuple, list}
 
 
+def _is_table(value: Any) -> TypeGuard[Mapping[str, Any]]:
+    # Of most values the type tells at once that they are none.
+    return type(value) not in _PLAIN and isinstance(value, Mapping)
+
+
 def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of nested tables without the keys whose value is None."""
-    # Of most values the type tells at once that they are no tables.
     return {
-        key: value if type(value) in _PLAIN or not isinstance(value, Mapping)
-        else without_none(value)
-        for key, value in tables.items()
-        if value is not None
+        key: without_none(value) if _is_table(value) else value
+        for key, value in tables.items() if value is not None
     }
 
 
@@ -64,7 +66,7 @@ def pairs(overrides: Changes | Mapping[str, Any]) -> Iterator[tuple[tuple[str, .
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             path = tuple(str(key).split("."))
-            if isinstance(value, Mapping) and path[-1] != "parameters":
+            if _is_table(value) and path[-1] != "parameters":
                 for rest, inner in pairs(value):
                     yield path + rest, inner
             else:

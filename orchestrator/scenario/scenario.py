@@ -104,12 +104,13 @@ class Scenario(Table):
             presets["target"]["waypoint_count"] = len(self.target.waypoint_m) // 3
         presets["platform"] |= self._arrangement()
         self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
-        presets["acoustics"] |= packets.resolutions(self.acoustics, self.beacons)
+        beacons = self.beacons
+        presets["acoustics"] |= packets.resolutions(self.acoustics, beacons)
         if self.target.track_time_s:
             presets["target"]["track_count"] = len(self.target.track_time_s)
+        common["interval_s"] = self.acoustics.sampling_time_s or common["sampling_time_s"]
         for name, table in self._tables(*presets):
-            table.fill({**starts(name, self.beacons)} | presets[name] | common)
-            table.fill({"interval_s": self.acoustics.sampling_time_s or common["sampling_time_s"]})
+            table.fill({**starts(name, beacons), **presets[name], **common})
         self._complete_receiver()
         problems = [*self._problems()]
         if problems:
@@ -146,8 +147,9 @@ class Scenario(Table):
         """Contradictions between keys; one line each."""
         receiver = self.receiver
         for name, table in (("time", self.time), *self._tables()):
+            given = table.model_fields_set
             for key in ("sampling_time_s", "update_interval_s", "interval_s"):
-                if key in table.model_fields_set and not is_whole_ns(getattr(table, key)):
+                if key in given and not is_whole_ns(getattr(table, key)):
                     yield (
                         f"[{name}] {key}: must be a whole number of nanoseconds, "
                         f"got {getattr(table, key)!r}"
@@ -222,7 +224,6 @@ class Scenario(Table):
         return alike(
             "assumptions", (flags, own, content), lambda: self._assumptions(*flags)
         )
-
 
     def _assumptions(self, estimates_clock: bool, knows_arrangement: bool) -> dict[str, Any]:
         variables = self.receiver.variables
@@ -377,7 +378,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
 def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
     """Change keys of nested tables; which."""
     given = gathered(overrides)
-    if isinstance(given, Mapping):
+    if isinstance(given, Mapping) and {*map(type, given.values())} != {float}:  # which fit
         check_values("overrides", given)
     batch = list(pairs(given))
     for path, value in batch:

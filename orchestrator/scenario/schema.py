@@ -160,7 +160,8 @@ def within(variable: Variable, value: Any) -> Any:
     low, high = _range(variable.unit, variable.min, variable.max)
     if variable.shape:
         return tuple(min(max(v, low), high) for v in value)
-    return value if variable.choices is not None else min(max(value, low), high)
+    fits = variable.choices is not None or low <= value <= high
+    return value if fits else min(max(value, low), high)
 
 
 def in_si(variable: Variable, value: Any) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -33,7 +32,7 @@ from ..errors import (
 )
 from ..simulation.alike import alike
 from ..simulation.execution import initial_outputs
-from ..simulation.settings import facts
+from ..simulation.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
 from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
@@ -250,8 +249,9 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
         if not isinstance(source, str):
             has = ports_of_source(label, source)
             known |= {key for key, v in table.variables.items() if v.name in has}
-    for key in table.variables:
-        if key in table.model_fields_set and key not in known:
+    unknown = (table.model_fields_set & table.variables.keys()) - known
+    for key in table.variables if unknown else ():
+        if key in unknown:
             have = [name for name, r in RECEIVERS.items() if key in {v.key for v in r}]
             raise ConfigurationError(
                 f"{scenario.where('receiver', key)}: must be a key of a receiver of this run "
@@ -280,7 +280,9 @@ _OF_SENSOR = {"sampling_time", "depth_std", "depth_bias", "depth_bias_std"}
 
 def _begun(part: Part, start: Mapping[str, Value]) -> Part:
     known = {name: value for name, value in start.items() if name in part.names}
-    return replace(part, spec=replace(part.spec, parameters={**part.spec.parameters, **known}))
+    spec = part.spec
+    begun = ComponentSpec(spec.fmu, spec.interval_ns, {**spec.parameters, **known}, spec.inputs)
+    return Part(begun, part.names, part.foreign_inputs)
 
 
 def _at_start(part: Part, name: str) -> tuple[float, ...]:
@@ -295,8 +297,8 @@ def _started(part: Part) -> dict[str, tuple[float, ...]]:
     spec, is_ours = part.spec, part.foreign_inputs is None
     assert isinstance(spec.fmu, Path)
     start_of = partial(_start_of, spec, [name for name in _STARTS if name in part.names])
-    names = spec.parameters.keys() - (_OF_SENSOR if is_ours else ())
-    known = facts({name: spec.parameters[name] for name in sorted(names)})
+    without = _OF_SENSOR if is_ours else ()
+    known = [fact for name, fact in facts_of(spec).items() if name not in without]
     if None in known:
         return start_of()
     interval = None if is_ours else spec.interval_ns

@@ -8,7 +8,7 @@ from typing import TypeVar
 from sblcosim.fmus import unchanged
 
 T = TypeVar("T")
-_MOST = 4096
+_MOST = 1024
 
 
 def alike(what: str, key: Hashable, make: Callable[[], T], *kept: object) -> T:

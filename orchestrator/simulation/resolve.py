@@ -10,7 +10,6 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from sblcosim.fmus import unchanged
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, SECOND, nanoseconds, text_of
 from sblcosim.fmus.read import ports as fmi
@@ -18,6 +17,7 @@ from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu, Port
 
 from ..errors import ConfigurationError, ConfigurationWarning, nearest
+from .alike import alike
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
 from .settings import settings_of, with_article
@@ -59,16 +59,7 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     start_ns, stop_ns = _span(system)
     plan = Plan(
         components=tuple(
-            PlannedComponent(
-                name=name,
-                source=sources[name][0],
-                ports=ports[name],
-                interval_ns=spec.interval_ns,
-                tick_ns=_tick(name, ports[name], settings[name]),
-                settings=settings[name],
-                reads=structure.reads[name],
-                writes=structure.writes[name],
-            )
+            _planned(name, spec, sources[name], settings[name], structure)
             for name, spec in system.components.items()
         ),
         columns=structure.columns,
@@ -85,6 +76,29 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     return plan
 
 
+def _planned(
+    name: str, spec: ComponentSpec, source: _Source, settings: tuple[Setting, ...],
+    structure: _Structure,
+) -> PlannedComponent:
+    """A component, which points of a study share."""
+    return alike(
+        "planned",
+        (name, id(spec), id(structure)),
+        lambda: PlannedComponent(
+            name=name,
+            source=source[0],
+            ports=source[1],
+            interval_ns=spec.interval_ns,
+            tick_ns=_tick(name, source[1], settings),
+            settings=settings,
+            reads=structure.reads[name],
+            writes=structure.writes[name],
+        ),
+        spec,
+        structure,
+    )
+
+
 @dataclass(frozen=True)
 class _Structure:
     """What plans of the same components and connections share.
@@ -95,8 +109,6 @@ class _Structure:
         By component.
     messages
         Warnings about the connections.
-    ports
-        Of the components, held so that no others have the same ids.
     fitting
         Intervals and ticks of all components that fit each other.
     """
@@ -106,7 +118,6 @@ class _Structure:
     columns: tuple[Column, ...]
     sizes: Mapping[str, int]
     messages: tuple[str, ...]
-    ports: Mapping[str, Mapping[str, Port]]
     fitting: set[tuple[tuple[int, int | None], ...]]
 
 
@@ -115,8 +126,9 @@ def _structure_of(system: System, sources: Mapping[str, _Source], *, warn: bool)
     ports = {name: own for name, (_, own) in sources.items()}
     if all(isinstance(source, Fmu) for source, _ in sources.values()):
         known = tuple((name, id(own)) for name, own in ports.items())
-        structure = unchanged.once(
-            ("structure", known, system.connections), lambda: _made(system, ports)
+        connections = system.connections
+        structure = alike(
+            "structures", (known, id(connections)), lambda: _made(system, ports), ports, connections
         )
     else:  # a Python component is asked anew each time
         structure = _made(system, ports)
@@ -134,7 +146,6 @@ def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure
         tuple(columns.values()),
         {kind: size for kind, size in sizes.items() if size},
         tuple(messages),
-        ports,
         set(),
     )
 

@@ -36,10 +36,10 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
     # Points of a study share most of them.
     known: dict[Any, Setting] = alike("settings", id(ports), dict, ports)
     settings = []
-    for (key, value), fact in zip(spec.parameters.items(), facts_of(spec), strict=True):
+    for key, fact in facts_of(spec).items():
         setting = known.get(fact)
         if setting is None:
-            setting = _setting(name, key, value, ports)
+            setting = _setting(name, key, spec.parameters[key], ports)
             if fact is not None:
                 if len(known) >= _MOST:
                     known.clear()
@@ -58,18 +58,30 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
     return tuple(settings)
 
 
-def facts_of(spec: ComponentSpec) -> list[tuple[str, bytes] | None]:
-    """The `facts` of a component's parameters."""
-    return alike("facts", id(spec), lambda: facts(spec.parameters), spec)
+def facts_of(spec: ComponentSpec) -> Mapping[str, bytes | None]:
+    """What tells apart all values of a parameter that differ, in a bit or in type, by parameter.
 
-
-def facts(parameters: Mapping[str, Any]) -> list[tuple[str, bytes] | None]:
-    """Tell apart all values that differ, in a bit or in type; None for values that are not plain.
+    None for values that are not plain. Parameters of different names have different facts.
     """
-    return [  # of version 2: without references
-        (key, marshal.dumps(value, 2)) if type(value) in _PLAIN or _are_plain(value) else None
-        for key, value in parameters.items()
-    ]
+    return alike("facts", id(spec), lambda: _facts(spec), spec)
+
+
+def _facts(spec: ComponentSpec) -> dict[str, bytes | None]:
+    # Points of a study have most values from the same objects.
+    last: dict[str, tuple[Any, bytes | None]] = alike("last", id(spec.fmu), dict, spec.fmu)
+    facts = {}
+    for key, value in spec.parameters.items():
+        known = last.get(key)
+        if known is None or known[0] is not value:
+            known = last[key] = value, _fact(key, value)
+        facts[key] = known[1]
+    return facts
+
+
+def _fact(key: str, value: Any) -> bytes | None:
+    if type(value) in _PLAIN or _are_plain(value):
+        return marshal.dumps((key, value), 2)  # of version 2: without references
+    return None
 
 
 def _are_plain(value: Any) -> bool:

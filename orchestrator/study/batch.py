@@ -137,10 +137,10 @@ def _side_by_side(
     progress: Callable[[float], None] | None,
     children: Children,
 ) -> Reduced:
-    at = [group.places[r.place] for r in runs]
+    places = np.array([group.places[r.place] for r in runs])
     seeds = np.array([r.seed for r in runs])
     variations: dict[str, Any] = {f"{name}.seed": seeds for name in campaign.seeded}
-    variations |= {name: values[at] for name, values in group.values.items()}
+    variations |= {name: values[places] for name, values in group.values.items()}
     asked = [(r.length, r.percentage) for r in campaign.study.asked if isinstance(r, Percentile)]
     lengths = [n for n in LENGTHS if any(length == n for length, _ in asked)]
     percentages = sorted({percentage for _, percentage in asked})

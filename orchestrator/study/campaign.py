@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
+from ..simulation.alike import alike
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.process import check_patience, patience
 from ..simulation.resolve import resolve
@@ -370,11 +372,11 @@ def digest_of(
             texts[key] = made()
         return texts[key]
 
-    components = []
-    for c in sorted(plan.components, key=lambda c: c.name):
-        spec = system.components[c.name]
-        own = text(spec, partial(_about, c, spec, free, texts), c.name)
-        components.append(f"{json.dumps(c.name)}: {own}")
+    components = [
+        text(system.components[c.name], partial(_about, c, system.components[c.name], free, texts),
+             c.name)
+        for c in sorted(plan.components, key=attrgetter("name"))
+    ]
     connections = text(
         system.connections,
         lambda: json.dumps(sorted(f"{c.source} {c.target}" for c in system.connections)),
@@ -387,7 +389,7 @@ def digest_of(
     responses = sorted(f"{r.name} {r.sha256}" for r in asked)
     if responses:
         parts.append(f'"responses": {json.dumps(responses)}')
-    parts.append(f'"span_ns": {json.dumps([plan.start_ns, plan.stop_ns, settling_ns])}')
+    parts.append(f'"span_ns": [{plan.start_ns}, {plan.stop_ns}, {settling_ns}]')
     return hashlib.sha256(f"{{{', '.join(parts)}}}".encode()).hexdigest()
 
 
@@ -395,20 +397,26 @@ def _about(
     component: PlannedComponent, spec: ComponentSpec, free: Collection[str], texts: _Texts
 ) -> str:
     """What is hashed of a component."""
+    facts, own = facts_of(spec), f"{component.name}."
+    left_out = {name.removeprefix(own) for name in free if name.startswith(own)}
     parameters = []
-    for (key, value), fact in sorted(zip(spec.parameters.items(), facts_of(spec), strict=True)):
-        if f"{component.name}.{key}" in free:
+    for key in alike("sorted", tuple(facts), lambda: sorted(facts)):
+        if key in left_out:
             continue
+        fact = facts[key]
         entry = texts.get(fact)
         if entry is None:
-            entry = f"{json.dumps(key)}: {json.dumps(value, sort_keys=True)}"
+            entry = f"{_json(key)}: {_json(spec.parameters[key])}"
             if fact is not None:
                 texts[fact] = entry
         parameters.append(entry)
     return (
-        f'{{"fmu": {json.dumps(component.sha256 or component.origin)}, '
+        f'{_json(component.name)}: {{"fmu": {_json(component.sha256 or component.origin)}, '
         f'"interval_ns": {component.interval_ns}, "parameters": {{{", ".join(parameters)}}}}}'
     )
+
+
+_json = json.JSONEncoder(sort_keys=True).encode
 
 
 def batch(campaign: Campaign, first: int, replicates: int) -> list[Run]:

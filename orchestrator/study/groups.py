@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ class Group:
     values: Mapping[str, Floats]
     in_lanes: bool
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Number of communication steps of a run."""
         return self.plan.count - 1
@@ -80,7 +80,7 @@ def _kind(spec: ComponentSpec) -> Hashable:
     return (
         spec.fmu,
         spec.interval_ns,
-        tuple(sorted(spec.parameters)),
+        frozenset(spec.parameters),
         tuple(spec.parameters.get(k) for k in sorted(_ALIKE)),
     )
 
@@ -94,17 +94,21 @@ def grouped(
 ) -> tuple[Group, ...]:
     """Group points that differ only in parameters; ``alone``: no lanes, as a record is needed."""
     alike: dict[Any, list[int]] = {}
-    kinds: dict[int, Any] = {}  # by the id of what points share
+    numbers: dict[Hashable, int] = {}
+    kinds: dict[int, int] = {}  # by the id of what points share
+
+    def kind(thing: Any, of: Callable[[Any], Hashable]) -> int:
+        if id(thing) not in kinds:
+            kinds[id(thing)] = numbers.setdefault(of(thing), len(numbers))
+        return kinds[id(thing)]
+
     for index, (point, plan) in enumerate(zip(points, plans, strict=True)):
-        specs = point.system.components
-        for spec in specs.values():
-            if id(spec) not in kinds:
-                kinds[id(spec)] = _kind(spec)
+        system = point.system
         key = (
             plan.start_ns,
             plan.stop_ns,
-            point.system.connections,
-            tuple((name, kinds[id(spec)]) for name, spec in specs.items()),
+            kind(system.connections, tuple),
+            *((name, kind(spec, _kind)) for name, spec in system.components.items()),
         )
         alike.setdefault(key, []).append(index)
     groups = []
@@ -120,12 +124,11 @@ def grouped(
         values = {}
         for name, spec in points[indices[0]].system.components.items():
             taken = [points[i].system.components[name].parameters for i in indices]
-            if len({*map(id, taken)}) == 1:
-                continue
-            names = [p for p in spec.parameters if f"{name}.{p}" not in free]
-            for parameter in names:
-                rows = [parameters[parameter] for parameters in taken]
-                if rows.count(rows[0]) < len(rows):
+            distinct = {id(parameters): parameters for parameters in taken}.values()
+            for parameter in spec.parameters:
+                given = [parameters[parameter] for parameters in distinct]
+                if given.count(given[0]) < len(given) and f"{name}.{parameter}" not in free:
+                    rows = [parameters[parameter] for parameters in taken]
                     values[f"{name}.{parameter}"] = np.array(rows, np.float64)
         groups.append(Group({p: i for i, p in enumerate(indices)}, plan, values, in_lanes))
     return tuple(groups)

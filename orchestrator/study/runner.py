@@ -148,12 +148,15 @@ def _completed(
     progress: Callable[[float], None] | None,
 ) -> Parts:
     """Do the missing runs, and write each part when it is finished."""
-    weight = campaign.weights
     passed = 0
+    counted: tuple[Sequence[Run], int] = (), 0  # the last part, of which much progress is reported
     written: list[Path] = []
 
     def work(runs: Sequence[Run]) -> int:
-        return sum(weight[r.place] for r in runs)
+        nonlocal counted
+        if counted[0] is not runs:
+            counted = runs, sum(steps_of(campaign, runs))
+        return counted[1]
 
     def done(part: Sequence[Run], share: float) -> None:
         if progress is not None:

@@ -207,12 +207,13 @@ class _Batch:
         self, number: int, runs: int, parts: Sequence[tuple[str, int, Floats]]
     ) -> _Varied:
         """Checked values of one component, side by side."""
-        elements = np.concatenate(
-            [np.arange(first, first + values.shape[1]) for _, first, values in parts]
+        elements = np.array(
+            [first + i for _, first, values in parts for i in range(values.shape[1])], np.int64
         )
-        table = np.concatenate(
-            [np.broadcast_to(values, (runs, values.shape[1])) for *_, values in parts], axis=1
-        )
+        table, done = np.empty((runs, len(elements))), 0
+        for *_, values in parts:
+            table[:, done : done + values.shape[1]] = values
+            done += values.shape[1]
         low, high = (side[number][elements] for side in (self.layout.low, self.layout.high))
         if not (np.isfinite(table) & (low <= table) & (table <= high)).all():
             for name, _, values in parts:
