@@ -24,6 +24,9 @@ from .settings import settings_of, with_article
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
 from .user_files import variables_of
 
+_LIKE_OUTPUTS = ("local", "calculatedParameter")
+"""What can be read of an FMU as its outputs are."""
+
 _Source = tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]
 
 
@@ -127,7 +130,8 @@ def _structure_of(system: System, sources: Mapping[str, _Source], *, warn: bool)
 
 def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure:
     connections, messages = _connections(system, ports)
-    reads, columns, sizes = _outputs(ports)
+    fed = {connection.source for connection in connections.values()}
+    reads, columns, sizes = _outputs(ports, fed | {split(name)[0] for name in fed})
     return _Structure(
         reads,
         {name: _inputs(name, own, connections, columns) for name, own in ports.items()},
@@ -140,15 +144,21 @@ def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure
 
 
 def _outputs(
-    ports: Mapping[str, Mapping[str, Port]],
+    ports: Mapping[str, Mapping[str, Port]], fed: Collection[str]
 ) -> tuple[dict[str, tuple[Read, ...]], dict[str, Column], dict[str, int]]:
-    """Reads by component, columns of the record, and the number of elements by type."""
+    """Reads by component, columns of the record, and the number of elements by type.
+
+    Read are the outputs, and whatever else is in ``fed``, the sources of connections.
+    """
     sizes = dict.fromkeys(DTYPES, 0)
     reads: dict[str, tuple[Read, ...]] = {}
     columns: dict[str, Column] = {}
     for component, own in ports.items():
         blocks = []
-        for kind, group in _by_type(p for p in own.values() if p.causality == "output"):
+        read = [
+            p for p in own.values() if p.causality == "output" or f"{component}.{p.name}" in fed
+        ]
+        for kind, group in _by_type(iter(read)):
             first = sizes[kind]
             for port in group:
                 name = f"{component}.{port.name}"
@@ -174,9 +184,10 @@ def _inputs(
         index = tuple(i for _, own in sources for i in own)
         through = [c.conversion for c, (_, own) in zip(feeding, sources, strict=True) for _ in own]
         converted = tuple(
-            (i, conversion)
+            (i, step)
             for i, conversion in enumerate(through)
-            if conversion not in (None, Conversion())
+            if conversion is not None
+            for step in conversion.steps
         )
         writes.append(
             Write(kind, group, feeding, tuple(column for column, _ in sources), index, converted)
@@ -261,7 +272,7 @@ def _connections(
     taken: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
         where = f"connection {connection.source} -> {connection.target}"
-        _, _, source = _end(where, connection.source, "output", ports)
+        _, _, source = _end(where, connection.source, "output", ports, _LIKE_OUTPUTS)
         component, variable, target = _end(where, connection.target, "input", ports)
         for what, a, b in (
             ("type", source.type, target.type),
@@ -273,7 +284,7 @@ def _connections(
                 )
         if source.type not in DTYPES:
             raise ConfigurationError(f"{where}: {source.type} variables cannot be connected")
-        if connection.conversion not in (None, Conversion()) and source.type != "Float64":
+        if (connection.conversion or Conversion()).steps and source.type != "Float64":
             raise ConfigurationError(
                 f"{where}: must be Float64 to be converted, got {source.type}"
             )
@@ -296,7 +307,11 @@ def _connections(
 
 
 def _end(
-    where: str, end: str, causality: str, ports: Mapping[str, Mapping[str, Port]]
+    where: str,
+    end: str,
+    causality: str,
+    ports: Mapping[str, Mapping[str, Port]],
+    also: Collection[str] = (),
 ) -> tuple[str, str, Port]:
     component, _, variable = end.partition(".")
     if component not in ports:
@@ -312,7 +327,7 @@ def _end(
             f"{where}: {variable!r} must be {with_article(causality)} of {component}, got an "
             f"unknown name{nearest(variable, known)}"
         )
-    if port.causality != causality:
+    if port.causality != causality and not (port.references and port.causality in also):
         raise ConfigurationError(
             f"{where}: {end} must be {with_article(causality)}, got {with_article(port.causality)}"
         )

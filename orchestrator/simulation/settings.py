@@ -45,6 +45,15 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
                     known.clear()
                 known[fact] = setting
         settings.append(setting)
+    for key, value in spec.starts.items():
+        port = ports.get(key)
+        if port is None or port.type not in DTYPES:
+            got = "an unknown name" if port is None else with_article(port.type)
+            raise ConfigurationError(
+                f"{name}.{key}: must be a number or a switch of {name}, got {got}"
+                f"{nearest(key, ports)}"
+            )
+        settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     for key, value in spec.inputs.items():
         port = ports.get(key)
         if port is None or port.causality != "input" or port.type not in DTYPES:

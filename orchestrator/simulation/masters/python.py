@@ -430,10 +430,14 @@ def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
     if not write.conversions:
         return None
     places = [place for place, _ in write.conversions]
-    factors, offsets = np.array([(c.factor, c.offset) for _, c in write.conversions]).T
+    rounds: dict[int, dict[int, tuple[float, float]]] = {}  # a value may be converted repeatedly
+    for i, (place, c) in enumerate(write.conversions):
+        rounds.setdefault(places[:i].count(place), {})[place] = (c.factor, c.offset)
+    given = [([*own], *np.array([*own.values()]).T) for own in rounds.values()]
 
     def convert() -> None:
-        inputs[places] = inputs[places] * factors + offsets
+        for places, factors, offsets in given:
+            inputs[places] = inputs[places] * factors + offsets
 
     return convert
 
