@@ -223,10 +223,11 @@ def plan(
         settled, _ = _settled(scenario, receiver, set_, fmi, seed)
         if is_package(settled):
             with opened(settled) as package:
-                resolved = resolve(package.system)
+                resolved = resolve(package.system, where=str(package.path))
+                check_size(resolved)
         else:
             resolved = resolve(connect(settled, receiver or (), fmi))
-        check_size(resolved)
+            check_size(resolved)
     if as_json:
         from .contents import plan as content
 

@@ -53,11 +53,14 @@ class Documents:
     ----------
     remarks
         What was wrong and has been read all the same, in sentences.
+    warnings
+        What has no effect, or is unclear.
     """
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
         self.remarks: list[str] = []
+        self.warnings: list[str] = []
 
     @property
     def names(self) -> frozenset[str]:

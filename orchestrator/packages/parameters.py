@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
-from sblcosim.fmus.read.archive import shown
-
-from ..errors import ConfigurationWarning, nearest, quoted
+from ..errors import nearest, quoted
 from ..simulation.system import Conversion
 from .documents import SIDES, SPACES, Documents, local
 from .units import Named, Unit, unit_of
@@ -172,7 +169,9 @@ class Parameters:
         if missing:
             names = ", ".join(map(quoted, dict.fromkeys(missing)))
             close = nearest(missing[0], known) if len(missing) == 1 else ""
-            warn(f"{inside} has no effect for parameters that the set lacks: {names}{close}")
+            self._documents.warnings.append(
+                f"{inside} has no effect for parameters that the set lacks: {names}{close}"
+            )
 
 
 def defined(documents: Documents, root: Element) -> dict[str, Unit | None]:
@@ -213,8 +212,3 @@ def transformation_of(
         for key, default in (("factor", "1"), ("offset", "0"))
     )
     return Conversion(factor, offset)
-
-
-def warn(message: str) -> None:
-    """Warn of what has no effect, or is unclear."""
-    warnings.warn(shown(message, 250), ConfigurationWarning, stacklevel=2)

@@ -8,6 +8,7 @@ of them in their order.
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,10 +17,10 @@ from pathlib import Path
 from sblcosim.fmus.files import scratch
 from sblcosim.fmus.host.nanoseconds import text_of
 from sblcosim.fmus.read import archive as archives
+from sblcosim.fmus.read.archive import shown
 
-from ..errors import ConfigurationError, FmuError, SblcosimError
+from ..errors import ConfigurationError, ConfigurationWarning, FmuError, SblcosimError
 from ..simulation.system import ComponentSpec, Connection, Conversion, System
-from .parameters import warn
 from .parts import Part, Place, part_of
 from .structure import Component, Inside, Step, Structure, structure_of
 from .structure import Path as Inner
@@ -107,9 +108,13 @@ def opened(source: str | Path) -> Iterator[Package]:
             raise ConfigurationError(str(error).replace(str(folder), str(path))) from error
         try:
             wiring = Wiring(structure, parts)
-            system, remarks = _Assembly(structure, parts, wiring).system()
+            assembly = _Assembly(structure, parts, wiring)
+            system, remarks = assembly.system()
         except ConfigurationError as error:
             raise ConfigurationError(f"{path}: {error}") from error
+        for message in (*structure.warnings, *assembly.warnings):
+            text = f"{path}: {shown(message, 250)}"
+            warnings.warn(text, ConfigurationWarning, stacklevel=3)
         package = Package(
             path.stem, sha256, system, (*structure.remarks, *remarks), path, folder, structure,
             wiring, labels,
@@ -144,6 +149,7 @@ class _Assembly:
         self._structure = structure
         self._parts = parts
         self._wiring = wiring
+        self.warnings: list[str] = []
 
     def system(self) -> tuple[System, list[str]]:
         """The system, and remarks on what the package leaves open."""
@@ -151,7 +157,7 @@ class _Assembly:
             raise ConfigurationError("the system must have at least one component, got none")
         stop_ns, remarks = self._stop()
         intervals, more = self._intervals(stop_ns)
-        values = values_of(self._structure, self._parts, self._wiring)
+        values, self.warnings = values_of(self._structure, self._parts, self._wiring)
         components = {
             part.label: ComponentSpec(part.fmu.path, intervals[path], *filled(part, values[path]))
             for path, part in self._parts.items()
@@ -232,7 +238,7 @@ class _Assembly:
             one, other = self._parts[source[0]], self._parts[edge.target[0]]
             out, into = one.places[source[1]], other.places[edge.target[1]]
             key = (one.label, out.port.name, other.label, into.port.name)
-            groups.setdefault(key, []).append((out, into, _conversion(edge, quantity)))
+            groups.setdefault(key, []).append((out, into, self._conversion(edge, quantity)))
         for (source_, name, target, other_name), pairs in groups.items():
             if _is_whole(pairs):
                 yield Connection(f"{source_}.{name}", f"{target}.{other_name}", pairs[0][2])
@@ -240,14 +246,15 @@ class _Assembly:
             for out, into, through in pairs:
                 yield Connection(f"{source_}.{out.name}", f"{target}.{into.name}", through)
 
-
-def _conversion(edge: Edge, quantity: Quantity) -> Conversion | None:
-    """What becomes of the values; None: the units of the FMUs are left to be compared by name."""
-    if not quantity.certain:
-        return None
-    for one, other in quantity.doubts:
-        warn(f"{edge.link}: both ends must have the same unit, got {one} and {other}")
-    return chained(quantity.through)
+    def _conversion(self, edge: Edge, quantity: Quantity) -> Conversion | None:
+        """What becomes of the values; None: the FMUs' units are left to be compared by name."""
+        if not quantity.certain:
+            return None
+        self.warnings += [
+            f"{edge.link}: both ends must have the same unit, got {one} and {other}"
+            for one, other in quantity.doubts
+        ]
+        return chained(quantity.through)
 
 
 def _is_whole(pairs: Sequence[tuple[Place, Place, Conversion | None]]) -> bool:

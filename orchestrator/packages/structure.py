@@ -147,8 +147,8 @@ class Structure:
         Of the default experiment [ns]; None: not given.
     intervals_ns
         Communication intervals of components [ns], where our own annotation gives them.
-    remarks
-        What was wrong and has been read all the same, in sentences.
+    remarks, warnings
+        What was wrong and has been read all the same, and what has no effect, in sentences.
     """
 
     name: str
@@ -158,6 +158,7 @@ class Structure:
     stop_ns: int | None
     intervals_ns: Mapping[str, int]
     remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def structure_of(archive: Archive) -> Structure:
@@ -193,6 +194,7 @@ def structure_of(archive: Archive) -> Structure:
         stop_ns=None if stop is None else documents.time("stopTime", stop),
         intervals_ns=_intervals(documents, system),
         remarks=tuple(documents.remarks),
+        warnings=tuple(documents.warnings),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelVariable
@@ -12,10 +12,10 @@ from sblcosim.models.declaration import Number
 from ..errors import ConfigurationError, nearest, quoted
 from ..simulation.settings import checked
 from ..simulation.system import Conversion, Value
-from .parameters import Parameter, warn
+from .parameters import Parameter
 from .parts import Part
 from .structure import Path, Structure
-from .units import Named, Quantity
+from .units import EXPONENTS, Named, Quantity, Unit
 from .wiring import Wiring
 
 
@@ -29,8 +29,8 @@ class Given:
 
 def values_of(
     structure: Structure, parts: Mapping[Path, Part], wiring: Wiring
-) -> dict[Path, dict[str, Given]]:
-    """The values of variables, by component.
+) -> tuple[dict[Path, dict[str, Given]], list[str]]:
+    """The values of variables, by component, and warnings of those without an effect.
 
     Those bound to an outer system come before those of inner ones, and of one element the last
     (SSP 2.0, section 5.2.3).
@@ -39,12 +39,8 @@ def values_of(
     ------
     ConfigurationError
         A value cannot be converted to the unit that it should have.
-
-    Warns
-    -----
-    ConfigurationWarning
-        A value has no effect, or a unit that nothing can be done with.
     """
+    warnings: list[str] = []
     values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
     for path, element in reversed([*structure.system.walk()]):
         for parameter in element.parameters:
@@ -56,7 +52,7 @@ def values_of(
             ends = [*wiring.named(path, parameter.name)]
             if not ends:
                 close = nearest(parameter.name, wiring.names(path))
-                warn(f"{label} has no effect: there is no such variable{close}")
+                warnings.append(f"{label} has no effect: there is no such variable{close}")
             for end in ends:
                 unit = parameter.unit
                 if unit is not None and unit.unit is None and parameter.converts:
@@ -64,13 +60,12 @@ def values_of(
                 quantity = _at(parameter, end, wiring)
                 reached = [*wiring.reached(end, quantity)]
                 if not reached:
-                    warn(f"{label} has no effect: the connector leads to no component")
+                    warnings.append(f"{label} has no effect: its connector leads to no component")
                 for (owner, variable), there in reached:
                     values[owner][variable] = Given(parameter, there.through)
-                    target = wiring.unit((owner, variable))
-                    if parameter.unit is not None and parameter.converts and target is None:
-                        _warn_of_unit(f"{'.'.join(owner)}.{variable}", parameter)
-    return values
+                    if parameter.converts and wiring.unit((owner, variable)) is None:
+                        warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
+    return values, warnings
 
 
 def _check_same(
@@ -106,13 +101,13 @@ def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity
     return there if by is None else there.transformed(by)
 
 
-def _warn_of_unit(where: str, parameter: Parameter) -> None:
-    assert parameter.unit is not None
-    unit = parameter.unit.unit
-    if unit is None or any(unit.exponents) or (unit.factor, unit.offset) != (1.0, 0.0):
-        warn(
-            f"{where}: its value is given in {parameter.unit.name} and taken as it is, as neither "
-            "the connector nor the variable has a unit"
+def _doubts(where: str, unit: Named | None) -> Iterator[str]:
+    """What is said of a value in a unit for a variable without one."""
+    plain = Unit((0,) * len(EXPONENTS), 1.0, 0.0)
+    if unit is not None and unit.unit != plain:
+        yield (
+            f"{where}: its value is given in {unit.name} and taken as it is, as neither the "
+            "connector nor the variable has a unit"
         )
 
 

@@ -180,7 +180,7 @@ class Wiring:
                 f"{self._kind(e)} {quoted('.'.join((*e[0], e[1])))}" for e in (link.start, link.end)
             )
             raise ConfigurationError(
-                f"{_words(link)}: must go from what gives values to what takes them, got {got}"
+                f"{_words(link)}: must connect an output with an input, got {got}"
             )
         if one is False or other is True:
             return Edge(link, link.end, link.start)

@@ -30,13 +30,15 @@ _LIKE_OUTPUTS = ("local", "calculatedParameter")
 _Source = tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]
 
 
-def resolve(system: System, *, again: bool = False) -> Plan:
+def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
     """Resolve and check a system.
 
     Parameters
     ----------
     again
         Whether a similar system was resolved before, so that warnings are not repeated.
+    where
+        The file that the system is from, for warnings; empty: none.
 
     Raises
     ------
@@ -58,7 +60,9 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     settings = {
         name: settings_of(name, spec, ports[name]) for name, spec in system.components.items()
     }
-    structure = _structure_of(system, sources, warn=not again)
+    structure = _structure_of(system, sources)
+    if not again:
+        _warn(structure.messages, where)
     start_ns, stop_ns = _span(system)
     plan = Plan(
         components=tuple(
@@ -88,6 +92,12 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     return plan
 
 
+def _warn(messages: Sequence[str], where: str) -> None:
+    for message in messages:
+        text = f"{where}: {message}" if where else message
+        warnings.warn(text, ConfigurationWarning, stacklevel=4)
+
+
 @dataclass(frozen=True)
 class _Structure:
     """What plans of the same components and connections share.
@@ -113,19 +123,15 @@ class _Structure:
     fitting: set[tuple[tuple[int, int | None], ...]]
 
 
-def _structure_of(system: System, sources: Mapping[str, _Source], *, warn: bool) -> _Structure:
+def _structure_of(system: System, sources: Mapping[str, _Source]) -> _Structure:
     """All of a plan but values and times; points of a study share it."""
     ports = {name: own for name, (_, own) in sources.items()}
     if all(isinstance(source, Fmu) for source, _ in sources.values()):
         known = tuple((name, id(own)) for name, own in ports.items())
-        structure = unchanged.once(
+        return unchanged.once(
             ("structure", known, system.connections), lambda: _made(system, ports)
         )
-    else:  # a Python component is asked anew each time
-        structure = _made(system, ports)
-    for message in structure.messages if warn else ():
-        warnings.warn(message, ConfigurationWarning, stacklevel=3)
-    return structure
+    return _made(system, ports)  # a Python component is asked anew each time
 
 
 def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure:

@@ -427,19 +427,17 @@ class _PythonRunner:
 
 def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
     """A function that converts those inputs of a write that are to be; None if there are none."""
-    if not write.conversions:
-        return None
     places = [place for place, _ in write.conversions]
-    rounds: dict[int, dict[int, tuple[float, float]]] = {}  # a value may be converted repeatedly
+    rounds: dict[int, list[tuple[int, float, float]]] = {}  # a value may be converted repeatedly
     for i, (place, c) in enumerate(write.conversions):
-        rounds.setdefault(places[:i].count(place), {})[place] = (c.factor, c.offset)
-    given = [([*own], *np.array([*own.values()]).T) for own in rounds.values()]
+        rounds.setdefault(places[:i].count(place), []).append((place, c.factor, c.offset))
+    given = [[np.array(column) for column in zip(*own, strict=True)] for own in rounds.values()]
 
     def convert() -> None:
-        for places, factors, offsets in given:
-            inputs[places] = inputs[places] * factors + offsets
+        for where, factors, offsets in given:
+            inputs[where] = inputs[where] * factors + offsets
 
-    return convert
+    return convert if given else None
 
 
 def _views(read: Read, vector: Vector) -> dict[str, Vector]:
