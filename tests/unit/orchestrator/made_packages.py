@@ -170,13 +170,11 @@ def parameters(
     *,
     alone: bool = False,
 ) -> str:
-    """A set of "value" or "value unit" by name; alone: as a file of its own."""
+    """A set of "value", "value unit" or "1 2 3 unit" by name; alone: as a file of its own."""
     made = []
     for name, words in values.items():
-        value, _, unit = words.partition(" ")
-        made.append(
-            tag("ssv:Parameter", tag("ssv:Real", value=value, unit=unit or None), name=name)
-        )
+        value, _, unit = re.fullmatch("(.*?)( ([a-zA-Z]+))?", words).groups()
+        made.append(tag("ssv:Parameter", tag("ssv:Real", value=value, unit=unit), name=name))
     defined = [tag("ssv:Units", *_units("ssc:Unit", "ssc:BaseUnit", units))] if units else []
     spaces = {f"xmlns:{kind}": SPACES[kind] for kind in ("ssv", "ssc")} if alone else {}
     return tag("ssv:ParameterSet", tag("ssv:Parameters", *made), *defined, version="1.0",

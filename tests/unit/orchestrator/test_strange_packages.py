@@ -369,6 +369,68 @@ def test_a_value_passes_straight_through_a_system(made: Callable[..., Path]) -> 
     assert series(run(made(root)), "b", "integral") == integral([0, 5, 5, 5])
 
 
+@pytest.mark.parametrize("into", ["input", "parameter", "structuralParameter", "unspecified"])
+@pytest.mark.parametrize("out", ["output", "local", "unspecified"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_kinds_give_or_take(turned: bool, into: str, out: str, made: Callable[..., Path]) -> None:
+    """The table of Allowed Connections; an unspecified kind is what it has to be."""
+    ends = [[(".set", "p.c"), (".go", "p.a"), ("p.total", ".shown")],
+            [("a.a", "in.shown"), ("a.gained", "in.go")]]  # fmt: skip
+    inside, outside = (
+        [link(*(pair[::-1] if turned else pair)) for pair in level] for level in ends
+    )
+    kinds = connectors(set=into, go="unspecified" if into == "unspecified" else "input", shown=out)
+    inner = system("in", [part("p")], inside, kinds, bindings(bound(parameters({"set": "2"}))))
+    root = system(
+        "s", [inner, part("a")], outside, "", bindings(bound(parameters({"a.c": "1"})))
+    )  # fmt: skip
+    record = run(made(root))
+    total, gained = [0.0], [0.0]  # p: (a + 2) + 0, a: a + 1
+    for _ in range(4):
+        total, gained = [*total, gained[-1] + 2], [*gained, total[-1] + 1]
+    assert series(record, "in", "p", "total") == total
+    assert series(record, "a", "gained") == gained
+
+
+def test_a_name_of_several_variables_is_that_of_all(made: Callable[..., Path]) -> None:
+    """A value is applied to all that have its hierarchical name (ParameterBindings)."""
+    inner = system("x", [part("y"), part("y.z")], [link("y.gained", "y.z.a")])
+    values = parameters({"x.y.c": "2", "x.y.z.k": "3", "x.y.z.d": "1"})
+    root = system("s", [inner, part("x.y"), part("x.y.z")], [], bindings(bound(values)))
+    record = run(made(root))
+    words = {name: float(values[-1]) for name, values in record.values.items()}
+    gained = sorted(v for name, v in words.items() if name.endswith(".gained"))
+    total = sorted(v for name, v in words.items() if name.endswith(".total"))
+    assert gained == [0, 2, 2, 6]
+    assert total == [1, 2, 2, 7]
+
+
+def test_arrays_and_their_elements_pass_systems(
+    made: Callable[..., Path], stranger: Stranger
+) -> None:
+    two, three = (stranger(fmi).read_bytes() for fmi in (2, 3))  # offset, u and y are in m
+    inner = system(
+        "in", [part("e", source="two.fmu"), part("w", source="three.fmu")],
+        [link("e.u[2]", ".one"), link(".far", "e.y[1,1]"), link(".all", "w.u")],
+        connectors(one="input ki", far="output half", all="input ki"),
+        bindings(bound(parameters({"w.offset": "1 2"}))),
+    )  # fmt: skip
+    root = system(
+        "s", [inner, part("a", source="metres.fmu")],
+        [link("in.far", "a.a"), link("a.gained", "in.one"), link("in.all", ".all")],
+        connectors(all="input m"),
+        bindings(bound(parameters({"in.e.offset[1]": "2 ki"})),
+                 bound(parameters({"p": "0.5 1 ki"}), mapping(entry("p", "all", linear(2))))),
+    )  # fmt: skip
+    record = run(made(root, two__fmu=two, three__fmu=three))
+    assert record.values["in/w.y"][-1].tolist() == [[1024 + 1, 1024], [2048 + 2, 2048]]
+    far = [0.0, *[2048.0] * 4]
+    assert record.values["in/e.y"][:, 0, 0].tolist() == far
+    gained = [0.0, *far[:-1]]
+    assert series(record, "a", "gained") == gained
+    assert record.values["in/e.y"][:, 1, 1].tolist() == integral(gained[:-1])
+
+
 def test_components_of_one_name_in_two_systems_are_two(made: Callable[..., Path]) -> None:
     def inner(name: str) -> str:
         return system(name, [part("a"), part("b")], [link("a.gained", "b.a")])
