@@ -113,8 +113,8 @@ def _doubts(where: str, unit: Named | None) -> Iterator[str]:
 
 def filled(
     part: Part, values: Mapping[str, Given]
-) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value]]:
-    """Values of parameters, of inputs, and of others at the start, by port.
+) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value], dict[str, str]]:
+    """Values of parameters, of inputs, of others at the start, and texts, by port.
 
     Elements that are not given keep their start.
 
@@ -124,6 +124,7 @@ def filled(
         A value does not fit its variable, or it cannot be set.
     """
     given: dict[str, dict[int, Number]] = {}
+    texts: dict[str, str] = {}
     for variable, value in values.items():
         name = part.label
         if variable not in part.places:
@@ -136,6 +137,9 @@ def filled(
                 f"{name}.{variable}: must be a parameter or an input to be set, got one of "
                 f"causality {place.port.causality}"
             )
+        if place.port.type == "String":
+            texts[place.name] = value.parameter.text
+            continue
         file = value.parameter.file
         before = f"{file}: {name}." if file else f"{name}."
         numbers = _numbers(before + variable, part, variable, value)
@@ -153,7 +157,7 @@ def filled(
         port = part.fmu.ports[key]
         kind = port.causality if port.causality in kinds else ""
         kinds[kind][key] = _whole(f"{part.label}.{key}", port, elements)
-    return kinds["parameter"], kinds["input"], kinds[""]
+    return kinds["parameter"], kinds["input"], kinds[""], texts
 
 
 def _whole(where: str, port: Port, given: Mapping[int, Number]) -> Value:

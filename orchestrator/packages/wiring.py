@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from sblcosim.fmus.read.archive import shown
 
 from ..errors import ConfigurationError, nearest, quoted
+from ..simulation.system import Conversion
 from .parts import Part
 from .structure import Component, End, Inside, Link, Path, Structure
 from .units import Named, Quantity
@@ -131,6 +132,15 @@ class Wiring:
         others = (other for link in plain for other in (link.start, link.end))
         inside = {self.unit(other) for other in others if other[0][:-1] == path != other[0]}
         return inside.pop() if len(inside) == 1 else None
+
+    def through(self, edge: Edge) -> tuple[Conversion, ...]:
+        """What becomes of a number on one edge alone."""
+        return self._along(Quantity.of(self.unit(edge.source)), edge).through
+
+    def unfed(self, path: Path) -> list[str]:
+        """Inputs of a component that no connection leads to."""
+        places = self._parts[path].places.items()
+        return [v for v, p in places if p.port.causality == "input" and (path, v) not in self._into]
 
     def _along(self, quantity: Quantity, edge: Edge) -> Quantity:
         link, target = edge.link, self.unit(edge.target)

@@ -20,7 +20,7 @@ from sblcosim.fmus.read.ports import Fmu, Port
 from ..errors import ConfigurationError, ConfigurationWarning, nearest
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
-from .settings import settings_of, with_article
+from .settings import settings_of, texts_of, with_article
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
 from .user_files import variables_of
 
@@ -75,6 +75,7 @@ def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
                 settings=settings[name],
                 reads=structure.reads[name],
                 writes=structure.writes[name],
+                texts=texts_of(name, spec, ports[name]),
             )
             for name, spec in system.components.items()
         ),

@@ -67,6 +67,24 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
     return tuple(settings)
 
 
+def texts_of(
+    name: str, spec: ComponentSpec, ports: Mapping[str, Port]
+) -> tuple[tuple[Port, str], ...]:
+    """The texts that are set of a component.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such variable, or it is no single text.
+    """
+    for key in spec.texts:
+        port = ports.get(key)
+        if port is None or port.type != "String" or port.shape or not port.references:
+            got = "an unknown name" if port is None else f"{port.type} of {port.size}"
+            raise ConfigurationError(f"{name}.{key}: must be a single text of an FMU, got {got}")
+    return tuple((ports[key], text) for key, text in spec.texts.items())
+
+
 def facts(parameters: Mapping[str, Any]) -> list[tuple[str, bytes] | None]:
     """Tell apart all values that differ, in a bit or in type; None for values that are not plain.
     """

@@ -90,6 +90,8 @@ class ComponentSpec:
     starts
         Values at the start of other variables of an FMU, in the same way. The FMU must let them be
         set (``initial`` exact or approx).
+    texts
+        Values at the start of variables of an FMU that are texts.
     """
 
     fmu: Path | Callable[[], PythonComponent]
@@ -97,6 +99,7 @@ class ComponentSpec:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     inputs: Mapping[str, Value] = field(default_factory=dict)
     starts: Mapping[str, Value] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -441,7 +441,8 @@ __all__ = ["Outcome", "execute", "unsupported"]
 
 def _special(component: PlannedComponent) -> bool:
     """Whether inputs are converted, parts of arrays, or set at the start."""
-    return any(s.port.causality != "parameter" for s in component.settings) or any(
+    settings = (s.port.causality != "parameter" for s in component.settings)
+    return any(settings) or bool(component.texts) or any(
         w.conversions or port.name not in component.ports or port.shape != column.shape
         for w in component.writes
         for port, column in zip(w.ports, w.columns, strict=True)

@@ -229,6 +229,7 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
     instance.initialise(
         start_ns,
         ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
+        component.texts,
     )
     return instance
 
@@ -427,11 +428,7 @@ class _PythonRunner:
 
 def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
     """A function that converts those inputs of a write that are to be; None if there are none."""
-    places = [place for place, _ in write.conversions]
-    rounds: dict[int, list[tuple[int, float, float]]] = {}  # a value may be converted repeatedly
-    for i, (place, c) in enumerate(write.conversions):
-        rounds.setdefault(places[:i].count(place), []).append((place, c.factor, c.offset))
-    given = [[np.array(column) for column in zip(*own, strict=True)] for own in rounds.values()]
+    given = [[np.array(column) for column in zip(*own, strict=True)] for own in write.rounds]
 
     def convert() -> None:
         for where, factors, offsets in given:

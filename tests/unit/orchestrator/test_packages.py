@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from sblcosim.export.ssp import export_ssp
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.files import scratch
 from sblcosim.packages.documents import SPACES as READ
+from sblcosim.packages.drawing import lines_of
+from sblcosim.packages.picture import svg
 from sblcosim.packages.read import opened
 from sblcosim.packages.structure import NAMESPACES
 from sblcosim.packages.units import conversion, unit_of
@@ -575,7 +578,8 @@ def test_units_are_converted_at_every_connector(
     target = component("b", connectors(f"u[1] input {last}") if last else "")
     deep = inner("t", target, turn(link(".i", "b.u[1]")), connectors(f"i input {through}"))
     nested = inner("s", deep, turn(link(".j", "t.i")), connectors("j input"))
-    source = inner("r", component("a"), turn(link("a.now", ".o")), connectors(f"o output {through}"))
+    own = connectors(f"o output {through}")
+    source = inner("r", component("a"), turn(link("a.now", ".o")), own)
     path = package(tmp_path, stranger2, source + nested, turn(link("r.o", "s.j")))
     assert conversions(path) == {"s/t/b.u[1]": ("r/a.now", tuple(steps))}
 
@@ -788,10 +792,37 @@ def test_starts_that_the_fmu_lets_be_set_are_set(tmp_path: Path) -> None:
     path = package(tmp_path, fmu, given)
     assert settings(path) == {"a.fail_at": (0.5,)}
     for master in ("native", "python"):
-        with pytest.raises(FmuError, match="a: fmi2DoStep at 0.5 s must succeed"):
+        with pytest.raises(FmuError, match=r"a: fmi2DoStep at 0\.5 s must succeed"):
             sblcosim.run(path, master=master)
-    with pytest.raises(ConfigurationError, match="must have inputs that are whole outputs|lanes"):
+    with pytest.raises(ConfigurationError, match=r"must have inputs that are whole outp|lanes"):
         sblcosim.run(path, master="lanes")
+
+
+@pytest.mark.parametrize("master", ["native", "python"])
+def test_texts_are_set(master: str, fmi: int, tmp_path: Path) -> None:
+    def with_text(xml: str) -> str:
+        if fmi == 2:
+            text = (
+                '<ScalarVariable name="text" valueReference="2400" causality="parameter" '
+                'variability="fixed"><String start="x"/></ScalarVariable>'
+            )
+            return xml.replace("</ModelVariables>", f"{text}</ModelVariables>")
+        text = (
+            '<String name="text" valueReference="2400" causality="parameter" '
+            'variability="fixed"><Start value="x"/></String>'
+        )
+        return xml.replace("</ModelVariables>", f"{text}</ModelVariables>")
+
+    fmu = build_stranger(fmi, tmp_path / "text", with_text, ("-DTEXT",))
+    two = component("a", bound(values(("text", "String", 'value="two words, ä"')))) + component("b")
+    path = package(tmp_path, fmu, two)
+    out = sblcosim.run(path, master=master).record.values
+    assert out["a.y"][-1, 0, 0] == len("two words, ä".encode())
+    assert out["b.y"][-1, 0, 0] == 0.0
+    done = CliRunner().invoke(app, ["plan", str(path)])
+    assert ["a.text", "String", "2400", "two", "words,", "ä"] in [
+        line.split() for line in done.stdout.splitlines()
+    ]
 
 
 @pytest.mark.parametrize("master", ["native", "python"])
@@ -926,7 +957,7 @@ def test_a_namespace_that_is_known_to_be_wrong_is_read(
     with opened(path) as found:
         assert "resources/more.ssv: the namespace http://" in found.remarks[0]
     path = package(tmp_path, stranger2, own, more=more.replace(right, "SSP1/Values"))
-    with pytest.raises(ConfigurationError, match="must be a ParameterSet of SSP 1.0 or 2.0"):
+    with pytest.raises(ConfigurationError, match=r"must be a ParameterSet of SSP 1\.0 or 2\.0"):
         settings(path)
 
 
@@ -968,6 +999,90 @@ def test_a_missing_unit_is_warned_of_with_the_package(stranger2: Path, tmp_path:
     assert str(caught[0].message) == (
         f"{path}: connection a.now -> b.u[1]: both ends must have the same unit, got none and m"
     )
+
+
+# --- Drawings ----------------------------------------------------------------------------------
+
+
+def nested(folder: Path, fmu: Path) -> Path:
+    """a in km to s/b in m and back, and an input from outside."""
+    deep = inner("s", component("b"), link(".i", "b.u[1]") + link("b.y[1,1]", ".o"),
+                 connectors("i input m", "o output m"))  # fmt: skip
+    links = link("a.now", "s.i") + link("s.o", "a.u[1]") + link(".x", "a.u[2]")
+    return package(folder, fmu, component("a") + deep, links, connectors("x input km"))
+
+
+def test_a_package_is_drawn_in_text(stranger2: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["plan", str(nested(tmp_path, stranger2))])
+    assert done.exit_code == 0, done.stderr
+    text = done.stdout.partition("\nRun from 0 s to 1 s")[0]
+    assert text.startswith("x: 2 components in 2 systems, 5 connections\n")
+    rows = [line.split() for line in text.splitlines()]
+    assert ["a", "a", "b.fmu", "2", "0.001", "s"] in rows
+    assert ["s", "system"] in rows
+    assert "  b      a b.fmu  2    0.001 s" in text
+    assert ["a.now", "km", "s.i", "m", "×", "1000"] in rows
+    assert ["x", "km", "a.u", "m", "×", "1000"] in rows
+    assert ["s.i", "m", "s/b.u", "m"] in rows
+    assert "inputs without a connection keep their start: a.n, a.on, s/b.u, s/b.n" in text
+
+
+def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> None:
+    path, file = nested(tmp_path, stranger2), tmp_path / "x.svg"
+    done = CliRunner().invoke(app, ["plan", str(path), "--svg", str(file)])
+    assert done.exit_code == 0, done.stderr
+    root = ElementTree.fromstring(file.read_text("utf-8"))
+    space = "{http://www.w3.org/2000/svg}"
+    texts = [element.text for element in root.iter(f"{space}text")]
+    assert {"x", "a", "b", "s", "now [km]", "i [m]", "o [m]", "x [km]", "u [m]"} <= {*texts}
+    assert texts.count("0.001 s, FMI 2, a b.fmu") == 2
+    said = [title.text for title in root.iter(f"{space}title")]
+    assert said[0] == "x"
+    assert sorted(said[1:]) == [
+        "a.now → s.i: × 1000", "s.b.y → s.o", "s.i → s.b.u", "s.o → a.u", "x → a.u: × 1000",
+    ]  # fmt: skip
+    (look,) = root.iter(f"{space}style")
+    assert "prefers-color-scheme:dark" in str(look.text)
+    width, height = (float(root.get(side, "")) for side in ("width", "height"))
+    ways = " ".join(str(way.get("d")) for way in root.iter(f"{space}path"))
+    for number in re.findall(r"[-\d.]+", ways):
+        assert -1 <= float(number) <= max(width, height)
+
+
+def test_circles_and_long_ways_are_drawn(stranger2: Path, tmp_path: Path) -> None:
+    names = [chr(ord("a") + i) for i in range(12)]
+    random = np.random.default_rng(1)
+    links = "".join(
+        link(f"{names[i]}.y[1,1]", f"{names[j]}.u[{k + 1}]")
+        for j in range(12) for k, i in enumerate(random.integers(0, 12, 2))
+    )  # fmt: skip
+    path = package(tmp_path, stranger2, "".join(map(component, names)), links)
+    with opened(path) as found:
+        text = svg(found, resolve(found.system))
+    root = ElementTree.fromstring(text)
+    paths = [*root.iter("{http://www.w3.org/2000/svg}path")]
+    assert len(paths) == len(lines_of(found))
+    assert "nan" not in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["x.ssp", "--svg", "x.ssp"], "error: x.ssp: must be an SVG file, FILE.svg, got x.ssp"),
+        (["x.ssp", "--svg", "x.ssp/x.svg"], "error: x.ssp/x.svg: must be writable, got "),
+        (["paper-scenario-1", "--svg", "x.svg"], "error: --svg: must come with an SSP package"),
+    ],
+)
+def test_a_picture_that_cannot_be_written_is_refused(
+    arguments: list[str], message: str, stranger2: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    before = nested(tmp_path, stranger2).read_bytes()
+    done = CliRunner().invoke(app, ["plan", *arguments])
+    assert done.exit_code == 2
+    assert done.stderr.startswith(message)
+    assert (tmp_path / "x.ssp").read_bytes() == before
 
 
 # --- What is refused ------------------------------------------------------------------------------
