@@ -61,8 +61,7 @@ def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
         name: settings_of(name, spec, ports[name]) for name, spec in system.components.items()
     }
     structure = _structure_of(system, sources)
-    if not again:
-        _warn(structure.messages, where)
+    _warn(() if again else structure.messages, where)
     start_ns, stop_ns = _span(system)
     plan = Plan(
         components=tuple(
