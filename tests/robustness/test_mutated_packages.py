@@ -42,7 +42,7 @@ from stranger import build_stranger
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
 SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
-QUICK, ALL = 40, 1500
+QUICK, ALL = 20, 1500
 CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 TEXTS = (".ssd", ".ssv", ".ssm")
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out")

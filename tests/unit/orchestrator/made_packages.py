@@ -170,11 +170,21 @@ def parameters(
     *,
     alone: bool = False,
 ) -> str:
-    """A set of "value", "value unit" or "1 2 3 unit" by name; alone: as a file of its own."""
+    """A set of "value", "value unit", "1 2 3 unit" or "'text'" by name.
+
+    Parameters
+    ----------
+    alone
+        As a file of its own.
+    """
     made = []
     for name, words in values.items():
-        value, _, unit = re.fullmatch("(.*?)( ([a-zA-Z]+))?", words).groups()
-        made.append(tag("ssv:Parameter", tag("ssv:Real", value=value, unit=unit), name=name))
+        if words.startswith("'"):
+            value = tag("ssv:String", value=words.strip("'"))
+        else:
+            number, _, unit = re.fullmatch("(.*?)( ([a-zA-Z]+))?", words).groups()
+            value = tag("ssv:Real", value=number, unit=unit)
+        made.append(tag("ssv:Parameter", value, name=name))
     defined = [tag("ssv:Units", *_units("ssc:Unit", "ssc:BaseUnit", units))] if units else []
     spaces = {f"xmlns:{kind}": SPACES[kind] for kind in ("ssv", "ssc")} if alone else {}
     return tag("ssv:ParameterSet", tag("ssv:Parameters", *made), *defined, version="1.0",

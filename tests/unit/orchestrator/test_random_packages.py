@@ -36,7 +36,7 @@ from made_packages import (
 )
 
 LENGTHS = {name: UNITS[name] for name in ("m", "ki", "half", "quarter", "four")}
-QUICK, ALL = 15, 100
+QUICK, ALL = 10, 100
 BITS = 40
 """Of a number at most."""
 PARAMETERS, INPUTS, OUTPUTS = ("k", "c", "d"), ("a", "b"), ("gained", "total", "integral")
