@@ -76,12 +76,14 @@ class Element:
     path: Path_
     elements: list[Element] = field(default_factory=list)
     connectors: dict[str, str] = field(default_factory=dict)
+    passed: dict[str, str] = field(default_factory=dict)
     links: list[str] = field(default_factory=list)
     bindings: list[str] = field(default_factory=list)
     fmu: str = ""
 
     def unit(self, name: str) -> str:
-        return self.connectors[name].partition(" ")[2]
+        """Its own, or that of what a connector without one has been given."""
+        return self.connectors[name].partition(" ")[2] or self.passed.get(name, "")
 
 
 @dataclass
@@ -189,8 +191,11 @@ class Maker:
         key = (system_.path, at.path, connector)
         if key not in self.shared or self.some(0.5):
             new = f"{kind[0]}{len(system_.connectors)}"
-            system_.connectors[new] = f"{kind} {self.unit(1)}".strip()
-            self.shared[key] = (new, self._link(around, at, connector, system_, new))
+            bare = self.some(0.15)
+            system_.connectors[new] = f"{kind} {'' if bare else self.unit(1)}".strip()
+            if bare:
+                system_.passed[new] = at.unit(connector)
+            self.shared[key] = (new, self._link(around, at, connector, system_, new, bare))
         return self.shared[key]
 
     def _inwards(
@@ -208,9 +213,11 @@ class Maker:
 
     _kind = "input"
 
-    def _link(self, around: Element, one: Element, x: str, other: Element, y: str) -> Through:
-        """A connection in a system, in any direction of writing."""
-        suppressed, transformed = self.some(0.2), self.some(0.25)
+    def _link(
+        self, around: Element, one: Element, x: str, other: Element, y: str, plain: bool = False
+    ) -> Through:
+        """A connection in a system, in any direction of writing; plain: of what is connected."""
+        suppressed, transformed = (not plain and self.some(share) for share in (0.2, 0.25))
         through = Through() if suppressed else converted(one.unit(x), other.unit(y))
         inside = []
         if transformed:
@@ -239,31 +246,36 @@ class Maker:
         for level in levels:
             owner = self._at(each.path[:level])
             words = ".".join((*each.path[level:], name))
-            self.flat.values[each.path, name] = self._bind(owner, words, each.unit(name), name)
+            number = abs(self.number()) if name == "k" else self.number()
+            arrived = self._bind(owner, words, each.unit(name), number, self.unit(0.6))
+            self.flat.values[each.path, name] = arrived
 
     def _given(self, each: Element, name: str, kind: str, level: int) -> None:
         """By a connector of a system around, to which a value is bound."""
         owner = self._at(each.path[:level])
         new = f"v{len(owner.connectors)}"
-        owner.connectors[new] = f"{kind} {self.unit(1)}".strip()
+        bare, said = self.some(0.15), self.unit(0.6)
+        owner.connectors[new] = f"{kind} {'' if bare else self.unit(1)}".strip()
+        if bare:
+            owner.passed[new] = said
         self._kind = kind
         through = self._inwards(owner.path, owner, new, each, name)
         self._kind = "input"
         above = self._at(owner.path[: self.random.randrange(level + 1)])
         words = ".".join((*owner.path[len(above.path) :], new))
-        value = self._bind(above, words, owner.unit(new), "")
+        value = self._bind(above, words, owner.unit(new), self.number(), said, plain=bare)
         self.flat.values[each.path, name] = through.of(value)
 
-    def _bind(self, owner: Element, words: str, unit: str, variable: str) -> Number:
+    def _bind(
+        self, owner: Element, words: str, unit: str, value: Number, said: str, plain: bool = False
+    ) -> Number:
         """A binding of one value; what arrives, in a unit."""
-        value = abs(self.number()) if variable == "k" else self.number()
-        said = self.unit(0.6)
         through = converted(said, unit)
         prefix, mapped = None, None
         if self.some(0.3):
             prefix = words[: self.random.randrange(len(words))]
             words = words[len(prefix) :]
-        if self.some(0.3):
+        if not plain and self.some(0.3):
             own = Through(Number(self.random.choice([2, 0.5, 1])), abs(self.number()))
             suppressed = self.some(0.3)
             through = (Through() if suppressed else through).then(own)
