@@ -19,24 +19,7 @@ from pathlib import Path
 import mutators
 import pytest
 from command_line import CommandLine, Inputs, judge
-from made_packages import (
-    UNITS,
-    bindings,
-    block,
-    bound,
-    connectors,
-    described,
-    entry,
-    linear,
-    link,
-    mapping,
-    packed,
-    parameters,
-    part,
-    step,
-    system,
-    tag,
-)
+from made_packages import block, described, flat, nested, packed, step, tag
 from stranger import build_stranger
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
@@ -46,45 +29,6 @@ QUICK, ALL = 20, 1500
 CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 TEXTS = (".ssd", ".ssv", ".ssm")
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out")
-
-
-def _nested() -> tuple[str, dict[str, str]]:
-    """Systems in one another, units, values at every level, mappings, files."""
-    inner = system(
-        "inner", [part("a", bindings(bound("low.ssv"))), part("b", source="three.fmu")],
-        [link("a.a", ".down"), link("b.a", "a.gained", linear(2, 1)), link(".up", "b.total")],
-        connectors(down="input ki", up="output km", set="parameter degC"),
-        bindings(bound(parameters({"a.k": "2", "b.c": "3 km"}), prefix="")),
-    )  # fmt: skip
-    outer = system(
-        "outer", [inner, part("c", connectors(a="input m", d="parameter half"))],
-        [link("inner.up", "c.a"), link(".go", "inner.down"), link("c.gained", ".out")],
-        connectors(go="input m", out="output m"),
-        bindings(bound("values.ssv", "names.ssm", prefix="x.")),
-    )  # fmt: skip
-    root = system(
-        "root", [outer, part("e")], [link("outer.out", "e.a"), link("outer.go", "e.integral")],
-        connectors(idle="input"),
-        bindings(bound(parameters({"outer.c.k": "0.5", "outer.inner.a.d": "1"}),
-                       mapping(entry("outer.c.k", "outer.c.k", linear(2))))),
-    )  # fmt: skip
-    entries = mapping(
-        entry("x.p", "c.d"), entry("x.q", "inner.b.k", linear(0.5, 1)), entry("x.p", "go"),
-        alone=True,
-    )  # fmt: skip
-    files = {
-        "low__ssv": parameters({"c": "1 km", "b": "2"}, UNITS, alone=True),
-        "values__ssv": parameters({"p": "2 ki", "q": "4"}, UNITS, alone=True),
-        "names__ssm": entries,
-    }
-    return root, files
-
-
-def _flat() -> tuple[str, dict[str, str]]:
-    """Two components that drive one another."""
-    links = [link("a.gained", "b.a"), link("a.b", "b.integral", suppressUnitConversion="true")]
-    own = bindings(bound(parameters({"a.c": "1", "b.k": "2"})))
-    return system("flat", [part("a"), part("b", source="three.fmu")], links, own), {}
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +46,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory, commands: CommandLine) -> In
     }
     made = Inputs(folder, base / "cache", commands)
     after = [step(0.25) + tag("ssd:DefaultExperiment", startTime=0, stopTime=1), ""]
-    for i, ((root, files), end) in enumerate(zip((_nested(), _flat()), after, strict=True)):
+    for i, ((root, files), end) in enumerate(zip((nested(), flat()), after, strict=True)):
         packed(folder / f"x{i}.ssp", described(root, end), **blocks, **files)
         ended = commands(("run", f"x{i}.ssp", *QUIETLY, str(i)), folder, made.environment(base))
         assert ended.code == 0, ended.errors

@@ -243,6 +243,45 @@ def packed(path: Path, description: str, **files: bytes | str) -> Path:
     return path
 
 
+def nested() -> tuple[str, dict[str, str]]:
+    """A system and its files: systems in one another, units, values at all levels, mappings."""
+    inner = system(
+        "inner", [part("a", bindings(bound("low.ssv"))), part("b", source="three.fmu")],
+        [link("a.a", ".down"), link("b.a", "a.gained", linear(2, 1)), link(".up", "b.total")],
+        connectors(down="input ki", up="output km", set="parameter degC"),
+        bindings(bound(parameters({"a.k": "2", "b.c": "3 km"}), prefix="")),
+    )  # fmt: skip
+    outer = system(
+        "outer", [inner, part("c", connectors(a="input m", d="parameter half"))],
+        [link("inner.up", "c.a"), link(".go", "inner.down"), link("c.gained", ".out")],
+        connectors(go="input m", out="output m"),
+        bindings(bound("values.ssv", "names.ssm", prefix="x.")),
+    )  # fmt: skip
+    root = system(
+        "root", [outer, part("e")], [link("outer.out", "e.a"), link("outer.go", "e.integral")],
+        connectors(idle="input"),
+        bindings(bound(parameters({"outer.c.k": "0.5", "outer.inner.a.d": "1"}),
+                       mapping(entry("outer.c.k", "outer.c.k", linear(2))))),
+    )  # fmt: skip
+    entries = mapping(
+        entry("x.p", "c.d"), entry("x.q", "inner.b.k", linear(0.5, 1)), entry("x.p", "go"),
+        alone=True,
+    )  # fmt: skip
+    files = {
+        "low__ssv": parameters({"c": "1 km", "b": "2"}, UNITS, alone=True),
+        "values__ssv": parameters({"p": "2 ki", "q": "4"}, UNITS, alone=True),
+        "names__ssm": entries,
+    }
+    return root, files
+
+
+def flat() -> tuple[str, dict[str, str]]:
+    """A system and its files: two components that drive one another."""
+    links = [link("a.gained", "b.a"), link("a.b", "b.integral", suppressUnitConversion="true")]
+    own = bindings(bound(parameters({"a.c": "1", "b.k": "2"})))
+    return system("flat", [part("a"), part("b", source="three.fmu")], links, own), {}
+
+
 def series(record: Record, *path: str) -> list[float]:
     """What an output was at all instants, by the names of systems, component and variable."""
     (found,) = (

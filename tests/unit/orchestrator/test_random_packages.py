@@ -12,30 +12,12 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
+import made_packages as ssp
 import numpy as np
 import pytest
 import sblcosim
-from made_packages import (
-    UNITS,
-    bindings,
-    block,
-    bound,
-    connectors,
-    described,
-    entry,
-    linear,
-    link,
-    mapping,
-    packed,
-    parameters,
-    part,
-    series,
-    step,
-    system,
-    tag,
-)
 
-LENGTHS = {name: UNITS[name] for name in ("m", "ki", "half", "quarter", "four")}
+LENGTHS = {name: ssp.UNITS[name] for name in ("m", "ki", "half", "quarter", "four")}
 QUICK, ALL = 10, 100
 BITS = 40
 """Of a number at most."""
@@ -222,7 +204,7 @@ class Maker:
         inside = []
         if transformed:
             own = Through(Number(self.random.choice([2, 0.5, 1, -1])), self.number())
-            inside.append(linear(float(own.factor), float(own.offset)))
+            inside.append(ssp.linear(float(own.factor), float(own.offset)))
             through = through.then(own)
         ends = [
             f".{end}" if e is around else f"{e.path[-1]}.{end}" for e, end in ((one, x), (other, y))
@@ -230,7 +212,7 @@ class Maker:
         if self.some(0.5):
             ends.reverse()
         more = {"suppressUnitConversion": "true"} if suppressed else {}
-        around.links.append(link(*ends, *inside, **more))
+        around.links.append(ssp.link(*ends, *inside, **more))
         return through
 
     # --- Values ---
@@ -280,20 +262,20 @@ class Maker:
             suppressed = self.some(0.3)
             through = (Through() if suppressed else through).then(own)
             more = {"suppressUnitConversion": "true"} if suppressed else {}
-            transformation = [linear(float(own.factor), float(own.offset))]
+            transformation = [ssp.linear(float(own.factor), float(own.offset))]
             mapped = (f"{prefix or ''}{words}-", (prefix or "") + words, transformation, more)
             words += "-"
         given = {words: f"{float(value)} {said}".strip(), f"{words}-none": "7"}
         alone, apart = self.some(0.3), self.some(0.3)
-        values = parameters(given, LENGTHS, alone=alone)
+        values = ssp.parameters(given, LENGTHS, alone=alone)
         if alone:
             values = self._file(values, "ssv")
         entries = None
         if mapped is not None:
             source, target, inside, more = mapped
-            entries = mapping(entry(source, target, *inside, **more), alone=apart)
+            entries = ssp.mapping(ssp.entry(source, target, *inside, **more), alone=apart)
             entries = self._file(entries, "ssm") if apart else entries
-        owner.bindings.append(bound(values, entries, **({"prefix": prefix} if prefix else {})))
+        owner.bindings.append(ssp.bound(values, entries, **({"prefix": prefix} if prefix else {})))
         return through.of(value)
 
     def _file(self, content: str, end: str) -> str:
@@ -313,26 +295,26 @@ class Maker:
 
     def description(self) -> str:
         if len(self.steps) == 1:
-            after = step(0.25) + tag("ssd:DefaultExperiment", startTime=0.5, stopTime=2)
+            after = ssp.step(0.25) + ssp.tag("ssd:DefaultExperiment", startTime=0.5, stopTime=2)
         else:
-            after = tag("ssd:DefaultExperiment", startTime=0.5, stopTime=2)
-        return described(self._written(self.root), after, LENGTHS)
+            after = ssp.tag("ssd:DefaultExperiment", startTime=0.5, stopTime=2)
+        return ssp.described(self._written(self.root), after, LENGTHS)
 
     def _written(self, each: Element) -> str:
         own = dict(each.connectors)
         name = each.path[-1] if each.path else "root"
-        before = [connectors(**own)] if own else []
+        before = [ssp.connectors(**own)] if own else []
         if each.bindings:
-            before.append(bindings(*each.bindings))
+            before.append(ssp.bindings(*each.bindings))
         if each.fmu:
             _, units, _ = self.fmus[each.fmu]
             said = {v: words for v, words in own.items() if words.partition(" ")[2] != units[v]}
             said |= {v: own[v].partition(" ")[0] for v in own if v not in said and self.some(0.3)}
-            head = [connectors(**said)] if said else []
-            return part(name, *head, *before[1:], source=f"{each.fmu}.fmu")
+            head = [ssp.connectors(**said)] if said else []
+            return ssp.part(name, *head, *before[1:], source=f"{each.fmu}.fmu")
         inside = [self._written(below) for below in each.elements]
         self.random.shuffle(each.links)
-        return system(name, inside, each.links, *before)
+        return ssp.system(name, inside, each.links, *before)
 
     def expected(self, kind: type) -> Mapping[tuple[Path_, str], list]:
         """All outputs at all instants, in a type of number: `float` by NumPy, or `Fraction`."""
@@ -412,13 +394,13 @@ def test_a_random_system_equals_its_flattened_form(
 ) -> None:
     made, found = case(number)
     files = {
-        f"{name}__fmu": block(stranger, fmi, {v: u for v, u in units.items() if u},
+        f"{name}__fmu": ssp.block(stranger, fmi, {v: u for v, u in units.items() if u},
                               stepSize=seconds)
         for name, (fmi, units, seconds) in made.fmus.items()
     }  # fmt: skip
-    path = packed(tmp_path / "random.ssp", made.description(), **files, **made.files)
+    path = ssp.packed(tmp_path / "random.ssp", made.description(), **files, **made.files)
     record = sblcosim.run(path, master=["native", "python"][number % 2]).record
     by_numpy = made.expected(float)
     for (owner, output), values in found.items():
         assert [float(v) for v in values] == by_numpy[owner, output]
-        assert series(record, *owner, output) == by_numpy[owner, output], (owner, output)
+        assert ssp.series(record, *owner, output) == by_numpy[owner, output], (owner, output)
