@@ -10,6 +10,7 @@ from sblcosim.fmus.read.archive import shown
 from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu
 
+from ..errors import ConfigurationError
 from ..layout import fitted, table
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.system import Conversion
@@ -53,7 +54,10 @@ def lines_of(package: Package) -> list[Line]:
         ends = [(path, split(name)[0]) for path, name in (edge.source, edge.target)]
         units = [package.wiring.unit(end) for end in (edge.source, edge.target)]
         one, other = ("" if unit is None else unit.name for unit in units)
-        what = _words(package.wiring.through(edge))
+        try:
+            what = _words(package.wiring.through(edge))
+        except ConfigurationError:
+            what = "cannot be converted"
         if not edge.link.converts and not what and one != other:
             what = "not converted"
         line = Line(edge.link.system, ends[0], ends[1], (one, other), what)

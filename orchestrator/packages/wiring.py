@@ -1,7 +1,7 @@
 """Systems in systems made flat: what each input of a component comes from, and through which units.
 
 The standard says which end of a connection is its source: that of the kinds of the connectors, not
-the one that is called the start (SSP 2.0, section 5.4.2.1, Allowed Connections).
+the one that is called the start (SSP 2.0, section 5.3.2.1, Allowed Connections).
 """
 
 from __future__ import annotations
@@ -134,7 +134,13 @@ class Wiring:
         return inside.pop() if len(inside) == 1 else None
 
     def through(self, edge: Edge) -> tuple[Conversion, ...]:
-        """What becomes of a number on one edge alone."""
+        """What becomes of a number on one edge alone.
+
+        Raises
+        ------
+        ConfigurationError
+            It cannot be converted; of what leaves the package this is found here alone.
+        """
         return self._along(Quantity.of(self.unit(edge.source)), edge).through
 
     def unfed(self, path: Path) -> list[str]:

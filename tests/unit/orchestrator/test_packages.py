@@ -1049,6 +1049,15 @@ def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> Non
         assert -1 <= float(number) <= max(width, height)
 
 
+def test_what_leaves_a_package_in_a_wrong_unit_is_drawn(stranger2: Path, tmp_path: Path) -> None:
+    path = package(
+        tmp_path, stranger2, component("a"), link("a.now", ".x"), connectors("x output kg")
+    )
+    done = CliRunner().invoke(app, ["plan", str(path)])
+    assert done.exit_code == 0, done.stderr
+    assert "a.now  km    x   kg    cannot be converted" in done.stdout
+
+
 def test_circles_and_long_ways_are_drawn(stranger2: Path, tmp_path: Path) -> None:
     names = [chr(ord("a") + i) for i in range(12)]
     random = np.random.default_rng(1)
