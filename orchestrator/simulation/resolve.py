@@ -95,7 +95,7 @@ def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
 def _warn(messages: Sequence[str], where: str) -> None:
     for message in messages:
         text = f"{where}: {message}" if where else message
-        warnings.warn(text, ConfigurationWarning, stacklevel=4)
+        warnings.warn(text, ConfigurationWarning, stacklevel=3)
 
 
 @dataclass(frozen=True)

@@ -609,6 +609,34 @@ def test_units_come_before_transformations(
     assert np.array_equal(out["s/b.y"][1:, 0, 0], (at_connector * 0.5 + 3.0) * 0.1 + 0.3)
 
 
+@pytest.mark.parametrize(
+    ("other", "steps"),
+    [
+        ("m", (Conversion(1000.0), Conversion(0.1, 0.3))),  # in m, as is all inside
+        ("km", (Conversion(0.1, 0.3), Conversion(1000.0))),  # as it arrives
+    ],
+)
+def test_a_connector_without_a_unit_has_that_of_all_inside(
+    other: str, steps: tuple[Conversion, ...], stranger2: Path, tmp_path: Path
+) -> None:
+    by = '<ssc:LinearTransformation factor="0.1" offset="0.3"/>'
+    two = component("b") + component("c", connectors(f"u[2] input {other}"))
+    links = link(".i", "b.u[1]") + link("c.u[2]", ".i")
+    path = package(
+        tmp_path, stranger2, component("a") + inner("s", two, links, connectors("i input")),
+        link("a.now", "s.i", by),
+    )  # fmt: skip
+    assert conversions(path)["s/b.u[1]"] == ("a.now", steps)
+
+
+def test_a_set_knows_its_units_better_than_the_package(stranger2: Path, tmp_path: Path) -> None:
+    units = '<ssv:Units><ssc:Unit name="km"><ssc:BaseUnit m="1" factor="8"/></ssc:Unit></ssv:Units>'
+    two = (("u[1]", "Real", 'value="2" unit="km"'), ("u[2]", "Real", 'value="4" unit="shifted"'))
+    own = bound(values(*two, units=units))
+    path = package(tmp_path, stranger2, component("a", own) + component("b", bound(values(*two))))
+    assert settings(path) == {"a.u": (16.0, 5.0), "b.u": (2000.0, 5.0)}
+
+
 def test_a_suppressed_conversion_leaves_the_number(stranger2: Path, tmp_path: Path) -> None:
     not_ = 'suppressUnitConversion="true"'
     nested = inner("s", component("b"), link(".i", "b.u[1]"), connectors("i input shifted"))
