@@ -146,7 +146,7 @@ def _run_package(
     before: Callable[[Mapping[str, Any]], None] | None,
 ) -> Result:
     """Run a package that is open."""
-    plan = resolve(package.system)
+    plan = resolve(package.system, where=str(package.path))
     check_size(plan)
     planned = {c.name: c for c in plan.components}
     known = {c.name for c in plan.columns}

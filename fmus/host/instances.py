@@ -170,18 +170,27 @@ class Instance:
         self._log.clear()
         self._call("Reset")
 
-    def initialise(self, start_ns: int, settings: Iterable[tuple[Port, Vector]]) -> None:
-        """From instantiated to ready for steps, with the given parameters set."""
+    def initialise(
+        self,
+        start_ns: int,
+        settings: Iterable[tuple[Port, Vector]],
+        texts: Iterable[tuple[Port, str]] = (),
+    ) -> None:
+        """From instantiated to ready for steps, with the given parameters and texts set."""
         start = start_ns / SECOND
         if self.fmu.fmi == 2:
             self._call("SetupExperiment", 0, 0.0, start, 0, 0.0)
         given = [*settings]
         if libraries.ours(self.fmu) and self._set_together(given):
             given = []
-        for port, values in given:
+        calls = [
+            *((port, self.setter(port.type, port.references, values)) for port, values in given),
+            *((port, self._text_setter(port, text)) for port, text in texts),
+        ]
+        for port, call in calls:
             function = self.function("Set", port.type)
             with watch().calling(self.name, function):
-                status = self.setter(port.type, port.references, values)()
+                status = call()
             if status > WARNING:
                 error = str(self.failure(function, status))
                 raise self._blamed(
@@ -217,7 +226,8 @@ class Instance:
 
     def function(self, verb: str, kind: str) -> str:
         """Name of the function that gets or sets a type, e.g. ``fmi2GetReal``."""
-        return f"fmi{self.fmu.fmi}{accessor(self.fmu.fmi, verb, kind)}"
+        name = f"{verb}String" if kind == "String" else accessor(self.fmu.fmi, verb, kind)
+        return f"fmi{self.fmu.fmi}{name}"
 
     def getter(self, kind: str, references: Sequence[int], target: Vector) -> Call:
         """A call that gets variables of one type into ``target`` (contiguous, kept alive)."""
@@ -245,6 +255,18 @@ class Instance:
 
             return set_
         return self._bind("Set", kind, references, source)
+
+    def _text_setter(self, port: Port, text: str) -> Call:
+        """A call that sets a variable that is a single text."""
+        value = (ctypes.c_char_p * 1)(text.encode())
+        refs = np.array(port.references, np.uint32)
+        function = exported(self._fmu.dll, self.fmu.fmi, "SetString")
+        more = (1,) if self.fmu.fmi == 3 else ()
+        call = partial(
+            function, self._component, refs.ctypes.data, 1, ctypes.addressof(value), *more
+        )
+        call.keep = (refs, value)  # type: ignore[attr-defined]  # the call holds addresses only
+        return call
 
     def _bind(self, verb: str, kind: str, references: Sequence[int], values: Vector) -> Call:
         function = self._function[accessor(self.fmu.fmi, verb, kind)]

@@ -107,6 +107,10 @@ SetOption = Annotated[
 FmiOption = Annotated[
     int | None, numeric("--fmi", int, "2|3", "FMI version of our components.", low=2, high=3)
 ]
+SvgOption = Annotated[
+    Path | None,
+    typer.Option("--svg", metavar="FILE", help="Draw the system of an SSP package as SVG."),
+]
 StepTimeoutOption = Annotated[
     float | None,
     numeric(

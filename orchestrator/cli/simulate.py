@@ -25,6 +25,7 @@ from .base import (
     SeedOption,
     SetOption,
     StepTimeoutOption,
+    SvgOption,
     VerboseOption,
     app,
     beside,
@@ -211,10 +212,17 @@ def plan(
     set_: SetOption = None,
     fmi: FmiOption = None,
     seed: SeedOption = None,
+    svg: SvgOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print what would run, a scenario or an SSP package, and how it is connected."""
+    """Print what would run, a scenario or an SSP package, and how it is connected.
+
+    Of a package: its components and systems, connections with units, and intervals, before the
+    tables of the run. With --svg FILE they are drawn as well, for light and dark pages.
+    """
+    drawn = ""
     with waiting():
+        from ..packages import drawing, picture
         from ..packages.read import is_package, opened
         from ..scenario.wiring import connect
         from ..simulation.plan_checks import check_size
@@ -223,16 +231,22 @@ def plan(
         settled, _ = _settled(scenario, receiver, set_, fmi, seed)
         if is_package(settled):
             with opened(settled) as package:
-                resolved = resolve(package.system)
+                resolved = resolve(package.system, where=str(package.path))
+                check_size(resolved)
+                if svg is not None:
+                    picture.save(svg, package, resolved)
+                drawn = drawing.text(package, resolved, width()) + "\n\n"
+        elif svg is not None:
+            raise ConfigurationError(f"--svg: must come with an SSP package, got {scenario}")
         else:
             resolved = resolve(connect(settled, receiver or (), fmi))
-        check_size(resolved)
+            check_size(resolved)
     if as_json:
         from .contents import plan as content
 
         show(content(resolved))
     else:
-        typer.echo(resolved.text(width()))
+        typer.echo(drawn + resolved.text(width()))
 
 
 @app.command()

@@ -71,14 +71,14 @@ class Recording(Result):
         last = self.table.iloc[-1]
         rows = [(str(name), f"{value:.10g}") for name, value in last.items() if name != "time_s"]
         head = [
-            f"{self.scenario_name}: a {self.record._gist().removeprefix('of ')}",
+            f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}",
             *self.remarks,
         ]
         lines = [*head, "", *table(rows, width, ("output", f"at {last['time_s']:g} s"))]
         return fitted("\n".join(lines), width)
 
     def _gist(self) -> str:
-        return f"{self.scenario_name}: {self.record._gist()}"
+        return f"{self.scenario_name}: {self.record._gist().removeprefix('of ')}"
 
     def _repr_html_(self) -> str:
         return shown.page(self.scenario_name, self.table.to_html(max_rows=10))

@@ -1,4 +1,4 @@
-"""What an SSP package says, as plain data: its XML files, read within bounds.
+"""What an SSP package says, as plain data: its system, and the systems in it.
 
 What is not understood is refused by its name, for nobody wants numbers of another system than the
 one in the package.
@@ -6,70 +6,63 @@ one in the package.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds
-from sblcosim.fmus.read.archive import Archive, shown
-from sblcosim.fmus.read.description import parsed
+from sblcosim.fmus.read.archive import Archive
 
-from ..errors import ConfigurationError, nearest, quoted
+from ..errors import nearest, quoted
 from ..simulation.system import Conversion
-from .units import Unit, unit_of
+from .documents import NAMESPACES, SIDES, SPACES, Documents, annotations_of, local
+from .parameters import Parameter, Parameters, converts, defined, transformation_of
+from .units import Unit
 
-NAMESPACES = {
-    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
-    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
-    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
-    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
-    "sblcosim": "urn:org.sblcosim",
-}
-"""Of the files in a package, and of the annotations with step sizes."""
+__all__ = ["DESCRIPTION", "NAMESPACES"]
+
 DESCRIPTION = "SystemStructure.ssd"
 """Name of the description of the system in a package."""
 
+Path = tuple[str, ...]
+"""Names of the elements from the system of the package, ``()``, to one that is inside of it."""
+End = tuple[Path, str]
+"""A connector: whose it is, and its name."""
+
 _FMU = "application/x-fmu-sharedlibrary"
-_SET = "application/x-ssp-parameter-set"
-_STEPS = {
-    "org.openmodelica": ("FixedStepMaster", "stepSize", "OMSimulator"),
-    "com.opensimulationplatform": (
-        "FixedStepAlgorithm", "baseStepSize", "the Open Simulation Platform",
-    ),
-}  # fmt: skip
-"""Annotations with the step of all components: their element and attribute, and whose they are."""
-_SIDES = (
-    "Annotations", "ElementGeometry", "SystemGeometry", "GraphicalElements", "MetaData",
-    "Signature",
+_STEPS = (
+    ("org.openmodelica", "FixedStepMaster", "stepSize", "OMSimulator"),
+    ("com.opensimulationplatform", "FixedStepAlgorithm", "baseStepSize",
+     "the Open Simulation Platform"),
+    ("com.github.ntnu-ihb.vico", "FixedStepAlgorithm", "baseStepSize", "Vico"),
+    ("com.github.ntnu-ihb.vico", "FixedStepMaster", "baseStepSize", "Vico"),
+    ("com.github.ntnu-ihb.vico", "StepSizeHint", "value", "Vico"),
 )  # fmt: skip
-"""What has no effect on a simulation."""
+"""Annotations with steps: their type, element and attribute, and whose they are."""
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
-    """A value for a variable of a component, or of the system.
+class Step:
+    """The step of all components in an element [ns], in an annotation of another tool."""
+
+    ns: int
+    tool: str
+
+
+@dataclass(frozen=True, slots=True)
+class Connector:
+    """A connector.
 
     Attributes
     ----------
-    type, text
-        In the words of the standard; the values of an array are separated by blanks.
-    unit
-        That of the value; None: that of the variable.
-    file
-        Where it is given, in the package; empty: in the structure itself.
+    kind, unit
+        In the words of the package; empty: not given.
     """
 
-    name: str
-    type: str
-    text: str
-    unit: Unit | None
-    file: str
+    kind: str
+    unit: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Component:
     """A component of the package.
 
@@ -77,67 +70,95 @@ class Component:
     ----------
     source
         Name of its FMU in the package.
-    units
-        Names of the units that its connectors have, by connector.
+    connectors
+        Those that the package lists.
     parameters
         Values that it is bound to; the last one of a name counts.
     """
 
-    name: str
     source: str
-    units: Mapping[str, str]
+    connectors: Mapping[str, Connector]
     parameters: tuple[Parameter, ...]
-
-
-End = tuple[str, str]
-"""A connector: the names of its component, empty for the system, and of its variable."""
+    step: Step | None
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A connection.
+    """A connection between two connectors, in the order in which the package has them.
 
     Attributes
     ----------
+    system
+        That the connection is in.
     converts
         Whether units are to be converted.
     transformation
-        That the package asks for, beside units.
+        That the package asks for, after the conversion of units.
     """
 
-    source: End
-    target: End
+    system: Path
+    start: End
+    end: End
     converts: bool
     transformation: Conversion | None
 
+    def __str__(self) -> str:
+        start, end = (".".join((*(path or ("",)), name)) for path, name in (self.start, self.end))
+        return f"connection {start} -> {end}"
 
-@dataclass(frozen=True, slots=True)
-class Structure:
-    """A package's description of its system.
+
+@dataclass(frozen=True)
+class Inside:
+    """A system: elements, and how they are connected.
 
     Attributes
     ----------
-    parameters
-        Values bound to the whole system, with names of its connectors or ``component.variable``.
+    elements
+        Components and systems, by name.
+    """
+
+    connectors: Mapping[str, Connector]
+    elements: Mapping[str, Component | Inside]
+    links: tuple[Link, ...]
+    parameters: tuple[Parameter, ...]
+    step: Step | None
+
+    def walk(self, path: Path = ()) -> Iterator[tuple[Path, Component | Inside]]:
+        """This system and all elements in it, outer ones first."""
+        yield path, self
+        for name, element in self.elements.items():
+            if isinstance(element, Inside):
+                yield from element.walk((*path, name))
+            else:
+                yield (*path, name), element
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A package.
+
+    Attributes
+    ----------
+    name
+        Of the system.
     units
-        By name.
+        By name; None where the package does not say what it is.
     start_ns, stop_ns
         Of the default experiment [ns]; None: not given.
     intervals_ns
         Communication intervals of components [ns], where our own annotation gives them.
-    step_ns, step_of
-        The step of all components [ns] in an annotation of another tool, and its name.
+    remarks, warnings
+        What was wrong and has been read all the same, and what has no effect, in sentences.
     """
 
-    components: Mapping[str, Component]
-    links: tuple[Link, ...]
-    parameters: tuple[Parameter, ...]
-    units: Mapping[str, Unit]
+    name: str
+    system: Inside
+    units: Mapping[str, Unit | None]
     start_ns: int
     stop_ns: int | None
     intervals_ns: Mapping[str, int]
-    step_ns: int | None
-    step_of: str
+    remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def structure_of(archive: Archive) -> Structure:
@@ -150,240 +171,156 @@ def structure_of(archive: Archive) -> Structure:
     FmuError
         A file is damaged, larger than the bounds, or no XML.
     """
-    return _Reader(archive).structure()
+    documents = Documents(archive)
+    if DESCRIPTION not in documents.names:
+        raise documents.refusal("", f"must contain {DESCRIPTION}", "none")
+    root = documents.root(DESCRIPTION, "ssd", "SystemStructureDescription")
+    system = root.find("ssd:System", SPACES)
+    if system is None:
+        raise documents.refusal(DESCRIPTION, "must have a System", "none")
+    documents.only(
+        root, DESCRIPTION, "System", "Enumerations", "Units", "DefaultExperiment", *SIDES
+    )
+    units = defined(documents, root)
+    experiment = root.find("ssd:DefaultExperiment", SPACES)
+    given = {} if experiment is None else experiment.attrib
+    stop = given.get("stopTime")
+    places = [system, root, *(() if experiment is None else [experiment])]
+    return Structure(
+        name=system.get("name", ""),
+        system=_Reader(documents, Parameters(documents, units)).system(system, (), places),
+        units=units,
+        start_ns=documents.time("startTime", given.get("startTime", "0")),
+        stop_ns=None if stop is None else documents.time("stopTime", stop),
+        intervals_ns=_intervals(documents, system),
+        remarks=tuple(documents.remarks),
+        warnings=tuple(documents.warnings),
+    )
 
 
 class _Reader:
-    """Reads the files of one package."""
+    """Reads the elements of one package."""
 
-    def __init__(self, archive: Archive) -> None:
-        self._archive = archive
-        self._units: dict[str, Unit] = {}
+    def __init__(self, documents: Documents, parameters: Parameters) -> None:
+        self._documents = documents
+        self._parameters = parameters
 
-    def structure(self) -> Structure:
-        if DESCRIPTION not in self._archive.names:
-            raise self._refusal("", f"must contain {DESCRIPTION}", "none")
-        root = self._root(DESCRIPTION, "ssd", "SystemStructureDescription")
-        system = root.find("ssd:System", NAMESPACES)
-        if system is None:
-            raise self._refusal(DESCRIPTION, "must have a System", "none")
-        self._units = self._defined(root)
-        self._only(root, DESCRIPTION, "System", "Enumerations", "Units", "DefaultExperiment",
-                   *_SIDES)  # fmt: skip
-        self._only(system, "the system", "Connectors", "ParameterBindings", "Elements",
-                   "Connections", *_SIDES)  # fmt: skip
-        elements = system.find("ssd:Elements", NAMESPACES)
-        components = {}
-        for element in () if elements is None else elements:
-            component = self._component(element)
-            if component.name in components:
-                raise self._refusal("", "names of components must be unique", component.name)
-            components[component.name] = component
+    def system(self, element: Element, path: Path, annotated: Iterable[Element]) -> Inside:
+        """A system, with the elements whose annotations are about all of it."""
+        where = f"System {quoted('.'.join(path))}" if path else "the system"
+        self._documents.only(element, where, "Connectors", "ParameterBindings", "Elements",
+                             "Connections", *SIDES)  # fmt: skip
+        group = element.find("ssd:Elements", SPACES)
+        elements: dict[str, Component | Inside] = {}
+        for child in () if group is None else group:
+            kind, name = local(child), child.get("name", "")
+            inner = (*path, name)
+            if name in elements:
+                raise self._documents.refusal(
+                    where if path else "", "names of components must be unique", name
+                )
+            if kind == "System":
+                elements[name] = self.system(child, inner, [child])
+            elif kind == "Component":
+                elements[name] = self._component(child, inner)
+            else:
+                got = f"{kind} {quoted(name)}"
+                raise self._documents.refusal(
+                    where if path else "", "elements of the system must be components or systems",
+                    got,
+                )  # fmt: skip
+        connectors = self._connectors(element, where)
         links = tuple(
-            self._link(connection, components)
-            for connection in system.iterfind("ssd:Connections/*", NAMESPACES)
+            self._link(connection, path, elements, connectors, where)
+            for connection in element.iterfind("ssd:Connections/*", SPACES)
         )
-        step_ns, step_of = self._step(root)
-        experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
-        given = {} if experiment is None else experiment.attrib
-        stop = given.get("stopTime")
-        return Structure(
-            components=components,
-            links=links,
-            parameters=self._bound(system, "the system"),
-            units=self._units,
-            start_ns=self._time("startTime", given.get("startTime", "0")),
-            stop_ns=None if stop is None else self._time("stopTime", stop),
-            intervals_ns=self._intervals(system),
-            step_ns=step_ns,
-            step_of=step_of,
-        )
+        return Inside(
+            connectors, elements, links, self._parameters.bound(element, where),
+            self._step(annotated),
+        )  # fmt: skip
 
-    def _component(self, element: Element) -> Component:
-        kind, name = _local(element), element.get("name", "")
-        where = f"{kind} {quoted(name)}"
-        if kind != "Component":
-            raise self._refusal("", "elements of the system must be components", where)
-        self._only(element, where, "Connectors", "ParameterBindings", *_SIDES)
+    def _component(self, element: Element, path: Path) -> Component:
+        where = f"Component {quoted('.'.join(path))}"
+        self._documents.only(element, where, "Connectors", "ParameterBindings", *SIDES)
         implementation = element.get("implementation", "any")
         if implementation not in ("any", "CoSimulation"):
-            raise self._refusal(where, "implementation must be CoSimulation", implementation)
+            raise self._documents.refusal(
+                where, "implementation must be CoSimulation", implementation
+            )
         if element.get("type", _FMU) != _FMU:
-            raise self._refusal(where, f"type must be {_FMU}", element.get("type", ""))
+            raise self._documents.refusal(where, f"type must be {_FMU}", element.get("type", ""))
         return Component(
-            name,
-            self._file(element.get("source", ""), where),
-            {
-                connector.get("name", ""): typed.get("unit", "")
-                for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES)
-                for typed in connector
-                if typed.get("unit")
-            },
-            self._bound(element, where),
+            self._documents.file(element.get("source", ""), where),
+            self._connectors(element, where),
+            self._parameters.bound(element, where),
+            self._step([element]),
         )
 
-    def _link(self, element: Element, components: Collection[str]) -> Link:
-        if _local(element) != "Connection":
-            raise self._refusal("the system", "must have connections", _local(element))
-        ends = []
+    def _connectors(self, element: Element, where: str) -> dict[str, Connector]:
+        connectors: dict[str, Connector] = {}
+        for connector in element.iterfind("ssd:Connectors/ssd:Connector", SPACES):
+            name = connector.get("name", "")
+            if name in connectors:
+                raise self._documents.refusal(where, "names of connectors must be unique", name)
+            units = [typed.get("unit", "") for typed in connector if typed.get("unit")]
+            connectors[name] = Connector(connector.get("kind", ""), units[0] if units else "")
+        return connectors
+
+    def _link(
+        self,
+        element: Element,
+        path: Path,
+        elements: Mapping[str, Component | Inside],
+        own: Mapping[str, Connector],
+        where: str,
+    ) -> Link:
+        if local(element) != "Connection":
+            raise self._documents.refusal(where, "must have connections", local(element))
+        ends: list[End] = []
         for end in ("start", "end"):
             owner = element.get(f"{end}Element", "")
             connector = element.get(f"{end}Connector", "")
-            if owner and owner not in components:
-                raise self._refusal(
-                    f"connection of {quoted(connector)}", f"{end}Element must be a component",
-                    f"{quoted(owner)}{nearest(owner, components)}",
+            if owner and owner not in elements:
+                raise self._documents.refusal(
+                    f"connection of {quoted(connector)}", f"{end}Element must be a component "
+                    "or system", f"{quoted(owner)}{nearest(owner, elements)}",
                 )  # fmt: skip
-            ends.append((owner, connector))
-        source, target = ends
-        where = f"connection {'.'.join(source)} -> {'.'.join(target)}"
-        self._only(element, where, "LinearTransformation", "ConnectionGeometry", *_SIDES)
-        transformation = None
-        linear = element.find("ssc:LinearTransformation", NAMESPACES)
-        if linear is not None:
-            if not (source[0] and target[0]):
-                raise self._refusal(
-                    where, "must have no transformation at a connector of the system",
-                    "LinearTransformation",
+            found = elements.get(owner) if owner else None
+            known = own if found is None else found.connectors
+            # Of a component, its FMU says what there is; and who lists none lets all be connected.
+            if known and connector not in known and not isinstance(found, Component):
+                raise self._documents.refusal(
+                    f"connection of {quoted(connector)}", f"{end}Connector must be a connector of "
+                    f"{quoted(owner) if owner else where}",
+                    f"{quoted(connector)}{nearest(connector, known)}",
                 )  # fmt: skip
-            factor, offset = (
-                self._number(f"{where}: {key}", linear.get(key, default))
-                for key, default in (("factor", "1"), ("offset", "0"))
-            )
-            transformation = Conversion(factor, offset)
-        converts = element.get("suppressUnitConversion", "false") not in ("true", "1")
-        return Link(source, target, converts, transformation)
-
-    # --- Parameters ---
-
-    def _bound(self, element: Element, where: str) -> tuple[Parameter, ...]:
-        """The values that an element is bound to, in their order."""
-        found: list[Parameter] = []
-        bindings = element.find("ssd:ParameterBindings", NAMESPACES)
-        for binding in () if bindings is None else bindings:
-            if _local(binding) != "ParameterBinding":
-                raise self._refusal(where, "must have bindings of parameters", _local(binding))
-            self._only(binding, f"{where}: ParameterBinding", "ParameterValues", "Annotations")
-            for key, only in (("type", _SET), ("sourceBase", "SSD")):
-                if binding.get(key, only) != only:
-                    raise self._refusal(
-                        f"{where}: ParameterBinding", f"{key} must be {only}", binding.get(key, "")
-                    )
-            found += self._set(binding, where)
-        return tuple(found)
-
-    def _set(self, binding: Element, where: str) -> Iterator[Parameter]:
-        source, prefix = binding.get("source"), binding.get("prefix", "")
-        if source:
-            root = self._root(self._file(source, where), "ssv", "ParameterSet")
-        else:
-            inline = binding.find("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
-            if inline is None:
-                raise self._refusal(f"{where}: ParameterBinding", "must have a source or a "
-                                    "ParameterSet in its ParameterValues", "neither")  # fmt: skip
-            root = inline
-        units = self._units | self._defined(root)
-        self._only(root, f"{where}: ParameterSet", "Parameters", "Enumerations", "Units", *_SIDES)
-        for parameter in root.iterfind("ssv:Parameters/*", NAMESPACES):
-            if _local(parameter) != "Parameter":
-                raise self._refusal(f"{where}: ParameterSet", "must hold parameters",
-                                    _local(parameter))  # fmt: skip
-            name = prefix + parameter.get("name", "")
-            values = [child for child in parameter if _local(child) not in _SIDES]
-            values = [child for child in values if _local(child) != "Dimension"]
-            if len(values) != 1 or "value" not in values[0].attrib:
-                raise self._refusal(f"{where}: parameter {quoted(name)}", "must have a value",
-                                    ", ".join(map(_local, values)) or "none")  # fmt: skip
-            (value,) = values
-            unit = value.get("unit")
-            if unit and unit not in units:
-                raise self._refusal(
-                    f"{where}: parameter {quoted(name)}", "must have a unit that is defined",
-                    f"{quoted(unit)}{nearest(unit, units)}",
+            ends.append(((*path, owner) if owner else path, connector))
+        link = Link(path, ends[0], ends[1], converts(element), None)
+        for attribute in ("startIndices", "endIndices"):
+            if element.get(attribute):
+                raise self._documents.refusal(
+                    str(link), f"must connect whole variables, without {attribute}",
+                    quoted(element.get(attribute, "")),
                 )  # fmt: skip
-            known = units[unit] if unit else None
-            yield Parameter(name, _local(value), value.attrib["value"], known, source or "")
+        transformation = transformation_of(
+            self._documents, element, str(link), "ConnectionGeometry"
+        )
+        return Link(path, ends[0], ends[1], link.converts, transformation)
 
-    def _defined(self, root: Element) -> dict[str, Unit]:
-        """The units that a file defines."""
-        units = {}
-        for space in ("ssd", "ssv"):
-            for unit in root.iterfind(f"{space}:Units/ssc:Unit", NAMESPACES):
-                base = unit.find("ssc:BaseUnit", NAMESPACES)
-                name = unit.get("name", "")
-                try:
-                    units[name] = unit_of({} if base is None else base.attrib)
-                except ValueError as error:
-                    raise self._refusal(
-                        f"unit {quoted(name)}", "must have whole exponents and a finite factor, "
-                        "not 0", str(error),
-                    ) from None  # fmt: skip
-        return units
-
-    # --- Steps ---
-
-    def _intervals(self, system: Element) -> dict[str, int]:
-        return {
-            interval.get("component", ""): self._time("Interval", interval.get("seconds", ""))
-            for annotation in system.iterfind("ssd:Annotations/ssc:Annotation", NAMESPACES)
-            for interval in annotation.iterfind("sblcosim:Intervals/sblcosim:Interval", NAMESPACES)
-        }
-
-    def _step(self, root: Element) -> tuple[int | None, str]:
-        for kind, (element, attribute, tool) in _STEPS.items():
-            for annotation in root.iter(f"{{{NAMESPACES['ssc']}}}Annotation"):
-                if annotation.get("type") != kind:
-                    continue
-                for found in annotation.iter():
-                    if _local(found) == element and attribute in found.attrib:
-                        return self._time(attribute, found.attrib[attribute]), tool
-        return None, ""
-
-    def _time(self, where: str, text: str) -> int:
-        seconds = self._number(where, text)
-        if abs(seconds) >= MAX_SECONDS:
-            raise self._refusal(where, f"must be less than {MAX_SECONDS:g} s", text)
-        return nanoseconds(seconds)
-
-    def _number(self, where: str, text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise self._refusal(where, "must be a finite number", quoted(text))
-        return value
-
-    # --- Files ---
-
-    def _root(self, name: str, space: str, expected: str) -> Element:
-        root = parsed(self._archive, name)
-        if root.tag != f"{{{NAMESPACES[space]}}}{expected}":
-            raise self._refusal(name, f"must be a {expected} of SSP 1.0 or 2.0", root.tag)
-        version = root.get("version", "")
-        if version.partition(".")[0] not in ("1", "2"):
-            raise self._refusal(name, "must be of version 1.0 or 2.0", quoted(version))
-        return root
-
-    def _file(self, source: str, where: str) -> str:
-        name = unquote(source).removeprefix("./")
-        if name not in self._archive.names:
-            close = nearest(name, self._archive.names)
-            raise self._refusal(
-                where, "source must be a file in the package", f"{quoted(source)}{close}"
-            )
-        return name
-
-    def _only(self, element: Element, where: str, *known: str) -> None:
-        for child in element:
-            if _local(child) not in known:
-                raise self._refusal(where, "must hold what can be simulated here", _local(child))
-
-    def _refusal(self, where: str, must: str, got: str) -> ConfigurationError:
-        at = f": {shown(where, 200)}" if where else ""
-        return ConfigurationError(f"{self._archive.path}{at}: {must}, got {shown(got, 200)}")
+    def _step(self, annotated: Iterable[Element]) -> Step | None:
+        """The step in the annotations of some elements."""
+        given = [annotation for element in annotated for annotation in annotations_of(element)]
+        for kind, name, attribute, tool in _STEPS:
+            for annotation in given:
+                for found in annotation.iter() if annotation.get("type") == kind else ():
+                    if local(found) == name and attribute in found.attrib:
+                        return Step(self._documents.step(attribute, found.attrib[attribute]), tool)
+        return None
 
 
-def _local(element: Element) -> str:
-    """The name of an element, without its namespace."""
-    return element.tag.rpartition("}")[2]
+def _intervals(documents: Documents, system: Element) -> dict[str, int]:
+    return {
+        interval.get("component", ""): documents.step("Interval", interval.get("seconds", ""))
+        for annotation in annotations_of(system)
+        for interval in annotation.iterfind("sblcosim:Intervals/sblcosim:Interval", SPACES)
+    }

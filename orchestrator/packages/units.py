@@ -28,6 +28,14 @@ class Unit:
     offset: float
 
 
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A unit as a file has it: its name, and what it is; None if that is not said."""
+
+    name: str
+    unit: Unit | None
+
+
 def unit_of(attributes: Mapping[str, Any]) -> Unit:
     """A unit from the attributes of a BaseUnit.
 
@@ -76,3 +84,93 @@ def conversion(source: Unit, target: Unit) -> Conversion:
     return Conversion(
         source.factor / target.factor, (source.offset - target.offset) / target.factor
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number on its way from connector to connector: its unit, and what has become of it.
+
+    Units that follow each other are converted at once, from the first to the last, so that a value
+    that comes back to its unit is the same to the bit.
+
+    Attributes
+    ----------
+    unit
+        Of the number, where it is now; None: not known.
+    first
+        The unit in which the last of `steps` has left it.
+    certain
+        Whether a unit, a transformation, or the wish to have neither, has decided anything.
+    doubts
+        Pairs of units of which one is missing, for a message.
+    """
+
+    unit: Named | None
+    first: Named | None
+    steps: tuple[Conversion, ...] = ()
+    certain: bool = False
+    doubts: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(cls, unit: Named | None) -> Quantity:
+        """A number that is on no way yet."""
+        return cls(unit, unit)
+
+    @property
+    def through(self) -> tuple[Conversion, ...]:
+        """What becomes of the number, one after another."""
+        return (*self.steps, *_between(self.first, self.unit))
+
+    def to(self, target: Named | None) -> Quantity:
+        """The number in the unit of the next connector.
+
+        Raises
+        ------
+        ValueError
+            It cannot be converted; the message begins with what must hold.
+        """
+        here = self.unit
+        if target is None:
+            return self
+        if here is None:
+            return Quantity(target, target, self.steps, self.certain,
+                                            (*self.doubts, ("none", target.name)))  # fmt: skip
+        if here.unit is None or target.unit is None:
+            if here.name != target.name:
+                raise ValueError(
+                    f"both units must be defined, got {_quoted(here)} and {_quoted(target)}"
+                )
+            return Quantity(target, target, self.through, self.certain, self.doubts)
+        if here.unit.exponents != target.unit.exponents:
+            raise ValueError(
+                "must have units of the same quantity at both ends, got "
+                f"{_quoted(here)} and {_quoted(target)}"
+            )
+        return Quantity(target, self.first, self.steps, True, self.doubts)
+
+    def unchanged(self, target: Named | None) -> Quantity:
+        """The same number at the next connector, whose unit is then that of the number."""
+        return Quantity(target, target, self.through, True, self.doubts)
+
+    def transformed(self, by: Conversion) -> Quantity:
+        """The number after a transformation in its unit."""
+        return Quantity(self.unit, self.unit, (*self.through, by), True)
+
+
+def chained(steps: Iterable[Conversion]) -> Conversion:
+    """Conversions one after another."""
+    whole = Conversion()
+    for step in reversed([step for step in steps if step != Conversion()]):
+        whole = Conversion(step.factor, step.offset, None if whole == Conversion() else whole)
+    return whole
+
+
+def _between(first: Named | None, last: Named | None) -> tuple[Conversion, ...]:
+    if first is None or last is None or first.unit is None or last.unit is None:
+        return ()
+    found = conversion(first.unit, last.unit)
+    return () if found == Conversion() else (found,)
+
+
+def _quoted(unit: Named) -> str:
+    return repr(unit.name)

@@ -121,7 +121,8 @@ def _outputs(record: Record, receivers: Mapping[str, Any]) -> Parts:
             continue
         component = COMPONENTS.get(owner)
         declared = {v.name: v for v in component or ()}.get(output)
-        yield f"{owner}_{output}", _part(f"{owner}_{output}", ("time",), values, declared)
+        full = f"{owner}_{output}".replace("/", "_")  # netCDF has no names with it
+        yield full, _part(full, ("time",), values, declared)
 
 
 def _ports(record: Record, receivers: Mapping[str, Any]) -> Parts:

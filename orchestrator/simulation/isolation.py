@@ -127,7 +127,9 @@ def go_on(
 
 def _shadow(component: PlannedComponent) -> PlannedComponent:
     """What a component is to those that run on its record."""
-    return replace(component, source=_shadow_made, ports={}, settings=(), reads=(), writes=())
+    return replace(
+        component, source=_shadow_made, ports={}, settings=(), reads=(), writes=(), texts=()
+    )
 
 
 def _shadow_made() -> PythonComponent:

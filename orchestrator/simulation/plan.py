@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.host.instances import DTYPES
 from sblcosim.fmus.host.nanoseconds import text_of
+from sblcosim.fmus.read.archive import shown
 from sblcosim.fmus.read.ports import Fmu, Port
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Number
@@ -66,7 +67,7 @@ class Write:
     columns
         In which each connection begins.
     conversions
-        Of some of the values: their places in the write, and their conversions.
+        Of some of the values: their places in the write, and their conversions, one after another.
     """
 
     type: str
@@ -80,6 +81,18 @@ class Write:
     def references(self) -> tuple[int, ...]:
         """Value references, in the order of the values."""
         return tuple(r for port in self.ports for r in port.references)
+
+    @property
+    def rounds(self) -> list[list[tuple[int, float, float]]]:
+        """The conversions, place, factor and offset, so that each round has a value but once."""
+        rounds: list[list[tuple[int, float, float]]] = []
+        turns: dict[int, int] = {}
+        for place, conversion in self.conversions:
+            turn = turns[place] = turns.get(place, -1) + 1
+            if turn == len(rounds):
+                rounds.append([])
+            rounds[turn].append((place, conversion.factor, conversion.offset))
+        return rounds
 
 
 LAG = "lag"
@@ -102,6 +115,8 @@ class PlannedComponent:
         Parameters to set.
     reads, writes
         Outputs and connected inputs; one entry per type.
+    texts
+        Texts to set, with their variables.
     """
 
     name: str
@@ -112,6 +127,7 @@ class PlannedComponent:
     settings: tuple[Setting, ...]
     reads: tuple[Read, ...]
     writes: tuple[Write, ...]
+    texts: tuple[tuple[Port, str], ...] = ()
 
     @property
     def tick_parameter(self) -> str:
@@ -253,6 +269,10 @@ def _lines(plan: Plan, width: int | None) -> Iterator[str]:
         )
         for c in plan.components
         for s in c.settings
+    ] + [
+        (f"{c.name}.{port.name}", port.type, _ranges(port.references), shown(text))
+        for c in plan.components
+        for port, text in c.texts
     ]
     inputs = [
         (connection.target, w.type, _ranges(port.references), connection.source)

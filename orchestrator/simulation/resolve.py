@@ -20,20 +20,25 @@ from ..errors import ConfigurationError, ConfigurationWarning, nearest
 from .alike import alike
 from .plan import TICK_PARAMETERS, Column, Plan, PlannedComponent, Read, Setting, Write
 from .plan_checks import check_freshness, check_instances, check_ticks, check_updates_follow_pings
-from .settings import settings_of, with_article
+from .settings import settings_of, texts_of, with_article
 from .system import ComponentSpec, Connection, Conversion, PythonComponent, System
 from .user_files import variables_of
+
+_LIKE_OUTPUTS = ("local", "calculatedParameter")
+"""What can be read of an FMU as its outputs are."""
 
 _Source = tuple[Fmu | Callable[[], PythonComponent], Mapping[str, Port]]
 
 
-def resolve(system: System, *, again: bool = False) -> Plan:
+def resolve(system: System, *, again: bool = False, where: str = "") -> Plan:
     """Resolve and check a system.
 
     Parameters
     ----------
     again
         Whether a similar system was resolved before, so that warnings are not repeated.
+    where
+        The file that the system is from, for warnings; empty: none.
 
     Raises
     ------
@@ -55,7 +60,8 @@ def resolve(system: System, *, again: bool = False) -> Plan:
     settings = {
         name: settings_of(name, spec, ports[name]) for name, spec in system.components.items()
     }
-    structure = _structure_of(system, sources, warn=not again)
+    structure = _structure_of(system, sources)
+    _warn(() if again else structure.messages, where)
     start_ns, stop_ns = _span(system)
     plan = Plan(
         components=tuple(
@@ -93,10 +99,17 @@ def _planned(
             settings=settings,
             reads=structure.reads[name],
             writes=structure.writes[name],
+            texts=texts_of(name, spec, source[1]),
         ),
         spec,
         structure,
     )
+
+
+def _warn(messages: Sequence[str], where: str) -> None:
+    for message in messages:
+        text = f"{where}: {message}" if where else message
+        warnings.warn(text, ConfigurationWarning, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -121,25 +134,22 @@ class _Structure:
     fitting: set[tuple[tuple[int, int | None], ...]]
 
 
-def _structure_of(system: System, sources: Mapping[str, _Source], *, warn: bool) -> _Structure:
+def _structure_of(system: System, sources: Mapping[str, _Source]) -> _Structure:
     """All of a plan but values and times; points of a study share it."""
     ports = {name: own for name, (_, own) in sources.items()}
     if all(isinstance(source, Fmu) for source, _ in sources.values()):
         known = tuple((name, id(own)) for name, own in ports.items())
         connections = system.connections
-        structure = alike(
+        return alike(
             "structures", (known, id(connections)), lambda: _made(system, ports), ports, connections
         )
-    else:  # a Python component is asked anew each time
-        structure = _made(system, ports)
-    for message in structure.messages if warn else ():
-        warnings.warn(message, ConfigurationWarning, stacklevel=3)
-    return structure
+    return _made(system, ports)  # a Python component is asked anew each time
 
 
 def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure:
     connections, messages = _connections(system, ports)
-    reads, columns, sizes = _outputs(ports)
+    fed = {connection.source for connection in connections.values()}
+    reads, columns, sizes = _outputs(ports, fed | {split(name)[0] for name in fed})
     return _Structure(
         reads,
         {name: _inputs(name, own, connections, columns) for name, own in ports.items()},
@@ -151,15 +161,21 @@ def _made(system: System, ports: Mapping[str, Mapping[str, Port]]) -> _Structure
 
 
 def _outputs(
-    ports: Mapping[str, Mapping[str, Port]],
+    ports: Mapping[str, Mapping[str, Port]], fed: Collection[str]
 ) -> tuple[dict[str, tuple[Read, ...]], dict[str, Column], dict[str, int]]:
-    """Reads by component, columns of the record, and the number of elements by type."""
+    """Reads by component, columns of the record, and the number of elements by type.
+
+    Read are the outputs, and whatever else is in ``fed``, the sources of connections.
+    """
     sizes = dict.fromkeys(DTYPES, 0)
     reads: dict[str, tuple[Read, ...]] = {}
     columns: dict[str, Column] = {}
     for component, own in ports.items():
         blocks = []
-        for kind, group in _by_type(p for p in own.values() if p.causality == "output"):
+        read = [
+            p for p in own.values() if p.causality == "output" or f"{component}.{p.name}" in fed
+        ]
+        for kind, group in _by_type(iter(read)):
             first = sizes[kind]
             for port in group:
                 name = f"{component}.{port.name}"
@@ -185,9 +201,10 @@ def _inputs(
         index = tuple(i for _, own in sources for i in own)
         through = [c.conversion for c, (_, own) in zip(feeding, sources, strict=True) for _ in own]
         converted = tuple(
-            (i, conversion)
+            (i, step)
             for i, conversion in enumerate(through)
-            if conversion not in (None, Conversion())
+            if conversion is not None
+            for step in conversion.steps
         )
         writes.append(
             Write(kind, group, feeding, tuple(column for column, _ in sources), index, converted)
@@ -272,7 +289,7 @@ def _connections(
     taken: dict[tuple[str, str], Connection] = {}
     for connection in system.connections:
         where = f"connection {connection.source} -> {connection.target}"
-        _, _, source = _end(where, connection.source, "output", ports)
+        _, _, source = _end(where, connection.source, "output", ports, _LIKE_OUTPUTS)
         component, variable, target = _end(where, connection.target, "input", ports)
         for what, a, b in (
             ("type", source.type, target.type),
@@ -284,7 +301,7 @@ def _connections(
                 )
         if source.type not in DTYPES:
             raise ConfigurationError(f"{where}: {source.type} variables cannot be connected")
-        if connection.conversion not in (None, Conversion()) and source.type != "Float64":
+        if (connection.conversion or Conversion()).steps and source.type != "Float64":
             raise ConfigurationError(
                 f"{where}: must be Float64 to be converted, got {source.type}"
             )
@@ -307,7 +324,11 @@ def _connections(
 
 
 def _end(
-    where: str, end: str, causality: str, ports: Mapping[str, Mapping[str, Port]]
+    where: str,
+    end: str,
+    causality: str,
+    ports: Mapping[str, Mapping[str, Port]],
+    also: Collection[str] = (),
 ) -> tuple[str, str, Port]:
     component, _, variable = end.partition(".")
     if component not in ports:
@@ -323,7 +344,7 @@ def _end(
             f"{where}: {variable!r} must be {with_article(causality)} of {component}, got an "
             f"unknown name{nearest(variable, known)}"
         )
-    if port.causality != causality:
+    if port.causality != causality and not (port.references and port.causality in also):
         raise ConfigurationError(
             f"{where}: {end} must be {with_article(causality)}, got {with_article(port.causality)}"
         )

@@ -45,6 +45,15 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
                     known.clear()
                 known[fact] = setting
         settings.append(setting)
+    for key, value in spec.starts.items():
+        port = ports.get(key)
+        if port is None or port.type not in DTYPES:
+            got = "an unknown name" if port is None else with_article(port.type)
+            raise ConfigurationError(
+                f"{name}.{key}: must be a number or a switch of {name}, got {got}"
+                f"{nearest(key, ports)}"
+            )
+        settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     for key, value in spec.inputs.items():
         port = ports.get(key)
         if port is None or port.causality != "input" or port.type not in DTYPES:
@@ -56,6 +65,24 @@ def _made(name: str, spec: ComponentSpec, ports: Mapping[str, Port]) -> tuple[Se
             )
         settings.append(Setting(port, _values(f"{name}.{key}", port, value)))
     return tuple(settings)
+
+
+def texts_of(
+    name: str, spec: ComponentSpec, ports: Mapping[str, Port]
+) -> tuple[tuple[Port, str], ...]:
+    """The texts that are set of a component.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such variable, or it is no single text.
+    """
+    for key in spec.texts:
+        port = ports.get(key)
+        if port is None or port.type != "String" or port.shape or not port.references:
+            got = "an unknown name" if port is None else f"{port.type} of {port.size}"
+            raise ConfigurationError(f"{name}.{key}: must be a single text of an FMU, got {got}")
+    return tuple((ports[key], text) for key, text in spec.texts.items())
 
 
 def facts_of(spec: ComponentSpec) -> Mapping[str, bytes | None]:

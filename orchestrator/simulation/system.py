@@ -87,12 +87,19 @@ class ComponentSpec:
         values.
     inputs
         Values at the start, in the same way; inputs without a connection keep them.
+    starts
+        Values at the start of other variables of an FMU, in the same way. The FMU must let them be
+        set (``initial`` exact or approx).
+    texts
+        Values at the start of variables of an FMU that are texts.
     """
 
     fmu: Path | Callable[[], PythonComponent]
     interval_ns: int
     parameters: Mapping[str, Value] = field(default_factory=dict)
     inputs: Mapping[str, Value] = field(default_factory=dict)
+    starts: Mapping[str, Value] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -103,15 +110,28 @@ class Conversion:
     ----------
     factor, offset
         In units of the target per unit of the source, and in units of the target.
+    then
+        What becomes of the result; None: nothing.
     """
 
     factor: float = 1.0
     offset: float = 0.0
+    then: Conversion | None = None
+
+    @property
+    def steps(self) -> tuple[Conversion, ...]:
+        """All that changes anything, one after another, each without `then`."""
+        own = () if (self.factor, self.offset) == (1.0, 0.0) else (
+            Conversion(self.factor, self.offset),
+        )
+        return own if self.then is None else (*own, *self.then.steps)
 
 
 @dataclass(frozen=True)
 class Connection:
     """A connection from an output to an input.
+
+    A local variable or a calculated parameter of an FMU can be connected as an output, too.
 
     Attributes
     ----------

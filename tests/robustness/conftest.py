@@ -12,6 +12,8 @@ from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
 from sblcosim.scenario.starter import starter
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "orchestrator"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "fmu" / "stranger"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 from command_line import CommandLine, Inputs
@@ -37,7 +39,17 @@ COSTS = "gps = [900, 40]\nbaseline = [20, 150]\n"
 
 
 @pytest.fixture(scope="session")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inputs]:
+def commands() -> Iterator[CommandLine]:
+    """The command line."""
+    run = CommandLine()
+    try:
+        yield run
+    finally:
+        run.close()
+
+
+@pytest.fixture(scope="session")
+def inputs(tmp_path_factory: pytest.TempPathFactory, commands: CommandLine) -> Inputs:
     """Files, a study's results among them."""
     base = tmp_path_factory.mktemp("inputs")
     folder, cache = base / "cwd", base / "cache"
@@ -53,19 +65,16 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inputs]:
         for name in COMPONENTS:  # so that nothing is compiled again
             place = build(name, fmi).parent
             shutil.copytree(place, cache / "fmus" / place.name)
-    run = CommandLine()
-    try:
-        made = Inputs(folder, cache, run)
-        sound = made.environment(base)
-        done = run(("study", "study.toml", "--out", "results"), folder, sound)
-        assert done.code == 0, done.errors
-        command = ("run", "scenario.toml", "--no-figures", "--receiver", "ekf2.fmu", "--out", "out")
-        done = run(command, folder, sound)
-        assert done.code == 0, done.errors
-        shutil.rmtree(folder / "out")
-        command = ("run", "scenario.toml", "--no-figures", "--receiver", "coupled", "--out", "run")
-        done = run(command, folder, sound)
-        assert done.code == 0, done.errors
-        yield made
-    finally:
-        run.close()
+    run = commands
+    made = Inputs(folder, cache, run)
+    sound = made.environment(base)
+    done = run(("study", "study.toml", "--out", "results"), folder, sound)
+    assert done.code == 0, done.errors
+    command = ("run", "scenario.toml", "--no-figures", "--receiver", "ekf2.fmu", "--out", "out")
+    done = run(command, folder, sound)
+    assert done.code == 0, done.errors
+    shutil.rmtree(folder / "out")
+    command = ("run", "scenario.toml", "--no-figures", "--receiver", "coupled", "--out", "run")
+    done = run(command, folder, sound)
+    assert done.code == 0, done.errors
+    return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import random
@@ -10,6 +11,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from typing import Any
+from xml.etree import ElementTree
 
 Random = random.Random
 
@@ -198,6 +200,29 @@ def xml(random_: Random, content: str) -> str:
         body = re.sub(r'description="[^"]*"', 'description="&x9;"', rest, count=1)
         return f'{head}?><!DOCTYPE {root} [<!ENTITY x0 "x">{bomb}]>{body}'
     return text(random_, content)
+
+
+def elements(random_: Random, content: str) -> str:
+    """An XML file that stays one: elements away, twice or elsewhere; attributes exchanged."""
+    root = ElementTree.fromstring(content)
+    within = [(parent, child) for parent in root.iter() for child in parent]
+    if not within:
+        return text(random_, content)
+    parent, child = random_.choice(within)
+    attributes = [(e, key) for e in root.iter() for key in e.attrib]
+    match random_.randrange(6):
+        case 0:
+            parent.remove(child)
+        case 1:
+            parent.insert(random_.randrange(len(parent) + 1), copy.deepcopy(child))
+        case 2:
+            parent.remove(child)
+            random_.choice([*root.iter()]).append(child)
+        case _ if attributes:
+            one, key = random_.choice(attributes)
+            other, again = random_.choice([(e, k) for e, k in attributes if k == key])
+            one.attrib[key], other.attrib[again] = other.attrib[again], one.attrib[key]
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def archive(random_: Random, content: bytes, change: Mapping[str, Callable[..., str]]) -> bytes:

@@ -141,7 +141,7 @@ def layout_of(plan: Plan, lanes: int) -> Layout:
     kept = (plan.columns, *(c.ports for c in plan.components))
     layout = alike("lanes", (lanes, names, *map(id, kept)), lambda: _made(plan, lanes), *kept)
     for component in plan.components:
-        if any(s.port.causality == "input" for s in component.settings):
+        if component.texts or any(s.port.causality != "parameter" for s in component.settings):
             raise _special(component)
     return layout
 

@@ -229,6 +229,7 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
     instance.initialise(
         start_ns,
         ((s.port, np.array(s.values, DTYPES[s.port.type])) for s in component.settings),
+        component.texts,
     )
     return instance
 
@@ -427,15 +428,13 @@ class _PythonRunner:
 
 def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
     """A function that converts those inputs of a write that are to be; None if there are none."""
-    if not write.conversions:
-        return None
-    places = [place for place, _ in write.conversions]
-    factors, offsets = np.array([(c.factor, c.offset) for _, c in write.conversions]).T
+    given = [[np.array(column) for column in zip(*own, strict=True)] for own in write.rounds]
 
     def convert() -> None:
-        inputs[places] = inputs[places] * factors + offsets
+        for where, factors, offsets in given:
+            inputs[where] = inputs[where] * factors + offsets
 
-    return convert
+    return convert if given else None
 
 
 def _views(read: Read, vector: Vector) -> dict[str, Vector]:

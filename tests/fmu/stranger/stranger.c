@@ -6,7 +6,8 @@
  * fail_as. From 5 on, fail_as is how to misbehave instead; see misbehave().
  *
  * There are variables of which no description speaks unless a test puts them there: the outputs z,
- * the first row of y (700), and odd, whether steps is (2300); and in FMI 3 arrays of two of every
+ * the first row of y (700), and odd, whether steps is (2300); as scalars u (800, 801), offset (802,
+ * 803), y row by row (804 to 807) and y[1,1] + y[2,1] (808); and in FMI 3 arrays of two of every
  * other type of numbers, 3100 (input) and 3150 (output) for Float32, 3200 and 3250 for Int8, and so
  * on: in a step output = input + 1.
  *
@@ -38,7 +39,7 @@ typedef fmi3Boolean boolean;
 #endif
 
 typedef struct {
-    double gain, offset[2], fail_at, u[2], y[4], now;
+    double gain, offset[2], fail_at, u[2], y[4], total, now;
     int32_t fail_as, n, steps;
     boolean on, was_on, odd;
     bool initialised, broken, slow;
@@ -57,7 +58,7 @@ static void start(instance *in)
 {
     in->gain = 1, in->fail_at = -1, in->now = 0, in->fail_as = 2, in->n = 1, in->steps = 0;
     memset(in->offset, 0, sizeof in->offset), memset(in->u, 0, sizeof in->u);
-    memset(in->y, 0, sizeof in->y);
+    memset(in->y, 0, sizeof in->y), in->total = 0;
     in->on = in->was_on = in->odd = 0, in->initialised = in->broken = in->slow = false;
 #define CLEAR(Type, type, number) memset(&in->pair_##Type, 0, sizeof in->pair_##Type);
     OTHER_TYPES(CLEAR)
@@ -88,6 +89,11 @@ static void *locate(instance *in, unsigned vr, size_t *n)
     case 5: *n = 4; return in->y + vr % 100;
     case 6: return &in->now;
     case 7: *n = 2; return in->y + vr % 100;
+    case 8:
+        if (vr % 100 < 9)
+            return (double *[]){in->u, in->u + 1, in->offset, in->offset + 1, in->y, in->y + 1,
+                                in->y + 2, in->y + 3, &in->total}[vr % 100];
+        return complain(in, 3, "unknown value reference %g", vr), NULL;
     case 11: return &in->fail_as;
     case 12: return &in->n;
     case 13: return &in->steps;
@@ -142,6 +148,19 @@ OTHER_TYPES(OTHER)
 #endif
 ACCESS(Boolean, boolean)
 
+/* With -DTEXT, 2400 is a text, whose length is added to offset[1]. */
+int EXPORT(SetString)(instance *in, const unsigned vr[], size_t nvr,
+                      const char *const value[] VALUES)
+{
+#ifdef TEXT
+    const bool known = nvr == 1 && vr[0] == 2400;
+    in->offset[0] += known ? (double)strlen(value[0]) : 0;
+    return known ? 0 : 3;
+#else
+    return (void)in, (void)vr, (void)nvr, (void)value, 3;
+#endif
+}
+
 static int use_up_the_stack(volatile char *above)
 {
     volatile char more[10000];
@@ -181,6 +200,7 @@ static int step(instance *in, double t, double h)
         in->y[2 * i] = in->gain * in->u[i] + in->offset[i];
         in->y[2 * i + 1] += h * in->u[i];
     }
+    in->total = in->y[0] + in->y[2];
 #define ADVANCE(Type, type, number)                                                                \
     for (int i = 0; i < 2; i++)                                                                    \
         in->pair_##Type.out[i] = (type)(in->pair_##Type.in[i] + 1);
@@ -250,7 +270,7 @@ int fmi2DoStep(instance *in, double t, double h, int no_set) { return (void)no_s
 NO(CancelStep) NO(DeSerializeFMUstate) NO(FreeFMUstate) NO(GetBooleanStatus)
 NO(GetDirectionalDerivative) NO(GetFMUstate) NO(GetIntegerStatus) NO(GetRealOutputDerivatives)
 NO(GetRealStatus) NO(GetStatus) NO(GetString) NO(GetStringStatus) NO(SerializeFMUstate)
-NO(SerializedFMUstateSize) NO(SetFMUstate) NO(SetRealInputDerivatives) NO(SetString)
+NO(SerializedFMUstateSize) NO(SetFMUstate) NO(SetRealInputDerivatives)
 #else
 const char *fmi3GetVersion(void) { return "3.0"; }
 instance *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
@@ -289,6 +309,6 @@ NO(GetVariableDependencies) NO(InstantiateModelExchange) NO(InstantiateScheduled
 NO(SerializeFMUState) NO(SerializedFMUStateSize) NO(SetBinary) NO(SetClock)
 NO(SetContinuousStates) NO(SetFMUState)
 NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal) NO(SetShiftFraction)
-NO(SetString) NO(SetTime)
+NO(SetTime)
 NO(UpdateDiscreteStates)
 #endif

@@ -369,7 +369,7 @@ def test_a_wrong_number_is_one_line_that_names_the_option(
         ("run x y z", "sblcosim run: must have no arguments beside SCENARIO, got y z"),
         ("scenarios x", "sblcosim scenarios: must have no arguments, got x"),
         ("plan x --sed 3", "sblcosim plan: an option must be one of --receiver, --set, --fmi, "
-         "--seed, --json, --help, got '--sed'; did you mean '--seed'?"),
+         "--seed, --svg, --json, --help, got '--sed'; did you mean '--seed'?"),
         ("--versoin", "sblcosim: an option must be one of --version, --install-completion, "
          "--show-completion, --help, got '--versoin'; did you mean '--version'?"),
         ("export spp x", "sblcosim export: the command must be one of ssp, fmu, got 'spp'; did you "

@@ -84,6 +84,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "checks": ("nothing",),
     "timeout": ("0",),
     "version": ("3",),
+    "svg": ("x.txt",),
 }
 """Values that no command takes, by parameter; all but the first are tried by the slow tests."""
 

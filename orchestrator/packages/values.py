@@ -1,0 +1,203 @@
+"""The values of a package's parameters, as its FMUs take them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from fmpy.model_description import ModelVariable
+from sblcosim.fmus.read.ports import Port
+from sblcosim.models.declaration import Number
+
+from ..errors import ConfigurationError, nearest, quoted
+from ..simulation.settings import checked
+from ..simulation.system import Conversion, Value
+from .parameters import Parameter
+from .parts import Part
+from .structure import Path, Structure
+from .units import EXPONENTS, Named, Quantity, Unit
+from .wiring import Wiring
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A value for a variable of an FMU, and what becomes of it on its way there."""
+
+    parameter: Parameter
+    through: tuple[Conversion, ...]
+
+
+def values_of(
+    structure: Structure, parts: Mapping[Path, Part], wiring: Wiring
+) -> tuple[dict[Path, dict[str, Given]], list[str]]:
+    """The values of variables, by component, and warnings of those without an effect.
+
+    Those bound to an outer system come before those of inner ones, and of one element the last
+    (SSP 2.0, section 5.2.3).
+
+    Raises
+    ------
+    ConfigurationError
+        A value cannot be converted to the unit that it should have.
+    """
+    warnings: list[str] = []
+    values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
+    for path, element in reversed([*structure.system.walk()]):
+        for parameter in element.parameters:
+            name = quoted(parameter.name)
+            if path in parts:
+                label = f"{'.'.join(path)}: parameter {name}"
+            else:
+                label = f"parameter of {'.'.join(path) or 'the system'}: {name}"
+            ends = [*wiring.named(path, parameter.name)]
+            if not ends:
+                close = nearest(parameter.name, wiring.names(path))
+                warnings.append(f"{label} has no effect: there is no such variable{close}")
+            for end in ends:
+                unit = parameter.unit
+                if unit is not None and unit.unit is None and parameter.converts:
+                    _check_same(label, parameter, wiring.unit(end), structure)
+                quantity = _at(parameter, end, wiring)
+                reached = [*wiring.reached(end, quantity)]
+                if not reached:
+                    warnings.append(f"{label} has no effect: its connector leads to no component")
+                for (owner, variable), there in reached:
+                    values[owner][variable] = Given(parameter, there.through)
+                    if parameter.converts and wiring.unit((owner, variable)) is None:
+                        warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
+    return values, warnings
+
+
+def _check_same(
+    label: str, parameter: Parameter, target: Named | None, structure: Structure
+) -> None:
+    """Refuse a unit that is not defined, unless it is that of the variable by name."""
+    assert parameter.unit is not None
+    name = parameter.unit.name
+    if target is None or target.name != name:
+        file = f"{parameter.file}: " if parameter.file else ""
+        raise ConfigurationError(
+            f"{file}{label}: must have a unit that is defined, got {quoted(name)}"
+            f"{nearest(name, structure.units)}"
+        )
+
+
+def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity:
+    """A value at the connector or variable that it is given to."""
+    target = wiring.unit(end)
+    given = Quantity.of(parameter.unit)
+    try:
+        there = given.to(target) if parameter.converts else given.unchanged(target)
+    except ValueError as error:
+        assert target is not None
+        file = f"{parameter.file}: " if parameter.file else ""
+        got = str(error).rpartition(", got ")[2]
+        other = "one of another quantity" if "same quantity" in str(error) else got
+        raise ConfigurationError(
+            f"{file}{'.'.join((*end[0], end[1]))}: must be given in a unit that can become "
+            f"{target.name}, got {other}"
+        ) from None
+    by = parameter.transformation
+    return there if by is None else there.transformed(by)
+
+
+def _doubts(where: str, unit: Named | None) -> Iterator[str]:
+    """What is said of a value in a unit for a variable without one."""
+    plain = Unit((0,) * len(EXPONENTS), 1.0, 0.0)
+    if unit is not None and unit.unit != plain:
+        yield (
+            f"{where}: its value is given in {unit.name} and taken as it is, as neither the "
+            "connector nor the variable has a unit"
+        )
+
+
+def filled(
+    part: Part, values: Mapping[str, Given]
+) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value], dict[str, str]]:
+    """Values of parameters, of inputs, of others at the start, and texts, by port.
+
+    Elements that are not given keep their start.
+
+    Raises
+    ------
+    ConfigurationError
+        A value does not fit its variable, or it cannot be set.
+    """
+    given: dict[str, dict[int, Number]] = {}
+    texts: dict[str, str] = {}
+    for variable, value in values.items():
+        name = part.label
+        if variable not in part.places:
+            raise ConfigurationError(
+                f"{name}.{variable}: must be a parameter or an input to be set, got the time"
+            )
+        place = part.places[variable]
+        if place.port.causality not in ("parameter", "input") and not part.may_start(variable):
+            raise ConfigurationError(
+                f"{name}.{variable}: must be a parameter or an input to be set, got one of "
+                f"causality {place.port.causality}"
+            )
+        if place.port.type == "String":
+            texts[place.name] = value.parameter.text
+            continue
+        file = value.parameter.file
+        before = f"{file}: {name}." if file else f"{name}."
+        numbers = _numbers(before + variable, part, variable, value)
+        first = place.element or 0
+        size = place.port.size if place.element is None else 1
+        if len(numbers) != size:
+            raise ConfigurationError(
+                f"{before}{variable}: must have {size} values, got {len(numbers)}"
+            )
+        for i, number in enumerate(numbers, first):
+            checked(before + place.port.name, place.port, i, number)
+        given.setdefault(place.port.name, {}).update(enumerate(numbers, first))
+    kinds: dict[str, dict[str, Value]] = {"parameter": {}, "input": {}, "": {}}
+    for key, elements in given.items():
+        port = part.fmu.ports[key]
+        kind = port.causality if port.causality in kinds else ""
+        kinds[kind][key] = _whole(f"{part.label}.{key}", port, elements)
+    return kinds["parameter"], kinds["input"], kinds[""], texts
+
+
+def _whole(where: str, port: Port, given: Mapping[int, Number]) -> Value:
+    if len(given) < port.size and port.start is None:
+        got = f"as the FMU gives none, got {len(given)}"
+        raise ConfigurationError(f"{where}: must have values of all {port.size} elements, {got}")
+    start = port.start or ()
+    values = [given[i] if i in given else start[i] for i in range(port.size)]
+    return values if port.shape else values[0]
+
+
+def _numbers(where: str, part: Part, variable: str, value: Given) -> list[Number]:
+    """A value in the type and the unit of a variable."""
+    port = part.places[variable].port
+    if value.parameter.type == "Enumeration":
+        return [_item(where, part.variables[variable], value.parameter.text)]
+    numbers = [_number(where, port, word) for word in value.parameter.text.split()]
+    for step in value.through:
+        numbers = [step.factor * number + step.offset for number in numbers]
+    return numbers
+
+
+def _number(where: str, port: Port, word: str) -> Number:
+    real = port.type.startswith("Float")
+    try:
+        if port.type == "Boolean":
+            return {"true": True, "1": True, "false": False, "0": False}[word]
+        return float(word) if real else int(word)
+    except (KeyError, ValueError):
+        must = "true or false" if port.type == "Boolean" else "a number"
+        must = must if real or port.type == "Boolean" else "a whole number"
+        raise ConfigurationError(f"{where}: must be {must}, got {quoted(word)}") from None
+
+
+def _item(where: str, variable: ModelVariable, text: str) -> int:
+    """The number of an item of an enumeration."""
+    items = {item.name: item.value for item in getattr(variable.declaredType, "items", ())}
+    if text not in items:
+        raise ConfigurationError(
+            f"{where}: must be {', '.join(items) or 'an item of an enumeration'}, got "
+            f"{quoted(text)}{nearest(text, items)}"
+        )
+    return int(items[text])
