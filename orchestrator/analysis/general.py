@@ -54,7 +54,7 @@ class GeneralFactorial(Shown, GeneralAnalysis):
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        return sentences.summary(self.readable, most, verbose, width)
+        return sentences.summary(self.readable, most, verbose, width, self.response)
 
     def __str__(self) -> str:
         return self.text()

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..layout import fitted, table
 from ..results.definitions import LOST
+from ..results.responses import defined
 from .bounds import runs_for_t
 from .cells import Level
 from .general_tables import GeneralAnalysis
@@ -35,9 +36,16 @@ def level_text(level: Level, unit: str = "") -> str:
     return quantity(level, unit)
 
 
-def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None) -> str:
-    """The answer, the analysis of variance, the means of the levels, and in detail the rest."""
+def summary(
+    analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None, column: str
+) -> str:
+    """The answer, the analysis of variance, the means of the levels, and in detail the rest.
+
+    `column` is that of the response.
+    """
     a = analysis
+    lost = [LOST] if a.means["lost"].notna().any() else []
+    said = [*dict.fromkeys((*lost, *defined(column)))]
     level = f"{100 * a.confidence:.4g} %"
     lines = [
         answer(a),
@@ -53,7 +61,7 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
         f"Medians of {a.response}{f' [{a.measured_in}]' if a.measured_in else ''}, {level} "
         "intervals by order statistics, of each level alone:",
         *table(_median_rows(a), width, ("factor", "level", "median", "low", "high"), range(2, 5)),
-        *(["", LOST] if a.means["lost"].notna().any() else []),
+        *(["", *said] if said else []),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
           left_out(a.dropped, a.seeding == "common")),
     ]

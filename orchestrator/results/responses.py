@@ -32,6 +32,8 @@ from ..simulation.user_code import InFile, by_value, foreseen, said
 from .definitions import (
     AXES,
     FRAMES,
+    LOST,
+    ORDER_STATISTIC,
     OWN_PORT,
     PERCENTAGES,
     Judged,
@@ -382,6 +384,20 @@ def value_of(response: Response, run: Run) -> float:
 def readable(name: str) -> str:
     """Turn a name into words, for responses without a description."""
     return name.removesuffix("_m").removesuffix("_s").replace("_", " ")
+
+
+def defined(column: str) -> list[str]:
+    """What a response is, in sentences for people, where its words do not say it.
+
+    Parameters
+    ----------
+    column
+        Of a table of runs, with or without a receiver.
+    """
+    name = column.rpartition(".")[2]
+    if isinstance(RESPONSES.get(name), Percentile):
+        return [ORDER_STATISTIC]
+    return [LOST] if name == "lost" else []
 
 
 def _of_name(name: str) -> Response:
