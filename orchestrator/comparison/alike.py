@@ -82,6 +82,7 @@ def _built_as(fmu: Fmu) -> str:
         if known is None:
             continue
         # The cache may hold what an earlier version has built: that is another receiver.
-        if read(build(name, 2 if fmu.fmi == 2 else 3, **known[1])).token == fmu.token:
+        today = build(name, 2 if fmu.fmi == 2 else 3, False, None, **known[1])
+        if read(today).token == fmu.token:
             return name
     return fmu.sha256
