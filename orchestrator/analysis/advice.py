@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from .. import layout
 from ..errors import ConfigurationError, nearest
-from ..results.definitions import LOST, ORDER_STATISTIC
-from ..results.responses import check_limit
+from ..results.definitions import LOST
+from ..results.responses import ORDER_STATISTIC, check_limit
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
 from ..study.design import shown as level_shown

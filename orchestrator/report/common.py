@@ -9,7 +9,8 @@ from typing import Any
 
 from .. import artifacts
 from ..analysis.factorial import Factorial
-from ..results.definitions import LOST, ORDER_STATISTIC
+from ..results.definitions import LOST
+from ..results.responses import ORDER_STATISTIC
 from ..scenario.schema import toml
 from ..study.study import Study
 from .page import Block, Code, Section, Table, Text

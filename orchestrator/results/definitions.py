@@ -62,11 +62,6 @@ LOST = (
     "platform, or without an estimate. A run that ends well is not lost, whatever was before."
 )
 """What the share of lost runs counts, for people."""
-ORDER_STATISTIC = (
-    "A percentile p is an order statistic: of n errors, or n runs, the one of rank p n / 100, "
-    "rounded up."
-)
-"""What a percentile is, for people."""
 
 AXES = ("x", "y", "z")
 FRAMES = ("absolute", "relative", "own_relative")

@@ -33,7 +33,6 @@ from .definitions import (
     AXES,
     FRAMES,
     LOST,
-    ORDER_STATISTIC,
     OWN_PORT,
     PERCENTAGES,
     Judged,
@@ -49,6 +48,11 @@ from .metrics import availability, lost
 
 Floats = NDArray[np.float64]
 
+ORDER_STATISTIC = (
+    "A percentile p is an order statistic: of n errors, or n runs, the one of rank p n / 100, "
+    "rounded up."
+)
+"""What a percentile is, for people."""
 ALL_PERCENTILES = "percentiles"
 """In a study file: all percentiles."""
 

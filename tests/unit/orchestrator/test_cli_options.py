@@ -15,7 +15,8 @@ from sblcosim.cli import app
 from sblcosim.cli.options import in_options
 from sblcosim.fmus.build import factory
 from sblcosim.report import study as reports
-from sblcosim.results.definitions import LOST, ORDER_STATISTIC
+from sblcosim.results.definitions import LOST
+from sblcosim.results.responses import ORDER_STATISTIC
 from sblcosim.study import study
 from typer.testing import CliRunner
 
