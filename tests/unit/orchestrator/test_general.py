@@ -660,3 +660,19 @@ def test_intervals_of_medians_differences_hold_at_once(common: bool) -> None:
         found = median_pairs(pairs, medians, {"a": y.T} if common else None, 0.95)
         held += bool(((found["low"] <= 0) & (found["high"] >= 0)).all())
     assert held / 300 >= 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5
+
+
+@pytest.mark.parametrize("within", [0.0, 0.3, 10.0])
+def test_intervals_of_differences_within_replicates_hold_at_once(within: float) -> None:
+    """Whether the differences of a replicate over the other factors are alike or not."""
+    random = np.random.default_rng(6)
+    pairs = pd.DataFrame({"factor": "a", "one": [0, 0, 1], "other": [1, 2, 2]})
+    medians = pd.DataFrame({"factor": "a", "level": [0, 1, 2], "median": 0.0, "all_low": 0.0,
+                            "all_high": 0.0})  # fmt: skip
+    held = 0
+    for _ in range(300):
+        y = random.standard_t(1, (25, 3, 1)) + within * random.standard_t(1, (25, 3, 4))
+        y[:, 1, 2] = np.nan  # no cell
+        found = median_pairs(pairs, medians, {"a": y}, 0.95)
+        held += bool(((found["low"] <= 0) & (found["high"] >= 0)).all())
+    assert held / 300 >= 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5
