@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from .. import layout
 from ..errors import ConfigurationError, nearest
 from ..results.definitions import LOST
-from ..results.responses import check_limit
+from ..results.responses import ORDER_STATISTIC, check_limit
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
 from ..study.design import shown as level_shown
@@ -227,7 +227,7 @@ class Advice(Shown, Question):
             f"By the {self.statistic}, points that no other one beats in cost and estimate"
             + (", and the chosen one:" if self.chosen is not None else ":"),
             *layout.table(rows, width, head, range(len(head))),
-            *(["", *self._notes()] if verbose else self._assumed()),
+            *(["", *self._notes()] if verbose else [*self._defined(), *self._assumed()]),
         ]
         return layout.fitted("\n".join(lines), width)
 
@@ -257,9 +257,15 @@ class Advice(Shown, Question):
             )
         elif self.points["lost"].any():
             lines.append("A run that is lost is worse than any limit.")
-        if self.points["lost"].any():
-            lines.append(LOST)
-        return [*lines, *self._assumed()]
+        return [*lines, *self._defined(), *self._assumed()]
+
+    def _defined(self) -> list[str]:
+        """What percentiles and lost runs are, if there are any."""
+        percentiles = self.percentile is not None or self.beside is not None
+        return [
+            *([ORDER_STATISTIC] if percentiles or "percentile" in self.response else []),
+            *([LOST] if self.points["lost"].any() else []),
+        ]
 
     def _shown(self) -> pd.DataFrame:
         """The points worth their cost, for people."""

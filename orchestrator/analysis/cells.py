@@ -102,6 +102,18 @@ class Cells:
         """Numbers of levels."""
         return tuple(map(len, self.levels.values()))
 
+    def by_level(self, factor: int) -> Floats:
+        """With common random numbers the `values` by level of a factor.
+
+        Shape (replicates, levels, combinations of the others' levels); NaN where there is no cell.
+        """
+        assert self.values is not None
+        others = np.unique(np.delete(self.index, factor, axis=1), axis=0, return_inverse=True)[1]
+        shape = len(self.values), self.sizes[factor], others.max() + 1
+        found: Floats = np.full(shape, np.nan)
+        found[:, self.index[:, factor], others.ravel()] = self.values
+        return found
+
 
 def cells_of(
     table: pd.DataFrame,

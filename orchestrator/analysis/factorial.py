@@ -72,7 +72,7 @@ class Factorial(Shown, Analysis):
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        return sentences.summary(self.readable, most, verbose, width)
+        return sentences.summary(self.readable, most, verbose, width, self.response)
 
     def __str__(self) -> str:
         return self.text()

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from math import log
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -53,7 +54,7 @@ class GeneralFactorial(Shown, GeneralAnalysis):
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        return sentences.summary(self.readable, most, verbose, width)
+        return sentences.summary(self.readable, most, verbose, width, self.response)
 
     def __str__(self) -> str:
         return self.text()
@@ -177,21 +178,28 @@ def analyse(
     found = replace(found, largest=float(y.max()), median=float(np.median(y)))
     if transform == "none" and y.min() >= 0:
         found = _without_negative(found)
-    return replace(found, pairs=_judged(found, model, options.limit))
+    return judged(replace(found, pairs=_with_medians(found, model.cells)))
 
 
-def _judged(found: GeneralFactorial, model: LinearModel, limit: float | None) -> pd.DataFrame:
-    """The pairs with the differences of their medians, judged by these where they stand first."""
-    pairs, values = found.pairs, model.cells.values
-    each = None if values is None or found.transform != "none" else {
-        name: values @ model.marginal((i,)).T for i, name in enumerate(model.cells.factors)
+def _with_medians(found: GeneralFactorial, cells: Cells) -> pd.DataFrame:
+    """The pairs with the differences of their medians."""
+    each = None if cells.values is None or found.transform != "none" else {
+        name: cells.by_level(i) for i, name in enumerate(cells.factors)
     }
-    medians = median_pairs(pairs, found.medians, each, found.confidence)
-    by = medians if found.by_medians else pairs
-    pairs = pairs.assign(differs=(by["low"] > 0) | (by["high"] < 0), **{
-        f"median_{name}": medians[name] for name in medians
-    })  # fmt: skip
-    return pairs if limit is None else pairs.assign(verdict=_verdicts(by, limit))
+    medians = median_pairs(found.pairs, found.medians, each, found.confidence)
+    return found.pairs.assign(**{f"median_{name}": medians[name] for name in medians})
+
+
+def judged(found: GeneralFactorial) -> GeneralFactorial:
+    """The same with its pairs judged by what stands first: means, or medians."""
+    by = found.judged_pairs
+    low, high = by["low"].to_numpy(np.float64), by["high"].to_numpy(np.float64)
+    pairs = found.pairs.assign(differs=(low > 0) | (high < 0))
+    if found.practical is not None:
+        limit = log(found.practical) if found.transform == "log" else found.practical
+        equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
+        pairs["verdict"] = np.select([equal, differs], ["equal", "differs"], "undecided")
+    return replace(found, pairs=pairs)
 
 
 def _without_negative(found: GeneralFactorial) -> GeneralFactorial:
@@ -255,13 +263,6 @@ def _assembled(
         labels=names["labels"],
         units=names["units"],
     )
-
-
-def _verdicts(pairs: pd.DataFrame, limit: float) -> list[str]:
-    """Whether the levels of each pair are equal within ±limit, by their interval."""
-    low, high = pairs["low"].to_numpy(np.float64), pairs["high"].to_numpy(np.float64)
-    equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
-    return [str(v) for v in np.select([equal, differs], ["equal", "differs"], "open")]
 
 
 def _spread(cells: Cells) -> tuple[float, float]:

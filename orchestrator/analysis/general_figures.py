@@ -97,7 +97,9 @@ def plot_pairs(
             some = f", {len(own)} of {len(whole)} pairs" if len(own) < len(whole) else ""
             _title(panel, f"{own['factor'].iloc[0]}{some}")
         what = "median" if analysis.by_medians else "mean"
-        _shared(panels, f"Difference of {what} {quantity_of(analysis)}")
+        _shared(panels, f"Median difference of {quantity_of(analysis)} within a replicate"
+                if analysis.within_replicates else
+                f"Difference of {what} {quantity_of(analysis)}")
         add_legend(panels[-1], ax is None, [
             Line2D([], [], color=colour, marker=marker, ms=5, lw=1.3, label=word,
                    mfc=colour if differs else look.paper)

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..layout import fitted, table
 from ..results.definitions import LOST
+from ..results.responses import defined
 from .bounds import runs_for_t
 from .cells import Level
 from .general_tables import GeneralAnalysis
@@ -17,10 +18,15 @@ from .sentences import left_out, minus, p_value, percent, quantity, rounded
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
-VERDICTS = {"equal": "equal", "differs": "differs", "open": "undecided"}
-"""Of a pair of levels, with a smallest difference that matters."""
 UNEQUAL = 2.0
 """Ratio of standard deviations from which on it is said that they are not equal."""
+
+
+_WITHIN = (
+    " Each compares the two runs of a replicate that have the levels of all other factors in "
+    "common, and is the median of these differences. It is not the difference of the levels' "
+    "medians."
+)
 
 
 def level_text(level: Level, unit: str = "") -> str:
@@ -30,9 +36,16 @@ def level_text(level: Level, unit: str = "") -> str:
     return quantity(level, unit)
 
 
-def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None) -> str:
-    """The answer, the analysis of variance, the means of the levels, and in detail the rest."""
+def summary(
+    analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None, column: str
+) -> str:
+    """The answer, the analysis of variance, the means of the levels, and in detail the rest.
+
+    `column` is that of the response.
+    """
     a = analysis
+    lost = [LOST] if a.means["lost"].notna().any() else []
+    said = [*dict.fromkeys((*lost, *defined(column)))]
     level = f"{100 * a.confidence:.4g} %"
     lines = [
         answer(a),
@@ -48,7 +61,7 @@ def summary(analysis: GeneralAnalysis, most: int, verbose: bool, width: int | No
         f"Medians of {a.response}{f' [{a.measured_in}]' if a.measured_in else ''}, {level} "
         "intervals by order statistics, of each level alone:",
         *table(_median_rows(a), width, ("factor", "level", "median", "low", "high"), range(2, 5)),
-        *(["", LOST] if a.means["lost"].notna().any() else []),
+        *(["", *said] if said else []),
         *(["", *_differences(a, most, width), "", *notes(a)] if verbose else
           left_out(a.dropped, a.seeding == "common")),
     ]
@@ -96,10 +109,11 @@ def _practical(analysis: GeneralAnalysis) -> str:
     limit = (f"a factor of {a.practical or 0:g}" if a.transform == "log" else
              f"±{a.practical or 0:g} {a.unit}".rstrip())
     counts = a.pairs["verdict"].value_counts()
-    found = {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}
+    differ, equal, undecided = (
+        int(counts.get(verdict, 0)) for verdict in ("differs", "equal", "undecided"))
     how = "Judged by medians, of" if a.by_medians else "Of"
-    return (f"{how} the {len(a.pairs)} pairs of levels {found['differs']} differ by more than "
-            f"{limit}, {found['equal']} are equal within it, and {found['open']} are undecided.")
+    return (f"{how} the {len(a.pairs)} pairs of levels {differ} differ by more than {limit}, "
+            f"{equal} are equal within it, and {undecided} are undecided.")
 
 
 def _by_means(analysis: GeneralAnalysis) -> str:
@@ -194,6 +208,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
         f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
         f"{max(several)}), by Bonferroni's inequality."
         + (" They are of medians, by order statistics." if a.by_medians else "")
+        + (_WITHIN if a.within_replicates else "")
     )
     if np.isnan(a.far):
         lines.append("Heavy tails cannot be told: no combination of levels has 10 runs.")
@@ -324,6 +339,8 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
                          *[""] * (4 if a.practical is None else 5)))
     ratios = a.transform == "log"
     what = f"Ratios of the geometric means of {a.response}" if ratios else (
+        f"Medians of the differences of {a.quantity} within a replicate{_in_unit(a)}"
+        if a.within_replicates else
         f"Differences of the {'medians' if a.by_medians else 'means'} of {a.quantity}{_in_unit(a)}")
     head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p",
             *([] if a.practical is None else ["verdict"]))
@@ -345,7 +362,7 @@ def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
     limit = f"{analysis.practical or 0:g}"
     within = f"a factor of {limit}" if analysis.transform == "log" else (
         f"±{limit} {analysis.unit}".rstrip())
-    return VERDICTS[verdict] + (f" within {within}" if verdict == "equal" else "")
+    return verdict + (f" within {within}" if verdict == "equal" else "")
 
 
 def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:

@@ -51,8 +51,9 @@ class GeneralAnalysis:
         (of one's mean less other's), ``std_error``, ``df``, ``t``, ``p`` (adjusted), ``low``,
         ``high`` (intervals that hold for all pairs of the factor at once); ``ratio``,
         ``ratio_low``, ``ratio_high`` for logarithms; ``median_difference``, ``median_low``,
-        ``median_high`` of the response itself; ``differs``, judged by medians where means cannot
-        be trusted (`by_medians`).
+        ``median_high`` of the response itself (with common random numbers the median of the
+        differences within a replicate, see `sblcosim.analysis.medians.median_pairs`); ``differs``,
+        judged by medians where means cannot be trusted (`by_medians`).
     runs, combinations, dropped
         Runs that were analysed, combinations of levels that they are of, and runs left out because
         their response is not finite (or, with common random numbers, their replicate incomplete).
@@ -81,7 +82,7 @@ class GeneralAnalysis:
     practical
         Smallest difference that matters, with ``log`` a ratio; None: none was said. With it `pairs`
         has ``verdict``: ``equal`` (the interval is within ±practical), ``differs`` (it is
-        beyond), ``open``.
+        beyond), ``undecided``.
     worst_run
         Which run has the `largest`, if that is known.
     labels, label
@@ -168,6 +169,11 @@ class GeneralAnalysis:
             return self.pairs
         medians = {name: self.pairs[f"median_{name}"] for name in ("difference", "low", "high")}
         return self.pairs.assign(**medians, p=np.nan)
+
+    @property
+    def within_replicates(self) -> bool:
+        """Whether pairs are judged by medians of differences, not by differences of medians."""
+        return self.by_medians and self.seeding == "common"
 
     @property
     def factors(self) -> tuple[str, ...]:

@@ -57,15 +57,16 @@ def median_pairs(
 
     Independent runs: where the bounds of all levels of a factor hold, so do those of all
     differences, from the lower one of the one level less the upper one of the other. With common
-    random numbers it is the median of the replicates' differences, by order statistics.
+    random numbers it is the median of the runs' differences, each of two runs of a replicate that
+    have the levels of all other factors in common, by order statistics.
 
     Parameters
     ----------
     pairs
         ``factor``, ``one``, ``other``.
     each
-        With common random numbers the means of each replicate, by factor; shape (replicates,
-        levels).
+        With common random numbers the runs by factor; shape (replicates, levels) or (replicates,
+        levels, combinations of the others' levels), NaN where there is none.
     """
     rows: list[tuple[float, float, float]] = []
     for factor, own in medians.groupby("factor", sort=False):
@@ -76,9 +77,12 @@ def median_pairs(
             if each is None:
                 rows.append((middle[i] - middle[j], low[i] - high[j], high[i] - low[j]))
                 continue
-            gaps = np.sort(each[str(factor)][:, i] - each[str(factor)][:, j])
+            runs = each[str(factor)]
+            gaps = np.sort((runs[:, i] - runs[:, j]).ravel())
+            gaps = gaps[~np.isnan(gaps)]
             risk = (1 - confidence) / len(mine)
-            rows.append((float(np.median(gaps)), *median_interval(gaps, len(gaps), 1 - risk)))
+            rows.append((float(np.median(gaps)), *median_interval(gaps, len(runs), 1 - risk))
+                        if len(gaps) else (np.nan, np.nan, np.nan))
     return pd.DataFrame(rows, columns=["difference", "low", "high"], index=pairs.index)
 
 

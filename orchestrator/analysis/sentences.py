@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..layout import fitted, table
+from ..results.responses import defined
 from .model import MAX_LISTED
 from .ranking import tied_groups
 from .tables import Analysis
@@ -22,12 +23,15 @@ def ordinal(number: float) -> str:
 
 
 def summary(
-    analysis: Analysis, most: int, verbose: bool = False, width: int | None = None
+    analysis: Analysis, most: int, verbose: bool = False, width: int | None = None,
+    column: str = "",
 ) -> str:
     """The answer, then the `most` largest effects.
 
     Parameters
     ----------
+    column
+        Of the response, where the analysis has its words.
     verbose
         With standard errors, t and p, and how it was analysed.
     width
@@ -52,6 +56,7 @@ def summary(
           if "verdict" in shown and (shown["verdict"] == "open").any() else []),
         *(["", *notes(analysis)] if verbose else
           left_out(analysis.dropped, analysis.seeding == "common")),
+        *defined(column or analysis.response),
     ]
     return fitted("\n".join(lines), width)
 

@@ -34,7 +34,7 @@ from .advice import PERCENTILE, Advice, advise
 from .conditions import of_choices
 from .costs import of_levels
 from .factorial import Factorial, analyse
-from .general import GeneralFactorial
+from .general import GeneralFactorial, judged
 from .general import analyse as analyse_levels
 from .options import Error, Transform
 from .sensitivity import Sensitivity
@@ -168,7 +168,9 @@ def _with_worst_run(
     values = table[columns].to_numpy(np.float64, na_value=np.nan)
     each = np.where(np.isfinite(values), values, -np.inf).max(axis=1)
     row = int(each.argmax())
-    return replace(found, largest=float(each[row]), worst_run=str(table["run_id"].iloc[row]))
+    worst = str(table["run_id"].iloc[row])
+    # Of runs put together the largest is less: whether medians stand first can change with it.
+    return judged(replace(found, largest=float(each[row]), worst_run=worst))
 
 
 def of_space(

@@ -201,6 +201,10 @@ class AreaMap(Shown):
             f"{_errors(found['std_error_share'])}"
         )
         yield f"possible: within {_range(found['possible_p95_m'])}"
+        yield (
+            "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
+            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
+        )
         if self.limit_m is not None:
             yield (
                 f"within {meters(self.limit_m)}: {part(found['within_share'])} of the area, "

@@ -51,7 +51,7 @@ def require(
         bool,
         typer.Option(
             "--until-sure",
-            help="Leave designs alone that are dearer than one that surely suffices.",
+            help="No new runs of designs that are dearer than one that surely suffices.",
         ),
     ] = False,
     workers: WorkersOption = None,

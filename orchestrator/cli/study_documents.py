@@ -158,12 +158,13 @@ class LevelPair(Part):
     p: Number
     """Adjusted."""
     median_difference: Number
+    """Of the levels; with common seeds the median of the differences within a replicate."""
     median_low: Number
     """As `low`; null if the runs are too few for one."""
     median_high: Number
     differs: bool
     """Judged by medians where these stand first in the answer, as is the verdict."""
-    verdict: Literal["equal", "differs", "open"] | None = None
+    verdict: Literal["equal", "differs", "undecided"] | None = None
     """With --practical."""
 
 

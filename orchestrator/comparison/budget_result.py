@@ -216,7 +216,9 @@ class Budget(Shown):
             yield f"lost in {self.lost:.1%} of the runs, which may make most of a mean square"
             yield LOST
         if self.dropped:
-            yield f"{self.dropped} seeds are left out: a run of theirs failed or has no estimate"
+            which = "1 seed is left out: one of its runs" if self.dropped == 1 else (
+                f"{self.dropped} seeds are left out: a run of theirs")
+            yield f"{which} failed or has no estimate"
 
     def _method(self) -> Iterator[str]:
         done = "made better" if self.better else "switched off"

@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 
 TYPICAL, WORST = "typical", "worst"
 """The runs that are drawn, and the names of their folders."""
-_WITHIN = (
-    "95 % in a run, or of the time: an order statistic of the run's errors, of n estimates the one "
-    "of rank 0.95 n, rounded up; the mean over the runs. 95 % of runs: a bound by order statistics."
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,9 +120,8 @@ class Many(Shown):
         rows = [it.level(place, receiver) for receiver in self.receivers]
         if verbose or any(row["lost"] for row in rows):
             lines.append(LOST)
-        if verbose:
-            lines.append(_WITHIN)
-        lines[start:start] = [""] if len(lines) > start else []
+        lines.append(tournament_words.WITHIN)
+        lines.insert(start, "")
         return fitted("\n".join(lines), width)
 
     def save(

@@ -102,7 +102,7 @@ class Level:
         bound (one-sided), infinite with fewer than 59 runs.
     tail, tail_runs
         Share of the squares about the median that the worst runs make, 1 in 20 (NaN with fewer
-        than 20 runs), and how many these are.
+        than 20 runs, or if all are 0 or 1), and how many these are.
     """
 
     runs: int
@@ -143,9 +143,11 @@ def level(values: Floats, contamination: float = CONTAMINATION) -> Level:
         low = high = nan
     std = float(centred(y).off.std(ddof=1)) if len(y) > 1 else nan
     median = float(np.median(y))
+    tail, worst = _tail(y)
     return Level(
-        n, failed, mean, std, median, float(y[0]), float(y[-1]), low, high, within, upper, *_tail(y)
-    )
+        n, failed, mean, std, median, float(y[0]), float(y[-1]), low, high, within, upper,
+        nan if np.isin(y, (0.0, 1.0)).all() else tail, worst,
+    )  # fmt: skip
 
 
 def _tail(y: Floats) -> tuple[float, int]:

@@ -11,14 +11,12 @@ all scenarios, the observation of a seed is the mean over the scenarios.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from sblcosim.fmus.files import sha256_of
 from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
@@ -29,18 +27,16 @@ from ..results.responses import ON_REQUEST, RESPONSES, unit_of
 from ..results.user_responses import of_file, of_function
 from ..scenario.files import naming_files
 from ..scenario.overrides import pairs
-from ..scenario.scenario import Receivers, Scenario, Source
+from ..scenario.scenario import Receivers, Scenario
 from ..scenario.scenario import load as load_scenario
-from ..scenario.sources import file_of, known_source, labelled
+from ..scenario.sources import known_source
 from ..shown import Picture, Shown, page, verbatim
 from ..simulation.process import patience
-from ..simulation.user_code import PythonSource
 from ..study import runner
-from ..study.campaign import prepare
 from ..study.kept import Kept
 from ..study.study import Study
 from ..study.study import load as load_study
-from . import cost
+from . import alike, cost
 from .evaluation import ALL, PERCENTILE, by_place, differences, levels, ranked
 from .statistics import CONTAMINATION
 
@@ -274,7 +270,11 @@ def compare(
             raise ConfigurationError(f"scenarios: must have different names, got {it!r} twice")
         if it == ALL:
             raise ConfigurationError(f"scenarios: must not be named {ALL!r}, which is for the mean")
-    _check_different(studies)
+    if len(studies) > 1:
+        alike.check_scenarios({
+            study.base.name: study_of(alike.in_effect(study), study.receivers, {}, about)
+            for study in studies
+        })  # fmt: skip
     tables = []
     for i, study in enumerate(studies):
         def told(share: float, i: int = i) -> None:
@@ -287,7 +287,7 @@ def compare(
         ))  # fmt: skip
     settings = {
         "scenarios": [study.base.given() for study in studies],
-        "receivers": [_origin(known_source(it)) for it in studies[0].receivers],
+        "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],
         "runs": runs, "seed": about["seed"], "settling_s": settling_s, "response": name,
         "practical": practical, "contamination": contamination,
     }  # fmt: skip
@@ -352,47 +352,8 @@ def study_of(
         **about, "name": settled.name, "scenario": settled.given(), "design": {"kind": "single"},
     }  # fmt: skip
     study = load_study(tables, receivers=[receivers] if one else list(receivers))
-    seen: dict[Any, str] = {}
-    for label, source in labelled([known_source(it) for it in study.receivers]).items():
-        content = _content(source)
-        if content in seen:
-            raise ConfigurationError(
-                "receivers: must differ in more than their names, got the same content as "
-                f"{quoted(seen[content])} and as {quoted(label)}"
-            )
-        seen[content] = label
+    alike.check_receivers(study)
     return study
-
-
-def _content(source: Source) -> Any:
-    """What a receiver is, whatever its file is called."""
-    origin = _origin(source)
-    if isinstance(source, PythonSource):
-        return source.sha256, source.__name__
-    return origin["sha256"] if isinstance(origin, Mapping) else origin
-
-
-def _check_different(studies: Sequence[Study]) -> None:
-    """Refuse scenarios that are the same under two names: they would count twice."""
-    seen: dict[str, str] = {}
-    for study in studies if len(studies) > 1 else ():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # they are given when it runs
-            runs = prepare(study).digest
-        if runs in seen:
-            raise ConfigurationError(
-                "scenarios: must differ in more than their names, got the same runs as "
-                f"{quoted(seen[runs])} and as {quoted(study.base.name)}"
-            )
-        seen[runs] = study.base.name
-
-
-def _origin(source: Source) -> Any:
-    """A receiver for the manifest; independent of file paths."""
-    file = file_of(source)
-    if isinstance(source, PythonSource):
-        return {"python": source.__qualname__, "sha256": source.sha256}
-    return source if file is None else {"fmu": Path(file).name, "sha256": sha256_of(Path(file))}
 
 
 def _keys(overrides: Any) -> dict[str, Any]:

@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
 _NAMED = 4
 """More receivers or scenarios than that are counted, not listed."""
+WITHIN = (
+    "95 % in a run, or of the time: an order statistic, of a run's n errors the one of rank "
+    "0.95 n, rounded up; the mean over the runs. 95 % of runs: an upper bound of what 95 % of the "
+    "runs are below, by order statistics."
+)
+"""What the columns of percentages are, for people."""
 _NOTES = (
     "All receivers of a scenario had the same noise, seed by seed; a seed is one observation. An "
     "RMS over runs is the root of the mean of their mean squares, lost runs included; over all "
@@ -31,8 +37,7 @@ _NOTES = (
     "A difference is of the first receiver less the second: below 0 the first one is better. The "
     "sign test, which assumes nothing, says who is better. An interval of the mean stands only "
     "where there are enough runs, none has failed, and no few of them make it.",
-    "95 % in a run: what 95 % of the estimates of a run are within, mean over the runs. 95 % of "
-    "runs: what is compared is below it in 95 % of the runs, an upper bound by order statistics.",
+    WITHIN,
     f"{LOST} Update: time of an update, of our receivers in their engine for one simulation; only "
     "roughly so.",
 )
@@ -94,7 +99,8 @@ def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
     runs = it.level(place, names[0])["runs"]
     where = f", mean of {len(it.places) - 1} scenarios" if place == ALL else f" in {place}"
     over = " over" if it.response.endswith(SUFFIX) else ", mean of"
-    return f"{words_of(it.response)}{over} {runs} runs{where}: {values}."
+    what = words_of(it.response)
+    return f"{what[0].upper()}{what[1:]}{over} {runs} runs{where}: {values}."
 
 
 def reached(row: Any) -> float:
@@ -103,12 +109,19 @@ def reached(row: Any) -> float:
 
 
 def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
-    """What is said of the best one and the others: what needs no assumption first."""
+    """What is said of the best one and the others: what needs no assumption first.
+
+    Who is surely better than the one with the least median comes before it.
+    """
     rows = [row for row in rows_of(it, place, it.response) if row.one == best]
     better, equal, open_, worse = (
         [row for row in rows if row.verdict == word]
         for word in ("better", "equal", "undecided", "worse")
     )
+    for row in map(_turned, worse):
+        yield f"{row.one} is better than {best}."
+        yield _sure(it, row, "")
+        yield from _though(it, place, row.one, [best])
     if better:
         names = [row.other for row in better]
         yield f"{best} is better than {_all_or(names, rows)}."
@@ -129,8 +142,15 @@ def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
             f"Whether {best} is better than {listed([row.other for row in open_])} is undecided "
             f"after {open_[0].runs} runs{about}."
         )
-    for row in worse:
-        yield f"{best} is worse than {row.other} in {row.losses} of {row.runs} runs."
+
+
+def _turned(row: Any) -> Any:
+    """The difference of the second receiver less the first, which is worse."""
+    return row._replace(
+        one=row.other, other=row.one, wins=row.losses, losses=row.wins, verdict="better",
+        median=-row.median, low=-row.high, high=-row.low,
+        mean=-row.mean, mean_low=-row.mean_high, mean_high=-row.mean_low,
+    )  # fmt: skip
 
 
 def _all_or(names: Sequence[str], rows: Sequence[Any]) -> str:
@@ -148,11 +168,15 @@ def _sure(it: Tournament, row: Any, whom: str) -> str:
         f"{share(row.share_low)} of dives ({level:.0f} % confidence{at_once})"
     )
     if isfinite(row.median):
-        interval = "" if isnan(row.low) else f" ({span(-row.high, -row.low, unit)})"
-        text += f"; {size(-row.median, unit)} less in the median{interval}"
+        interval = "" if isnan(row.low) or row.low == row.high == 0 else (
+            f" ({span(-row.high, -row.low, unit)})")
+        less = f"{size(-row.median, unit)} less" if row.median else "no difference"
+        text += f"; {less} in the median{interval}"
     if isfinite(row.mean_low):
         text += (
-            f", {size(-row.mean, unit)} on average "
+            f", but {size(row.mean, unit)} more on average "
+            f"({span(row.mean_low, row.mean_high, unit)})" if row.mean > 0 else
+            f", {size(-row.mean, unit)} {'on' if row.median else 'less on'} average "
             f"({span(-row.mean_high, -row.mean_low, unit)})"
         )
     return f"{text}."
@@ -183,9 +207,12 @@ def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Ite
 
 
 def _exceptions(it: Tournament) -> Iterator[str]:
-    """Where a receiver is surely better than one that is better on average."""
+    """Where a receiver is surely better than one that has a lesser median over all."""
     for place in it.places:
-        found = [row for row in rows_of(it, place, it.response) if row.verdict == "worse"]
+        found = [
+            row for row in rows_of(it, place, it.response)
+            if row.verdict == "worse" and (len(it.places) > 1 or row.one != it.receivers[0])
+        ]  # fmt: skip
         if found and place != ALL:
             pairs = [f"{row.other} is better than {row.one}" for row in found]
             yield f"In {place}, {listed(pairs)}."
@@ -252,6 +279,12 @@ def _too_few(it: Tournament) -> Iterator[str]:
         least = int(it.differences["least"].max())
         if runs < least:
             yield f"no verdict from {runs} runs: {least} are needed, {least - runs} more"
+        least = int(it.differences["mean_least"].max())
+        if runs < least:
+            yield (
+                f"no interval of a mean difference from {runs} runs: {least} are needed, "
+                f"{least - runs} more"
+            )
 
 
 def unbounded(it: Tournament) -> Iterator[str]:
@@ -294,8 +327,8 @@ def text(it: Tournament, verbose: bool = False, width: int | None = None) -> str
                         "better in", "of dives", "median", "95 %, all at once", "mean",
                         "95 %, all at once", "the first is")  # fmt: skip
                 lines += ["", *_table(rows, width, head, range(1, 7), (2, 4, 6))]
-    if verbose:
-        lines += ["", *_NOTES]
+    lost = it.levels["lost"].any()
+    lines += ["", *(_NOTES if verbose else (WITHIN, LOST) if lost else (WITHIN,))]
     return fitted("\n".join(lines), width)
 
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from .. import artifacts
 from ..analysis.factorial import Factorial
+from ..results.definitions import LOST
+from ..results.responses import ORDER_STATISTIC
 from ..scenario.schema import toml
 from ..study.study import Study
 from .page import Block, Code, Section, Table, Text
@@ -33,7 +35,8 @@ DEFINITIONS = (
     "The RMS is over a run, after the settling time; the mean is over runs. Absolute errors are "
     "those in the world. Errors relative to the platform as it reports itself are less the mean "
     "over the beacons of reported minus true position; errors relative to the platform's true "
-    "position are those of receivers that say by themselves where they are from it."
+    "position are those of receivers that say by themselves where they are from it. "
+    f"{ORDER_STATISTIC} {LOST}"
 )
 
 

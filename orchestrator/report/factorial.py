@@ -64,7 +64,7 @@ class Findings:
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """As `sblcosim.analysis.factorial.Factorial.text`."""
-        return self.shown.text(verbose=verbose, width=width)
+        return self.data.text(verbose=verbose, width=width)
 
 
 def find(

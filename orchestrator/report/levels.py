@@ -113,8 +113,9 @@ def _pairs(a: GeneralFactorial) -> Table:
          *([] if a.practical is None else [sentences.verdict_text(row["verdict"], a)]))
         for _, row in ordered.iterrows()
     ]  # fmt: skip
-    of = " of medians" if a.by_medians else ""
-    head = ("Factor", "Levels", f"Difference{of}{own}", f"Simultaneous interval{own}",
+    what = "Median difference within a replicate" if a.within_replicates else (
+        f"Difference{' of medians' if a.by_medians else ''}")
+    head = ("Factor", "Levels", f"{what}{own}", f"Simultaneous interval{own}",
             "p, adjusted", *([] if a.practical is None else ["Verdict"]))
     note = "" if len(ordered) == len(a.pairs) else (
         f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."

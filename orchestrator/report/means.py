@@ -13,7 +13,7 @@ from .. import layout
 from ..analysis import sweep, workflow
 from ..analysis.sentences import quantity as quantity_of
 from ..results.catalogue import Figure, by_name
-from ..results.responses import unit_of
+from ..results.responses import defined, unit_of
 from ..study.study import Study
 from .common import DEFINITIONS
 from .factorial import factor_table
@@ -52,7 +52,8 @@ class Means:
         shown = shown if self.study.factors else shown.drop(columns=["factor", "value"])
         rows = [[x if isinstance(x, str) else f"{x:.4g}" for x in row] for row in shown.to_numpy()]
         head = [str(name) for name in shown.columns]
-        lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head)))]
+        lines = [self.answer, "", *layout.table(rows, width, head, range(1, len(head))),
+                 *defined(self.response)]
         return layout.fitted("\n".join(lines), width)
 
 

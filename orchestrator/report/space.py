@@ -12,7 +12,9 @@ import pandas as pd
 from ..analysis import sensitivity_figures as plots
 from ..analysis import sobol
 from ..analysis.sensitivity import Sensitivity
+from ..layout import fitted
 from ..results.catalogue import Figure, by_name
+from ..results.responses import defined
 from ..study.study import Study
 from .common import DEFINITIONS
 from .factorial import factor_table
@@ -53,7 +55,8 @@ class Indices:
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """Answers and tables in words."""
         shown = self.of if verbose else self.of[:1]
-        return "\n\n".join(one.text(width=width) for one in shown)
+        said = fitted("\n".join(defined(self.main.response)), width)
+        return "\n".join(filter(None, ("\n\n".join(one.text(width=width) for one in shown), said)))
 
 
 def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:

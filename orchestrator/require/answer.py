@@ -15,7 +15,7 @@ from .. import layout
 from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
-from . import words
+from . import limiting, words
 from .limiting import Limiting
 from .question import Question
 from .sequential import FIRST, Verdict
@@ -35,7 +35,8 @@ class Answer(Shown):
         One row per design, the cheapest first: the choices' levels, ``cost``, ``verdict``, and of
         the condition that is worst for it ``condition``, ``runs`` and ``passed`` of them,
         ``estimate`` of the percentile of the response that is to be within the limit (the order
-        statistic x₍⌈q n⌉₎), ``lower`` and ``upper`` bound of it; ``front``: no design is both
+        statistic x₍⌈q n⌉₎), ``lower`` and ``upper`` bound of it (infinite where none is claimed: of
+        a decided design on the other side of its verdict); ``front``: no design is both
         cheaper and better, by the estimates.
     arms
         The same numbers of each design in each condition, and the ``verdict`` there; ``design`` is
@@ -167,21 +168,28 @@ class Answer(Shown):
         where = f" ({of['condition']})" if of["condition"] else ""
         return (
             f"{self._share(row)} of {of['runs']:,} runs are within {self._size(q.terms.limit)}"
-            f"{where}; {100 * q.terms.share:g} % are within "
-            f"{self._size(of['estimate'])}{self._bounds(row)}."
+            f"{where}; {self._within(of['estimate'])}{self._bounds(row)}."
         )
+
+    def _within(self, value: float) -> str:
+        """What the required share of some runs is within, infinite if too few have a response."""
+        share = f"{100 * self.question.terms.share:g} %"
+        if not isfinite(value):
+            return f"fewer than {share} end well"
+        return f"{share} are within {self._size(value)}"
 
     def _bounds(self, row: int) -> str:
         """The bounds of a percentile that belong to what is said of a design."""
         of = self.of(row)
-        low, high = isfinite(of["lower"]), isfinite(of["upper"])
-        if of["verdict"] == "undecided" and low and high:
-            return f", surely between {self._size(of['lower'])} and {self._size(of['upper'])}"
-        if low and of["verdict"] != "suffices":
-            return f", surely at least {self._size(of['lower'])}"
-        if high and of["verdict"] != "fails":
-            return f", surely at most {self._size(of['upper'])}"
-        return ""
+        low, high = (self._size(of[end]) if isfinite(of[end]) else "" for end in ("lower", "upper"))
+        if low and not isfinite(of["estimate"]):
+            share = f"{100 * self.question.terms.share:g} %"
+            return f", and {share} are surely not within less than {low}"
+        if low and high:
+            return f", surely between {low} and {high}"
+        if low:
+            return f", surely at least {low}"
+        return f", surely at most {high}" if high else ""
 
     def _share(self, row: int) -> str:
         of = self.of(row)
@@ -249,13 +257,15 @@ class Answer(Shown):
         found, limit = self.limits, self.question.terms.limit
         if not found.without:
             return ""
-        first, *rest = [*found.without.items()][:3]
-        text = (
-            f"What limits it most is {first[0]}: with that error gone "
-            f"{100 * self.question.terms.share:g} % would be within {self._size(first[1])}"
-        )
-        helping = [(n, v) for n, v in rest if v < found.everything]
-        text += "".join(f"; without {name} {self._size(value)}" for name, value in helping) + "."
+        share = f"{100 * self.question.terms.share:g} %"
+        helping = [(n, v) for n, v in found.without.items() if v < found.everything][:3]
+        of_all = f"in {limiting.RUNS} other runs {self._within(found.everything)} with all errors"
+        text = f"No error alone limits it: {of_all}, and no less without any one of them."
+        if helping:
+            (name, value), *rest = helping
+            text = (f"What limits it most is {name}: {of_all}, and {share} would be within "
+                    f"{self._size(value)} without this one")
+            text += "".join(f"; without {name} {self._size(value)}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
             text += f" {words.enough(found, limit)}"
         return text
@@ -286,6 +296,8 @@ class Answer(Shown):
         """How many designs were left undecided because the answer is sure without them."""
         if not self.until_sure or self.chosen is None:
             return ""
+        if not self.question.costs:
+            return " None was left alone for being dearer: no design has a cost."
         dearer = self.designs["cost"] > self.of(self.chosen)["cost"]
         count = int((dearer & (self.designs["verdict"] == "undecided")).sum())
         which = "1 that is dearer was" if count == 1 else f"{count} that are dearer were"
@@ -303,8 +315,6 @@ class Answer(Shown):
 
     def _size(self, value: float) -> str:
         """A value of the response, for people."""
-        if not isfinite(value):
-            return "a loss"
         return f"{words.figure(value)}{self.question.unit and f' {self.question.unit}'}"
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
@@ -323,8 +333,8 @@ class Answer(Shown):
         which = "All designs" if verbose else f"Designs that no other one beats in {what}"
         right = [i for i, name in enumerate(head) if i and name != "verdict"]
         lines = [*self.sentences(), "", f"{which}:", *layout.table(rows, width, head, right)]
-        if verbose:
-            lines += ["", *self.notes()]
+        lost = [LOST] if (shown["estimate"] == np.inf).any() else []
+        lines += ["", *(self.notes() if verbose else (self._percentile(), *lost))]
         return layout.fitted("\n".join(lines), width)
 
     @property
@@ -369,11 +379,20 @@ class Answer(Shown):
                 "lost" if row["estimate"] == np.inf else words.figure(row["estimate"]),
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                words.span(row["verdict"], row["lower"], row["upper"]), f"{row['runs']:,}",
+                words.span(row["lower"], row["upper"]), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
         return head, rows
+
+    def _percentile(self) -> str:
+        """What kind of number a percentile is."""
+        q = self.question
+        return (
+            f"What {100 * q.terms.share:g} % are within is an order statistic: of n runs, the one "
+            f"of rank {q.terms.share:g} n, rounded up."
+            f"{_WITHIN_A_RUN if 'percentile' in q.words else ''}"
+        )
 
     def notes(self) -> list[str]:
         """How to read the numbers."""
@@ -384,9 +403,8 @@ class Answer(Shown):
             f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
             f"is lost does not pass. {LOST}",
             f"A design suffices if at least {share} of all runs that there could be pass"
-            + (" in each condition" if len(q.conditions) > 1 else "")
-            + f". What {share} are within is an order statistic: of n runs, the one of rank "
-            f"{q.terms.share:g} n, rounded up.{_WITHIN_A_RUN if 'percentile' in q.words else ''}",
+            + (" in each condition." if len(q.conditions) > 1 else "."),
+            self._percentile(),
             "The bounds assume nothing about the distribution of the errors, and hold whenever one "
             "looks. The lower bounds of all designs that fail hold together, and so do the upper "
             "ones of all that suffice. Of undecided designs both hold, of all of them together: "

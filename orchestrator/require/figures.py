@@ -31,9 +31,9 @@ def plot_front(
 ) -> Axes:
     """Cost against the value that the required share of the runs is within.
 
-    Bars are the bounds, as far as they exist. Designs without a finite value are arrows at the
-    upper edge; the legend counts those that were not tried. The designs that the answer names have
-    letters; those that do not suffice are small. Without costs, designs stand in the order of
+    Bars are the bounds, as far as they are claimed. Designs without a finite value are arrows at
+    the upper edge; the legend counts those that were not tried. The designs that the answer names
+    have letters; those that do not suffice are small. Without costs, designs stand in the order of
     their accuracy.
 
     Parameters

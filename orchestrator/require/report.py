@@ -87,7 +87,8 @@ def _front(answer: Answer, wide: str, narrow: str) -> Section:
     alt = f"{what} of {len(answer.designs)} designs. {answer.sentences()[0]}"
     caption = (
         f"{what} of all designs: the value that {100 * answer.question.terms.share:g} % of the "
-        "runs are within; bars reach to the bounds. Letters: the designs that the answer names."
+        "runs are within; bars reach to the bounds that are claimed. Letters: the designs that the "
+        "answer names."
     )
     picture = Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))
     return Section(what, "front", [picture])
@@ -116,7 +117,7 @@ def _conditions(answer: Answer) -> Section:
             "The designs that the answer names, in each condition", head,
             [[answer.short(row["design"]), row["condition"], row["verdict"],
               "lost" if row["estimate"] == inf else figure(row["estimate"]),
-              span(row["verdict"], row["lower"], row["upper"]), f"{row['passed']:,}",
+              span(row["lower"], row["upper"]), f"{row['passed']:,}",
               f"{row['runs']:,}"] for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip
@@ -134,8 +135,8 @@ def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
     head, rows = answer.table(designs)
     note = (
         f"Surely: bounds of the value that {100 * answer.question.terms.share:g} % are within, "
-        "which hold together for all designs. Runs and shares are those of the condition that is "
-        "worst for a design."
+        "which hold together for all designs; of a decided one, that of its claim. Runs and shares "
+        "are those of the condition that is worst for a design."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""

@@ -56,8 +56,9 @@ def decide(
     most_runs
         Budget in place of the question's. Runs that are in the folder count beyond it, too.
     until_sure
-        Leave designs alone that are dearer than one that surely suffices: the answer names the same
-        design as without it. Designs of the same cost go on.
+        No new runs of designs that are dearer than one that surely suffices; it needs costs.
+        Designs of the same cost go on. The answer names the same design as without it, unless the
+        budget ends one of the two: what dearer designs save goes to cheaper ones.
     workers, executor, scheduler
         As of `sblcosim.study.runner.run`.
     progress

@@ -179,7 +179,7 @@ class Elimination:
     most_runs
         Budget of runs, over everything.
     prices
-        By design; with them, a design that is dearer than one that suffices is left alone.
+        By design; with them, one that is dearer than one that suffices gets no new runs.
     runs
         Done so far, by group and condition.
     seen, passed
@@ -230,15 +230,16 @@ class Elimination:
         left, found = self.most_runs - self.spent, {}
         verdicts = [self.verdict(design) for design in range(len(self.groups))]
         for design, group in enumerate(self.groups):
-            if verdicts[design] != "undecided" or self._too_dear(design, verdicts):
+            if verdicts[design] != "undecided":
                 continue
+            dear = self._too_dear(design, verdicts)
             for condition in range(self.rule.conditions):
                 done = int(self.runs[group, condition])
                 batch = Batch(group, condition, done, next(n for n in looks() if n > done))
                 place, size = (group, condition), batch.stop - done
                 if place in found or self.arm(design, condition) != "undecided":
                     continue
-                if size <= left or known(batch):
+                if (size <= left and not dear) or known(batch):
                     found[place] = batch
                     left -= size
         return list(found.values())

@@ -77,6 +77,9 @@ def _arms(
             verdict = elimination.arm(number, at)
             mine = values.get((number, at), np.empty(0))
             estimate, lower, upper = percentile(mine, question.rule, verdict != "undecided")
+            # What is decided has its whole risk on the side of the claim: the other end is none.
+            lower = -np.inf if verdict == "suffices" else lower
+            upper = np.inf if verdict == "fails" else upper
             rows.append({
                 "design": number, "condition": question.named(dict(condition)), "verdict": verdict,
                 "runs": int(elimination.seen[number, at]),

@@ -15,12 +15,10 @@ def figure(value: float) -> str:
     return f"{value:.3g}" if isfinite(value) else "–"
 
 
-def span(verdict: str, low: float, high: float) -> str:
-    """The bounds of a percentile that belong to a verdict."""
+def span(low: float, high: float) -> str:
+    """The bounds of a percentile, as far as there are any."""
     ends = [(low, "≥"), (high, "≤")]
-    shown = [f"{sign} {figure(end)}" for (end, sign), other in zip(ends, ("suffices", "fails"),
-             strict=True) if isfinite(end) and verdict != other]  # fmt: skip
-    return ", ".join(shown) or "–"
+    return ", ".join(f"{sign} {figure(end)}" for end, sign in ends if isfinite(end)) or "–"
 
 
 def counted(number: int, verb: str) -> str:

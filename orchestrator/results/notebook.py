@@ -37,7 +37,8 @@ def gist(result: text.Result) -> str:
 def page(result: text.Result) -> str:
     """HTML: the verdicts and a row for each receiver; the tables and explanations are folded."""
     about = [text.about(result, name) for name in result.receivers]
-    words = "\n\n".join("\n".join(part) for part in (*about, text.notes(result)))
+    parts = (*about, [text.WITHIN, *text.notes(result)])
+    words = "\n\n".join("\n".join(part) for part in parts)
     return shown.page(
         result.title,
         f"<p>{'<br>'.join(map(escape, text.verdicts(result)))}</p>",

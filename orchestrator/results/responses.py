@@ -32,6 +32,7 @@ from ..simulation.user_code import InFile, by_value, foreseen, said
 from .definitions import (
     AXES,
     FRAMES,
+    LOST,
     OWN_PORT,
     PERCENTAGES,
     Judged,
@@ -47,6 +48,11 @@ from .metrics import availability, lost
 
 Floats = NDArray[np.float64]
 
+ORDER_STATISTIC = (
+    "A percentile p is an order statistic: of n errors, or n runs, the one of rank p n / 100, "
+    "rounded up."
+)
+"""What a percentile is, for people."""
 ALL_PERCENTILES = "percentiles"
 """In a study file: all percentiles."""
 
@@ -382,6 +388,20 @@ def value_of(response: Response, run: Run) -> float:
 def readable(name: str) -> str:
     """Turn a name into words, for responses without a description."""
     return name.removesuffix("_m").removesuffix("_s").replace("_", " ")
+
+
+def defined(column: str) -> list[str]:
+    """What a response is, in sentences for people, where its words do not say it.
+
+    Parameters
+    ----------
+    column
+        Of a table of runs, with or without a receiver.
+    """
+    name = column.rpartition(".")[2]
+    if isinstance(RESPONSES.get(name), Percentile):
+        return [ORDER_STATISTIC]
+    return [LOST] if name == "lost" else []
 
 
 def _of_name(name: str) -> Response:

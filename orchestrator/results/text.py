@@ -72,10 +72,13 @@ _VERDICTS = {
     "optimistic": "optimistic, errors larger than claimed",
     "pessimistic": "pessimistic, errors smaller than claimed",
 }
+WITHIN = (
+    "95 % within, and the other percentages: order statistics, of n errors the one of rank 0.95 n, "
+    "rounded up."
+)
+"""What the percentages are, for people."""
 _NOTES = (
     "x, y, z are north, east, down; error = estimate − truth; total = length of the 3-D error.",
-    "95 % within, and the other percentages: order statistics, of n errors the one of rank 0.95 n, "
-    "rounded up.",
     "Relative to the platform as it reports itself: less the mean beacon error (reported − true) "
     "at the estimate's epoch.",
 )
@@ -118,6 +121,8 @@ def of_run(result: Result, verbose: bool = False, width: int | None = None) -> s
         *errors(result.errors, result.receivers, size),
         "",
         *percentiles(result.percentiles, result.receivers, size),
+        "",
+        WITHIN,
     ]
     if verbose:
         for receiver in result.receivers:

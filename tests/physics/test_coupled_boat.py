@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sblcosim
+from sblcosim.results.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.wiring import connect
@@ -43,15 +44,14 @@ HOUR = {"acoustics.clock_grade": "tcxo", "acoustics.clock_sync_age_s": 3600.0}
 
 
 def judged(source: Any, changes: Mapping[str, Any] | None = None, **varied: float) -> Any:
-    """RMS error [m] over all runs and epochs, and mean NEES: absolute, and beside the platform."""
+    """RMS error [m] over the runs, and mean NEES: absolute, and beside the platform."""
     plan = resolve(connect(sblcosim.load(source, dict(changes or {})), "coupled"))
     seeds = {f"{name}.seed": np.arange(1, RUNS + 1) for name in ("target", "platform", "acoustics")}
     given = {f"coupled.{name}": np.array([value]) for name, value in varied.items()}
     outcome = execute(plan, {**seeds, **given})
     table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
     assert not table.lost.any()
-    square = np.average(table.absolute_total_rms_m**2, weights=table.estimates)
-    found = (float(np.sqrt(square)), float(table.nees_position.mean()),
+    found = (pooled(table.absolute_total_rms_m), float(table.nees_position.mean()),
              float(table.own_relative_nees_position.mean()))
     print(dict(changes or {}), varied, *(f"{value:.3f}" for value in found))
     return found

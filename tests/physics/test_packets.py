@@ -14,6 +14,7 @@ import pytest
 import sblcosim
 from numpy.typing import NDArray
 from sblcosim.models.acoustics.variables import PACKET_CONTENT
+from sblcosim.results.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
@@ -129,8 +130,7 @@ def mean_rms(changes: Mapping[str, Any], **told: Any) -> tuple[float, float]:
         plan, {**seeds, "coupled.acceleration_psd": np.array([0.01]), **told}
     )
     table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
-    square = np.average(table.absolute_total_rms_m**2, weights=table.estimates)
-    return float(np.sqrt(square)), float(table.nees_position.mean())
+    return pooled(table.absolute_total_rms_m), float(table.nees_position.mean())
 
 
 def test_a_receiver_that_is_told_of_rounding_loses_little_by_it() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -542,6 +543,8 @@ def test_a_run_without_an_error_drops_its_seed_and_not_its_frame(
         rms = np.sqrt((kept[f"coupled.{frame}_total_rms_m"].astype(float) ** 2).mean())
         assert found.of(frame)["rms_m"].iloc[0] == pytest.approx(rms, rel=1e-12)
         assert found.of(frame)["share_low"].iloc[1:].notna().all()
+    one = replace(found, dropped=1).text()
+    assert "1 seed is left out: one of its runs failed or has no estimate" in one
     made.clear()
     missing |= dict.fromkeys([1], slice(0, 5))
     with pytest.raises(ConfigurationError, match=r"30 runs with every switch, got .* without an"):

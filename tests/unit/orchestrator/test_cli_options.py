@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ import typer
 from sblcosim.cli import app
 from sblcosim.cli.options import in_options
 from sblcosim.fmus.build import factory
+from sblcosim.report import study as reports
 from sblcosim.results.definitions import LOST
+from sblcosim.results.responses import ORDER_STATISTIC
 from sblcosim.study import study
 from typer.testing import CliRunner
 
@@ -187,45 +190,114 @@ def test_arguments_are_named_by_the_options_that_were_typed(
 
 # --- What stands beside a number -----------------------------------------------------------------
 
+SHORT = "--set time.duration_s=5"
+BAD = f"{SHORT} --set acoustics.loss_probability=0.97 --set platform.gps_horizontal_std_m=90"
+PAIR = "paper-scenario-1 --receiver ekf --receiver coupled"
+ORDERED = {
+    "run": "95 % within, and the other percentages: order statistics, of n errors the one of rank ",
+    "many": "95 % in a run, or of the time: an order statistic, of a run's n errors the one of ",
+    "require": "is an order statistic: of n runs, the one of rank 0.95 n, rounded up.",
+    "map": "each run is represented by ten order statistics of its errors",
+    "study": ORDER_STATISTIC,
+}
+"""What is said of percentiles by what prints them."""
+
+
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Studies of all kinds, in which some runs are lost, and questions."""
+    here: Path = tmp_path_factory.mktemp("lossy")
+    keys = '"time.duration_s" = 5.0\n"acoustics.loss_probability" = 0.9\n'
+    text = (
+        'scenario = "paper-scenario-1"\nreplicates = 20\nresponses = ["percentiles"]\n'
+        f'[design]\nkind = "KIND"\n[fixed]\n{keys}'
+        '[factors.gps]\nkeys = ["platform.gps_horizontal_std_m"]\nlevels = [3.0, 90.0]\n'
+    )
+    for kind in ("full", "grid", "sweep"):
+        study.load(tomllib.loads(text.replace("KIND", kind))).run(here / kind)
+    single = text.replace("KIND", "single").partition("[factors")[0].replace("0.9", "0.97")
+    study.load(tomllib.loads(single)).run(here / "single")
+    space = text.replace("KIND", "space").replace("replicates = 20", "")
+    space = space.replace("levels", 'distribution = "uniform"\nrange')
+    space = space.replace("[design]", "[design]\nbase_rows = 16")
+    study.load(tomllib.loads(space)).run(here / "space")
+    (here / "study.toml").write_text(text.replace("KIND", "full"), "utf-8")
+    (here / "costs.toml").write_text("gps = [2, 1]\n", "utf-8")
+    asked = (
+        'scenario = "paper-scenario-1"\nresponse = "total_rms_m"\nlimit = 1.0\nmost_runs = 200\n'
+        f'settling_time_s = 1.0\n[fixed]\n{keys}'
+        '[choices.gps]\nkeys = ["platform.gps_horizontal_std_m"]\nlevels = [80.0, 90.0]\n'
+    )
+    (here / "lossy.toml").write_text(asked, "utf-8")
+    return here
+
 
 @pytest.mark.parametrize(
     "command",
     [
+        "study study.toml --out studied",
         "study study.toml --out studied --verbose",
-        "run paper-scenario-1 --set time.duration_s=5 --runs 2 --no-figures --verbose",
-        "run paper-scenario-1 --set time.duration_s=5 --set acoustics.loss_probability=0.97 "
-        "--set platform.gps_horizontal_std_m=90 --runs 3 --no-figures",
+        f"run {PAIR} {SHORT} --runs 2 --no-figures --verbose",
+        f"run {PAIR} {BAD} --runs 3 --no-figures",
+        f"compare {PAIR} {SHORT} --runs 2 --no-figures --verbose",
+        f"compare {PAIR} {BAD} --runs 3 --no-figures",
         "budget paper-scenario-1 --set time.duration_s=5 --set platform.gps_horizontal_std_m=90 "
         "--runs 30 --no-figures",
         "map paper-scenario-1 --set platform.gps_horizontal_std_m=90 --area 9x9 --depth 5 "
         "--cells 2 --runs 2 --duration 5 --settling 1 --no-figures",
-        "require small.toml --verbose",
-        "compare paper-scenario-1 --receiver ekf --receiver coupled --set time.duration_s=5 "
-        "--runs 2 --no-figures --verbose",
+        "require lossy.toml",
+        "require lossy.toml --verbose",
+        *(f"analyse {kind} --response lost{more}" for kind in ("full", "grid", "sweep", "single",
+                                                               "space")
+          for more in ("", " --verbose")),
+        "analyse grid",
+        *(f"advise full --costs costs.toml{more}" for more in ("", " --verbose", " --limit 90",
+                                                               " --mean")),
     ],
-)
+)  # fmt: skip
 def test_where_a_share_of_lost_runs_is_printed_it_is_said_what_lost_is(
-    place: Path, monkeypatch: pytest.MonkeyPatch, command: str
+    lossy: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    monkeypatch.chdir(place)
-    Path("small.toml").write_text(
-        'scenario = "paper-scenario-1"\nresponse = "total_p95_m"\nlimit = 1.0\nmost_runs = 200\n'
-        'settling_time_s = 1.0\n[fixed]\n"time.duration_s" = 5.0\n'
-        '[choices.arm]\nkeys = ["platform.arm_length_m"]\nlevels = [0.4, 3.0]\n', "utf-8",
-    )  # fmt: skip
+    monkeypatch.chdir(lossy)
     result = CliRunner().invoke(app, command.split())
-    assert result.exit_code in (0, 1), result.output
+    sure = not command.startswith("require") and "--limit" not in command
+    assert result.exit_code == (0 if sure else 1)
     assert "lost" in result.stdout
     words = re.sub(r"\s+", " ", result.stdout)
-    assert words.count(LOST) == 1
-    if "--verbose" in command and command.split()[0] in ("run", "require"):
-        assert "order statistic" in words
+    assert words.count(LOST) == 1, result.stdout
 
 
-def test_percentiles_of_a_run_are_said_to_be_order_statistics(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+MANY = f"{SHORT} --runs 2 --no-figures"
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        ("map paper-scenario-1 --area 9x9 --depth 5 --cells 2 --runs 2 --duration 5 --settling 1 "
+         "--no-figures", "map"),
+        *((f"{command}{more}", kind) for more in ("", " --verbose") for command, kind in (
+            (f"run paper-scenario-1 {SHORT} --no-figures", "run"),
+            (f"run paper-scenario-1 {MANY}", "many"),
+            (f"compare {PAIR} {MANY}", "many"),
+            ("require lossy.toml", "require"),
+            *((f"analyse {name} --response absolute_total_p95_m", "study")
+              for name in ("full", "grid", "sweep", "single", "space")),
+            ("advise full --costs costs.toml", "study"),
+            ("advise full --costs costs.toml --mean --response absolute_horizontal_p50_m", "study"),
+        )),
+    ],
+)  # fmt: skip
+def test_percentiles_are_said_to_be_order_statistics(
+    lossy: Path, monkeypatch: pytest.MonkeyPatch, command: str, kind: str
 ) -> None:
-    monkeypatch.chdir(place)
-    argv = ["run", "paper-scenario-1", "--set", "time.duration_s=5", "--no-figures", "--verbose"]
-    words = re.sub(r"\s+", " ", CliRunner().invoke(app, argv).stdout)
-    assert "order statistics, of n errors the one of rank 0.95 n, rounded up" in words
+    monkeypatch.chdir(lossy)
+    words = re.sub(r"\s+", " ", CliRunner().invoke(app, command.split()).stdout)
+    assert words.count(ORDERED[kind]) == 1, words
+
+
+@pytest.mark.parametrize("kind", ["full", "grid", "sweep", "single", "space"])
+def test_a_report_says_what_percentiles_and_lost_runs_are(lossy: Path, kind: str) -> None:
+    reports.save(lossy / kind, lossy / f"{kind}-page", "absolute_total_p95_m")
+    page = (lossy / f"{kind}-page" / reports.REPORT).read_text("utf-8")
+    for said in (ORDER_STATISTIC, LOST):
+        assert said in page

@@ -523,7 +523,7 @@ def test_intervals_of_medians_hold_as_often_as_said(common: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("practical", "verdict"), [(0.5, "differs"), (3.0, "equal"), (1.0, "open")]
+    ("practical", "verdict"), [(0.5, "differs"), (3.0, "equal"), (1.0, "undecided")]
 )
 def test_pairs_are_weighed_by_what_matters(practical: float, verdict: str) -> None:
     rng = np.random.default_rng(2)
@@ -531,10 +531,10 @@ def test_pairs_are_weighed_by_what_matters(practical: float, verdict: str) -> No
     table.loc[40:, "y"] += 1.0
     found = analyse(table, ["a"], "y", unit="m", practical=practical)
     assert found.pairs["verdict"].tolist() == [verdict]
-    words = {"differs": "1 differ by more", "equal": "1 are equal", "open": "1 are undecided"}
+    words = {"differs": "1 differ by more", "equal": "1 are equal", "undecided": "1 are undecided"}
     assert words[verdict] in found.text()
-    shown = {"differs": "differs", "equal": f"equal within ±{practical:g} m", "open": "undecided"}
-    assert shown[verdict] in found.text(verbose=True)
+    shown = f"equal within ±{practical:g} m" if verdict == "equal" else verdict
+    assert shown in found.text(verbose=True)
     ratio = analyse(table, ["a"], "y", transform="log", practical=2.0)
     assert ratio.pairs["verdict"].tolist() == ["equal"]
     with pytest.raises(ConfigurationError, match="practical: must be a ratio above 1"):
@@ -566,7 +566,7 @@ def test_where_medians_stand_first_pairs_are_judged_by_them(practical: float) ->
     assert not ((pairs["low"] > 0) | (pairs["high"] < 0)).loc[[("x", "z")]].any()  # the means
     expected = ["equal", "differs", "differs"] if practical < 3 else ["equal"] * 3
     assert pairs["verdict"].tolist() == expected
-    counts = [expected.count(word) for word in ("differs", "equal", "open")]
+    counts = [expected.count(word) for word in ("differs", "equal", "undecided")]
     assert (f"Judged by medians, of the 3 pairs of levels {counts[0]} differ by more than "
             f"±{practical:g} m, {counts[1]} are equal within it, and {counts[2]} are undecided."
             ) in found.text()  # fmt: skip
@@ -595,6 +595,46 @@ def test_medians_of_paired_runs_are_of_the_replicates_differences() -> None:
     assert found.pairs["verdict"].tolist() == ["equal", "differs", "differs"]
 
 
+@pytest.mark.parametrize(("others", "missing"), [(2, False), (3, True), (10, False)])
+def test_paired_medians_compare_runs_and_not_means_over_other_factors(
+    others: int, missing: bool
+) -> None:
+    """p has the lesser median and the larger mean in each cell; a level of b may have no p."""
+    random = np.random.default_rng(7)
+    wide = np.stack([np.exp(3.0 * random.normal(size=(60, others))),
+                     3.0 * np.exp(0.3 * random.normal(size=(60, others)))])  # fmt: skip
+    rows = [(a, b, r, wide[i, r, b]) for i, a in enumerate("pq") for b in range(others)
+            for r in range(60) if not (missing and (a, b) == ("p", 1))]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["a", "b", "replicate", "y"])
+    found = analyse(table, ["a", "b"], "y", seeding="common", order=1, unit="m", practical=0.2)
+    assert found.by_medians
+    row = found.pairs[found.pairs["factor"] == "a"].iloc[0]
+    there = [b for b in range(others) if not (missing and b == 1)]
+    gaps = np.sort((wide[0] - wide[1])[:, there].ravel())
+    assert row["median_difference"] == pytest.approx(np.median(gaps))
+    assert (row["median_low"], row["median_high"]) == pytest.approx(median_interval(gaps, 60, 0.95))
+    assert row["median_high"] < 0 < row["difference"]
+    assert (row["differs"], row["verdict"]) == (True, "differs")
+    assert "The median y falls with a from q" in found.text()
+    said = found.text(verbose=True)
+    assert "Medians of the differences of y within a replicate [m]" in said
+    assert "It is not the difference of the levels' medians." in said
+    label = found.plot_pairs().axes[-1].get_xlabel().replace("\n", " ")
+    assert label == "Median difference of y [m] within a replicate"
+
+
+def test_levels_that_share_no_cell_have_no_median_difference() -> None:
+    random = np.random.default_rng(8)
+    cells = [("x", "u"), ("y", "v"), ("z", "u"), ("z", "v")]
+    rows = [(a, b, r, random.lognormal(0, 2.5)) for a, b in cells for r in range(40)]
+    table = pd.DataFrame(rows, columns=["a", "b", "replicate", "y"])
+    pairs = analyse(table, ["a", "b"], "y", seeding="common").pairs.set_index(["one", "other"])
+    alone = pairs[["median_difference", "median_low", "median_high"]].isna().all(axis=1)
+    assert alone.to_dict() == {("x", "y"): True, ("x", "z"): False, ("y", "z"): False,
+                               ("u", "v"): False}  # fmt: skip
+    assert not pairs["differs"][("x", "y")]
+
+
 def test_where_means_stand_first_pairs_are_judged_by_them() -> None:
     random = np.random.default_rng(4)
     table = pd.DataFrame({"a": np.repeat(["x", "y"], 40), "y": random.normal(9.0, 1.0, 80)})
@@ -618,5 +658,21 @@ def test_intervals_of_medians_differences_hold_at_once(common: bool) -> None:
         options = Options("independent", "none", "pure", None, 0.95, "", "replicate", "")
         medians = median_table(data, {"a": [0, 1, 2]}, "y", options)
         found = median_pairs(pairs, medians, {"a": y.T} if common else None, 0.95)
+        held += bool(((found["low"] <= 0) & (found["high"] >= 0)).all())
+    assert held / 300 >= 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5
+
+
+@pytest.mark.parametrize("within", [0.0, 0.3, 10.0])
+def test_intervals_of_differences_within_replicates_hold_at_once(within: float) -> None:
+    """Whether the differences of a replicate over the other factors are alike or not."""
+    random = np.random.default_rng(6)
+    pairs = pd.DataFrame({"factor": "a", "one": [0, 0, 1], "other": [1, 2, 2]})
+    medians = pd.DataFrame({"factor": "a", "level": [0, 1, 2], "median": 0.0, "all_low": 0.0,
+                            "all_high": 0.0})  # fmt: skip
+    held = 0
+    for _ in range(300):
+        y = random.standard_t(1, (25, 3, 1)) + within * random.standard_t(1, (25, 3, 4))
+        y[:, 1, 2] = np.nan  # no cell
+        found = median_pairs(pairs, medians, {"a": y}, 0.95)
         held += bool(((found["low"] <= 0) & (found["high"] >= 0)).all())
     assert held / 300 >= 0.95 - 3 * (0.05 * 0.95 / 300) ** 0.5

@@ -16,6 +16,7 @@ from sblcosim.analysis.general import GeneralFactorial
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
+from sblcosim.report import levels as level_pages
 from sblcosim.report import possible
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
@@ -322,7 +323,7 @@ def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) ->
     assert found.largest == 9e4
     assert f"sblcosim replay RESULTS {planted['run_id'][5]}" in found.text()
     assert "Lost is judged in the last quarter" in found.text()
-    assert set(found.pairs["verdict"]) <= {"equal", "differs", "open"}
+    assert set(found.pairs["verdict"]) <= {"equal", "differs", "undecided"}
     saved = reports.save(tmp_path / "s", tmp_path / "a", practical=0.5)
     assert isinstance(saved, GeneralFactorial)
     assert saved.worst_run in set(runs["run_id"])
@@ -330,6 +331,56 @@ def test_the_run_that_ran_away_is_named_and_pairs_are_weighed(tmp_path: Path) ->
     for words in ("Medians of the levels", "Lost is judged in the last quarter", "Verdict"):
         assert words in page
     assert (tmp_path / "a" / "medians.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("planted", "by_medians", "practical"),
+    [(1.0, False, 0.3), (120.0, True, 0.3), (120.0, True, None), (9e3, True, 0.3)],
+)
+def test_pairs_are_judged_by_what_is_said_wherever_they_stand(
+    tmp_path: Path, planted: float, by_medians: bool, practical: float | None
+) -> None:
+    """One run of four conditions is far off: 120 m are 30 m on the average, 9 km run away."""
+    sea = {"keys": ["platform.beaufort"], "levels": [1, 2, 3, 4], "combine": "average"}
+    noise = {"keys": ["acoustics.range_std_m"], "levels": [0.05, 0.5, 1.5]}
+    of = small(conditions={"sea": sea}, factors={"noise": noise}, replicates=40,
+               seeding="independent")  # fmt: skip
+    base = {0.05: 1.0, 0.5: 1.02, 1.5: 1.5}
+    rows = [
+        {"point": number, "replicate": r, "run_id": f"{number}-{r}", "ekf.lost": 0.0,
+         **dict(zip(of.varied, values, strict=True))}
+        for number, values in enumerate(of.points.values, 1) for r in range(1, 41)
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    random = np.random.default_rng(1)
+    table[f"ekf.{TOTAL}"] = [base[x] for x in table["noise"]] + random.normal(0, 0.1, len(table))
+    table.loc[5, f"ekf.{TOTAL}"] = planted
+    found = workflow.of_grid(of, table, practical=practical)
+    assert found.by_medians == by_medians
+    by = found.pairs.set_index(["one", "other"])
+    own = "median_" if by_medians else ""
+    low, high = by[f"{own}low"], by[f"{own}high"]
+    assert by["differs"].to_dict() == ((low > 0) | (high < 0)).to_dict()
+    assert by["differs"].tolist() == [False, True, True]
+    made = level_pages.parts(of, found, tmp_path).tables
+    (page,) = (t for t in made if isinstance(t, Table) and t.caption == "Pairs of levels")
+    document = contents.analysis(found, tmp_path, tmp_path).model_dump()["pairs"]
+    for shown in page.rows:
+        one, other = (float(text.removesuffix(" m")) for text in shown[1].split(" less "))
+        row = by.loc[(one, other)]
+        assert float(shown[2].replace("−", "-")) == pytest.approx(row[f"{own}difference"], rel=1e-3)
+        ends = [float(text.replace("−", "-")) for text in shown[3].strip("()").split(" to ")]
+        assert ends == pytest.approx([row[f"{own}low"], row[f"{own}high"]], rel=6e-3)
+        (plain,) = (it for it in document if (it["one"], it["other"]) == (one, other))
+        for name in ("difference", "low", "high"):
+            assert plain[own + name] == pytest.approx(row[own + name])
+        assert plain["differs"] == row["differs"]
+        if practical is not None:
+            assert shown[5] == plain["verdict"] + (
+                " within ±0.3 m" if row["verdict"] == "equal" else "")
+    if practical is not None:
+        assert by["verdict"].tolist() == ["equal", "differs", "differs"]
+        assert f"{'Judged by medians, of' if by_medians else 'Of'} the 3 pairs" in found.text()
 
 
 def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(

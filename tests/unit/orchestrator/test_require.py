@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from matplotlib.collections import LineCollection
 from sblcosim import require
 from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
@@ -31,6 +32,7 @@ from sblcosim.require.question import Question, passable
 from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
+from sblcosim.results.definitions import LOST
 from sblcosim.results.responses import RESPONSES, check_limit
 from sblcosim.study import store
 from scipy import stats
@@ -334,11 +336,10 @@ def test_none_suffices_is_an_answer() -> None:
 def test_open_is_an_answer_and_says_how_many_runs_it_takes() -> None:
     question = require.load(changed(most_runs=580))
     answer = pretended(question, dict.fromkeys(range(6), 1.0))
-    least = question.rule.least
-    assert answer.designs["verdict"].eq("undecided").all() == (least > 96)
-    if least > 96:
-        assert f"takes at least {least} runs" in answer.answer()
-        assert f"{least - 96} more are needed at each of the 6" in answer.answer()
+    assert question.rule.least == 104
+    assert answer.designs["verdict"].eq("undecided").all()
+    assert "takes at least 104 runs" in answer.answer()
+    assert "8 more are needed at each of the 6" in answer.answer()
     half = pretended(require.load(changed(most_runs=3 * 96)), dict.fromkeys(range(6), 1.0))
     assert half.answer().endswith("3 were not tried: a first look at all designs takes a budget of "
                                   "576 runs.")
@@ -820,6 +821,102 @@ def test_the_answer_ends_when_it_is_sure() -> None:
     }))  # fmt: skip
     every = [pretended(free, shares, until_sure=until) for until in (False, True)]
     pd.testing.assert_frame_equal(every[0].designs, every[1].designs)
+
+
+def test_an_answer_that_ends_when_it_is_sure_counts_the_runs_that_are_there(
+    tmp_path: Path,
+) -> None:
+    """A dear design is near the limit, and would go on when a cheaper one suffices."""
+    asked = require.load(changed(limit=2.6, most_runs=2000))
+    ended = require.decide(asked, tmp_path / "ended", until_sure=True)
+    assert "1 that is dearer was left undecided." in ended.answer()
+    once_more = require.decide(asked, tmp_path / "ended", until_sure=True)
+    pd.testing.assert_frame_equal(once_more.designs, ended.designs)
+    whole = require.decide(asked, tmp_path / "ended")
+    assert whole.spent > ended.spent
+    assert whole.chosen == ended.chosen
+    again = require.decide(asked, tmp_path / "ended", until_sure=True)
+    pd.testing.assert_frame_equal(again.designs, whole.designs)
+    assert again.spent == whole.spent == len(store.table(tmp_path / "ended" / "runs"))
+
+
+def test_an_answer_without_costs_leaves_none_alone_and_says_so() -> None:
+    free = require.load(changed(most_runs=2000, choices={
+        name: {k: v for k, v in table.items() if k != "costs"}
+        for name, table in QUESTION["choices"].items()
+    }))  # fmt: skip
+    said = "None was left alone for being dearer: no design has a cost."
+    for until_sure in (False, True):
+        answer = pretended(free, dict.fromkeys(range(6), 0.99), until_sure=until_sure)
+        assert (said in answer.answer()) == until_sure
+
+
+@pytest.mark.parametrize("conditions", [None, CONDITIONS])
+def test_of_a_decided_design_only_the_end_of_its_claim_is_drawn_and_written(
+    tmp_path: Path, conditions: dict[str, Any] | None
+) -> None:
+    question = require.load(changed(conditions=conditions, most_runs=6000))
+    answer = pretended(question, {0: 0.75, 1: 0.9, 2: 0.8, 3: 0.97, 4: 0.9, 5: 0.98})
+    assert set(answer.designs["verdict"]) == {"suffices", "fails", "undecided"}
+    report.save(answer, tmp_path / "a")
+    tables = [answer.designs, answer.arms, pd.read_parquet(tmp_path / "a" / "designs.parquet")]
+    if conditions:
+        tables.append(pd.read_parquet(tmp_path / "a" / "conditions.parquet"))
+    for table in tables:
+        for row in table.itertuples():
+            ends = np.isfinite([row.lower, row.upper]).tolist()
+            assert ends == {
+                "suffices": [False, True], "fails": [True, False], "undecided": [True, True],
+            }[row.verdict]  # fmt: skip
+    drawn = sorted(
+        tuple(sorted(segment[:, 1]))
+        for lines in plot_front(answer).collections if isinstance(lines, LineCollection)
+        for segment in lines.get_segments()
+    )
+    expected = sorted(
+        (row.lower if np.isfinite(row.lower) else row.estimate,
+         row.upper if np.isfinite(row.upper) else row.estimate)
+        for row in answer.designs.itertuples()
+    )  # fmt: skip
+    assert np.array(drawn) == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize(
+    ("everything", "without", "said"),
+    [
+        (2.5, {"a": 0.5, "b": 1.2, "c": 2.6}, "What limits it most is a: in 40 other runs 90 % are "
+         "within 2.5 m with all errors, and 90 % would be within 0.5 m without this one; without b "
+         "1.2 m."),
+        (np.inf, {"a": 0.7, "b": np.inf}, "What limits it most is a: in 40 other runs fewer than "
+         "90 % end well with all errors, and 90 % would be within 0.7 m without this one."),
+        (0.9, {"a": 0.9, "b": 1.2}, "No error alone limits it: in 40 other runs 90 % are within "
+         "0.9 m with all errors, and no less without any one of them."),
+        (np.inf, {"a": np.inf, "b": np.inf}, "No error alone limits it: in 40 other runs fewer "
+         "than 90 % end well with all errors, and no less without any one of them."),
+        (np.nan, {}, ""),
+    ],
+)  # fmt: skip
+def test_what_limits_a_design_is_beside_the_runs_with_all_errors(
+    everything: float, without: dict[str, float], said: str
+) -> None:
+    answer = pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.999))
+    assert answer.chosen is not None
+    found = replace(answer, limits=limiting.Limiting(everything, without, ()))
+    assert found.limited() == said
+
+
+def test_of_a_design_of_which_too_many_are_lost_no_distance_is_said() -> None:
+    answer = pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.3))
+    designs = answer.designs.assign(estimate=np.inf)
+    for lower, bound in ((2.0, ", and 90 % are surely not within less than 2 m."), (-np.inf, ".")):
+        lost = replace(answer, designs=designs.assign(lower=lower))
+        assert f"fewer than 90 % end well{bound}" in lost.answer()
+        for text in (lost.text(), lost.text(verbose=True)):
+            assert "a loss" not in text
+            assert text.count(LOST) == 1
+    for text in (answer.text(), answer.text(verbose=True)):
+        assert text.count("What 90 % are within is an order statistic: of n runs, the one of") == 1
+    assert LOST not in answer.text()
 
 
 def test_runs_that_are_there_count_whatever_the_budget_is(

@@ -13,12 +13,13 @@ import pytest
 import sblcosim
 import sblcosim.cli
 from sblcosim import style
-from sblcosim.comparison import cost, many, tournament, tournament_figures
+from sblcosim.comparison import alike, cost, many, tournament, tournament_figures
 from sblcosim.comparison.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.results.consistency import of_runs
+from sblcosim.results.definitions import LOST
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
 from statsmodels.stats.proportion import proportion_confint
@@ -549,6 +550,94 @@ def test_fewer_than_two_runs_are_refused(given: str) -> None:
         )
 
 
+# What is said of a pair ---------------------------------------------------------------------------
+
+
+def test_a_larger_mean_is_said_to_be_more() -> None:
+    random = np.random.default_rng(3)
+    base = random.normal(1, 0.1, RUNS)
+    gap = np.where(random.random(RUNS) < 0.65, -1, 2.5)
+    it = evaluate({"x": runs_of({"a": 5 + base + gap, "b": 5 + base})}, SETTINGS)
+    row = it.differences.iloc[0]
+    assert row["verdict"] == "better"
+    assert row["mean"] > 0
+    more = f"but {row['mean']:.3f} m more on average (−0.0314 to 0.600 m)"
+    assert f"1.00 m less in the median (1.00 to 1.00 m), {more}" in it.answer
+    assert "−0.26" not in it.answer
+
+
+@pytest.mark.parametrize("scenarios", [1, 2])
+def test_who_is_surely_better_than_the_least_median_comes_first_and_once(scenarios: int) -> None:
+    """c is far behind both; in two scenarios the place of each is said besides."""
+    a = np.r_[np.full(101, 1.0), np.full(99, 3.0)]
+    b = np.r_[np.full(66, 0.9), np.full(35, 5.0), np.full(99, 2.9)]
+    table = runs_of({"a": a, "b": b, "c": a + 9})
+    it = evaluate(dict.fromkeys("xy"[:scenarios], table), SETTINGS)
+    assert it.receivers[0] == "a"
+    row = it.differences.iloc[0]
+    share = int(100 * row["share_low"])
+    assert it.answer.startswith(
+        f"b is better than a. It is better in 165 of 200 runs: in at least {share} % of dives (95 "
+        "% confidence, all pairs at once); 0.100 m less in the median (0.100 to 0.100 m), but "
+        "0.617 m more on average ("
+    )
+    assert "a is better than c. It is better in 200 of 200 runs" in it.answer
+    assert it.answer.count("b is better than a") == scenarios * 2 - 1
+    assert "worse" not in it.answer
+
+
+def test_a_pair_behind_the_least_median_is_said_where_it_is_turned() -> None:
+    a = np.full(RUNS, 0.5)
+    b = np.r_[np.full(101, 1.0), np.full(99, 3.0)]
+    c = np.r_[np.full(66, 0.9), np.full(35, 5.0), np.full(99, 2.9)]
+    it = evaluate({"x": runs_of({"a": a, "b": b, "c": c})}, SETTINGS)
+    assert it.answer.startswith("a is better than all others.")
+    assert it.answer.endswith("In x, c is better than b.")
+
+
+@pytest.mark.parametrize(
+    ("receivers", "runs", "least"), [(2, 98, 99), (3, 110, 121), (7, 150, 159)]
+)
+def test_too_few_runs_for_the_mean_of_a_pair_are_said(
+    receivers: int, runs: int, least: int
+) -> None:
+    base = np.random.default_rng(3).normal(1, 0.1, RUNS)
+    table = runs_of({f"r{i}": base + i / 2 for i in range(receivers)})
+    said = f"no interval of a mean difference from {runs} runs: {least} are needed, {least - runs} "
+    it = evaluate({"x": table.head(runs)}, SETTINGS | {"runs": runs})
+    assert it.differences["mean_low"].isna().all()
+    assert said in it.text()
+    it = evaluate({"x": table.head(least)}, SETTINGS | {"runs": least})
+    assert it.differences["mean_low"].notna().all()
+    assert "no interval of a mean" not in it.text()
+
+
+@pytest.mark.parametrize("response", ["lost", "broken", "inconsistent"])
+def test_of_a_share_of_runs_no_tail_and_no_median_of_0_is_told(response: str) -> None:
+    table = runs_of({"a": np.ones(RUNS), "b": np.ones(RUNS)})
+    for receiver, every in (("a", 50), ("b", 4)):
+        table[f"{receiver}.{response}"] = (np.arange(RUNS) % every == 0) * 1.0
+    it = evaluate({"x": table}, SETTINGS | {"response": response})
+    said = it.text()
+    assert "heavy-tailed" not in said
+    assert not it.levels["heavy_tailed"][it.levels["response"] == response].any()
+    assert "; no difference in the median, 0.2" in it.answer
+    assert "; 0 less" not in it.answer
+    assert f" Share of {response} runs, mean of 200 runs in x: a 0.0200, b 0.250." in it.answer
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+@pytest.mark.parametrize("lost", [False, True])
+def test_columns_of_percentages_are_said_to_be_order_statistics(verbose: bool, lost: bool) -> None:
+    base = np.random.default_rng(1).normal(1, 0.1, RUNS)
+    gone = {"a": np.arange(RUNS) < 3 * lost}
+    it = evaluate({"x": runs_of({"a": base, "b": base + 1}, gone)}, SETTINGS)
+    said = it.text(verbose=verbose)
+    assert said.count("95 % in a run, or of the time: an order statistic, of a run's n errors") == 1
+    assert "an upper bound of what 95 % of the runs are below, by order statistics" in said
+    assert said.count(LOST) == (verbose or lost)
+
+
 # The same under two names ------------------------------------------------------------------------
 
 
@@ -567,6 +656,24 @@ def test_the_same_scenario_under_two_names_does_not_count_twice(tmp_path: Path) 
     tournament.compare([base, moved], ["ekf"], runs=2, timed=False)
 
 
+@pytest.mark.parametrize(
+    ("idle", "working"),
+    [
+        ({"acoustics.outlier_mean_m": 3.0}, {"acoustics.outlier_probability": 0.02}),
+        ({"target.track_tolerance_m": 0.5}, {"target.speed_m_s": 0.3}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
+def test_a_key_without_effect_makes_no_other_scenario(
+    idle: dict[str, float], working: dict[str, float]
+) -> None:
+    base = sblcosim.load("harbour-square", {"time.duration_s": 20.0})
+    other = base.override([*idle.items(), ("name", "copy")])
+    with pytest.raises(ConfigurationError, match="got the same runs as 'harbour-square' and as"):
+        tournament.compare([base, other], ["ekf"], runs=2)
+    tournament.compare([base, other.override(working.items())], ["ekf"], runs=2, timed=False)
+
+
 def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) -> None:
     one, other = tmp_path / "one.fmu", tmp_path / "other.fmu"
     for path in (one, other):
@@ -576,6 +683,12 @@ def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) 
         "'other'"
     )):  # fmt: skip
         tournament.compare("harbour-square", [one, other], runs=2)
+    third = tmp_path / "third.fmu"
+    third.write_bytes(factory.build("ekf", 3).read_bytes())
+    for pair in (["ekf", one], ["ekf", third], [one, third]):  # a build of either version
+        with pytest.raises(ConfigurationError, match="receivers: must differ in more than their"):
+            tournament.compare("harbour-square", pair, runs=2)
+    tournament.compare("harbour-square", ["coupled", one], runs=2, overrides=SHORT, timed=False)
     for path in (one := tmp_path / "one.py", other := tmp_path / "other.py"):
         path.write_text(
             "class Mine:\n    def initialise(self, *a): ...\n    def update(self, *a): ...\n"
@@ -583,3 +696,13 @@ def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) 
         )  # fmt: skip
     with pytest.raises(ConfigurationError, match="got the same content as 'Mine' and as 'Mine_2'"):
         tournament.compare("harbour-square", [f"{one}:Mine", f"{other}:Mine"], runs=2)
+
+
+def test_a_build_of_an_earlier_version_is_another_receiver(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may lie in the cache still; here it is today's that is said to be another one."""
+    earlier, today = tmp_path / "earlier.fmu", factory.build("coupled", 2)
+    earlier.write_bytes(factory.build("ekf", 2).read_bytes())
+    monkeypatch.setattr(alike, "build", lambda *a, **k: today)
+    tournament.compare("harbour-square", ["ekf", earlier], runs=2, overrides=SHORT, timed=False)
