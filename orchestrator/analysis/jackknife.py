@@ -15,14 +15,16 @@ The jackknife knows nothing of rows that a sample happens not to have. With a st
 row may have two runs beyond it, and s is far too small. A ratio of likelihoods does not exclude
 that such rows have the share w = 1 − exp(−t²/2n), as in `two_values` (empirical likelihood, A. B.
 Owen, Biometrika 75, 1988, 237–249). Each interval reaches at least to the estimate with such rows.
-Let their runs be as far from the mean as the farthest share w of all runs, whose w d² is q times
-the variance.
+Let w d² be q times the variance, where d is how far their runs are from the mean.
 
 - The runs at A and with one column from B are both far, and alike: a total index T is T/(1 + q).
-- The runs at B and with one column from B are: a first-order index S is 1 − (1 − S)/(1 + q), but at
-  most the total one.
-- A column has changed nothing so far, and moves a run to the farthest of all: S and T are q/(2 + q),
-  with q of that run.
+- A column has changed nothing so far, and moves one run: T is q/(2 + q).
+- The runs at B and with one column from B are alike: a first-order index S is 1 − (1 − S)/(1 + q),
+  but at most the total one.
+
+For totals d is that of the farthest run. For first-order indices it is the root mean square of the
+farthest share w of all runs, for with the farthest one their intervals would be much wider where
+factors interact.
 
 `tests/unit/orchestrator/test_coverage.py` measures how often such intervals hold the index.
 
@@ -117,14 +119,14 @@ def _with_the_unseen(
     share = -np.expm1(-special.stdtrit(rows - 1, (1 + confidence) / 2) ** 2 / (2 * rows))
     number = ceil(share * far.shape[-1])
     farthest = np.partition(far, -number, axis=-1)[..., -number:]
-    alike = share * farthest.mean(axis=-1, keepdims=True)
-    apart = share * farthest.max(axis=-1, keepdims=True)
+    most = share * farthest.max(axis=-1, keepdims=True)
+    many = share * farthest.mean(axis=-1, keepdims=True)
     still = total.value == 0
-    high = np.where(still, apart / (2 + apart), np.minimum(total.high, 1.0))
-    most = np.where(still, high, np.minimum(1 - rest / (1 + alike), high))
+    high = np.where(still, most / (2 + most), np.minimum(total.high, 1.0))
+    first_high = np.where(still, high, np.minimum(1 - rest / (1 + many), high))
     return (
-        Estimate(first.value, first.low, np.maximum(first.high, most)),
-        Estimate(total.value, np.minimum(total.low, total.value / (1 + alike)), high),
+        Estimate(first.value, first.low, np.maximum(first.high, first_high)),
+        Estimate(total.value, np.minimum(total.low, total.value / (1 + most)), high),
     )
 
 
