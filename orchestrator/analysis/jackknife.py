@@ -9,14 +9,31 @@ Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3)
 positive and skewed, so their interval is that of the logarithm. With few rows, or few that matter,
 s is uncertain too. Student's t therefore has Satterthwaite's degrees of freedom (Biometrics Bull.
 2, 1946, 110–114), 2 E(s²)²/Var(s²) = 2 n/(κ − 1 + 2/(n − 1)), and at most n − 1; κ is the kurtosis
-of the n values without a row. `tests/unit/orchestrator/test_coverage.py` measures how often such
-intervals hold the index.
+of the n values without a row.
+
+The jackknife knows nothing of rows that a sample happens not to have. With a step in few runs, no
+row may have two runs beyond it, and s is far too small. A ratio of likelihoods does not exclude
+that such rows have the share w = 1 − exp(−t²/2n), as in `two_values` (empirical likelihood, A. B.
+Owen, Biometrika 75, 1988, 237–249). Each interval reaches at least to the estimate with such rows.
+Let w d² be q times the variance, where d is how far their runs are from the mean.
+
+- The runs at A and with one column from B are both far, and alike: a total index T is T/(1 + q).
+- A column has changed nothing so far, and moves one run: T is q/(2 + q).
+- The runs at B and with one column from B are alike: a first-order index S is 1 − (1 − S)/(1 + q),
+  but at most the total one.
+
+For totals d is that of the farthest run. For first-order indices it is the root mean square of the
+farthest share w of all runs, for with the farthest one their intervals would be much wider where
+factors interact.
+
+`tests/unit/orchestrator/test_coverage.py` measures how often such intervals hold the index.
 
 The functions take further leading axes, for many samples at once.
 """
 
 from __future__ import annotations
 
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -42,9 +59,7 @@ class Estimate(NamedTuple):
         return Estimate(np.clip(self.value, low, high), low, high)
 
 
-def indices(
-    y: Floats, confidence: float, *, rare: bool = False
-) -> tuple[Estimate, Estimate]:
+def indices(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
     """First-order and total indices with intervals, none of them below 0 or above 1.
 
     Parameters
@@ -52,10 +67,8 @@ def indices(
     y
         Responses, which vary over the runs at A and B; shape (…, rows, columns + 2): at A, with
         each column alone from B, at B.
-    rare
-        Whether most responses are alike, so that few rows make a first-order index. Its interval
-        is then one less that of the differences between B and the runs with the column from B.
     """
+    y = scaled(y)
     y = y - y.mean(axis=(-2, -1), keepdims=True)
     y /= y.std(axis=(-2, -1), keepdims=True)
     a, b = y[..., 0], y[..., -1]
@@ -70,17 +83,51 @@ def indices(
         step, step_left = _means(change)
         half, half_left = _means(change * change / 2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            alone = _interval(
+            first.append(_interval(
                 (product - mean * step) / variance,
                 (product_left - mean_left * step_left) / variance_left, confidence,
-            )  # fmt: skip
-            if rare:
-                other, other_left = _means((y[..., i] - b) ** 2 / 2)
-                rest = _of_logarithm(other / variance, other_left / variance_left, confidence)
-                alone = alone.within(1 - rest.high, 1 - rest.low)
-            first.append(alone)
+            ))  # fmt: skip
             total.append(_of_logarithm(half / variance, half_left / variance_left, confidence))
-    return _columns(first).inside(), _columns(total).inside()
+    rest = ((y[..., 1:-1] - y[..., -1:]) ** 2).mean(axis=-2) / 2 / variance
+    far = (y * y).reshape(*y.shape[:-2], -1) / variance
+    found = _with_the_unseen(_columns(first), _columns(total), rest, far, y.shape[-2], confidence)
+    return found[0].inside(), found[1].inside()
+
+
+def scaled(y: Floats) -> Floats:
+    """The values, by a power of 2 to at most 1: the squares of huge and tiny ones are no numbers.
+
+    Shape (…, rows, runs); as exact as they are, but for what is 2¹⁰⁰⁰ times less than the largest.
+    """
+    largest = np.abs(y).max(axis=(-2, -1), keepdims=True)
+    return np.asarray(np.ldexp(y, -np.frexp(largest)[1]))
+
+
+def _with_the_unseen(
+    first: Estimate, total: Estimate, rest: Floats, far: Floats, rows: int, confidence: float
+) -> tuple[Estimate, Estimate]:
+    """Intervals that reach to the estimates with rows that the sample need not show; see above.
+
+    Parameters
+    ----------
+    rest
+        One less the first-order indices, from the runs that share a column with B; shape
+        (…, columns).
+    far
+        Squared deviations of all runs in units of the variance; shape (…, runs).
+    """
+    share = -np.expm1(-special.stdtrit(rows - 1, (1 + confidence) / 2) ** 2 / (2 * rows))
+    number = ceil(share * far.shape[-1])
+    farthest = np.partition(far, -number, axis=-1)[..., -number:]
+    most = share * farthest.max(axis=-1, keepdims=True)
+    many = share * farthest.mean(axis=-1, keepdims=True)
+    still = total.value == 0
+    high = np.where(still, most / (2 + most), np.minimum(total.high, 1.0))
+    first_high = np.where(still, high, np.minimum(1 - rest / (1 + many), high))
+    return (
+        Estimate(first.value, first.low, np.maximum(first.high, first_high)),
+        Estimate(total.value, np.minimum(total.low, total.value / (1 + most)), high),
+    )
 
 
 def _means(values: Floats) -> tuple[Floats, Floats]:

@@ -12,6 +12,9 @@ from ..errors import ConfigurationError, nearest
 from .centred import Centred, centred, centred_log
 from .options import Options
 
+LARGEST = 1e60
+"""Of a response's largest run, and its reciprocal the least: fourth powers are to be numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -78,7 +81,13 @@ def check_columns(
 def usable(
     table: pd.DataFrame, factors: tuple[str, ...], response: str, options: Options
 ) -> pd.DataFrame:
-    """Runs with a finite response; with common random numbers those of complete replicates."""
+    """Runs with a finite response; with common random numbers those of complete replicates.
+
+    Raises
+    ------
+    ConfigurationError
+        There are none, or their squares are too large or too small for numbers.
+    """
     finite = np.isfinite(table[response].to_numpy(np.float64))
     own = (c for c in (options.replicate, options.run_order) if c in table)
     data = table[[*factors, response, *own]]
@@ -86,6 +95,12 @@ def usable(
     data = data.reset_index(drop=True).astype({response: np.float64})
     if data.empty:
         raise ConfigurationError(f"{response}: must be finite in some runs, got none")
+    largest = float(data[response].abs().max())
+    if options.transform != "log" and not 1 / LARGEST <= largest <= LARGEST and largest:
+        raise ConfigurationError(
+            f"{response}: must be from {1 / LARGEST:g} to {LARGEST:g} in the run farthest from 0, "
+            f"got {largest:g}; use another unit, or the logarithm"
+        )
     return _complete(data, factors, options.replicate) if options.seeding == "common" else data
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..layout import fitted, table
+from ..results.definitions import LOST
 from ..study.space import SEED_FACTOR, Sample
 from .sentences import minus
 
@@ -163,17 +164,24 @@ def answer(found: SobolIndices, most: int = 2) -> str:
     if found.few is not None:
         text = f"Too few runs differ to say what explains the variance of {found.quantity}: "
         return _without(found, f"{text}{found.few} of {found.independent.size} independent ones.")
+    rough = found.widest > WIDEST
+    chance = _total(found, SEED_FACTOR)
     if named:
         text = f"{_total(found, named[0])} {of}, is explained by {found.name_of(named[0])}"
         text += "".join(f", {_total(found, name)} by {found.name_of(name)}" for name in named[1:])
-    else:
+        comma = "," if len(named) > 1 else ""
+        text = f"{'Roughly ' if rough else ''}{text}{comma} and {chance} by {CHANCE}."
+        return _without(found, text)
+    high = float(ranked["total_high"].max())
+    if high <= NEGLIGIBLE:
         text = f"Each factor explains less than {percent(NEGLIGIBLE)} {of}"
-    nothing = found.indices.loc[SEED_FACTOR, "total_high"] == 0
-    chance = "nothing" if nothing else _total(found, SEED_FACTOR)
-    if not named:
-        return _without(found, f"{text}; {CHANCE} explains {chance}.")
-    rough, comma = "Roughly " if found.widest > WIDEST else "", "," if len(named) > 1 else ""
-    return _without(found, f"{rough}{text}{comma} and {chance} by {CHANCE}.")
+    else:
+        text = (
+            f"No factor stands out: estimates are below {percent(NEGLIGIBLE)} {of}, but intervals "
+            f"reach up to {percent(high)}"
+        )
+    roughly = "roughly " if rough else ""
+    return _without(found, f"{text}; {CHANCE} explains {roughly}{chance}.")
 
 
 def _without(found: SobolIndices, sentence: str) -> str:
@@ -245,7 +253,7 @@ def _notes(found: SobolIndices) -> Iterator[str]:
             "by more than their intervals; in another folder, the study begins with a new sample."
         )
     if found.lost is not None:
-        yield f"{percent(found.lost)} of the runs are lost."
+        yield f"{percent(found.lost)} of the runs are lost." + (f" {LOST}" if found.lost else "")
     if found.few is not None:
         yield (
             f"Only {found.few} of the {2 * rows} independent runs "

@@ -67,6 +67,71 @@ def g(*weights: float) -> Known:
     )  # fmt: skip
 
 
+Part = tuple[Known, float]
+"""A function of columns of its own, and its variance."""
+
+
+def added(*parts: Part) -> Known:
+    """A sum of parts."""
+    whole = sum(variance for _, variance in parts)
+    starts = np.cumsum([0, *(len(known.total) for known, _ in parts)])
+
+    def of(u: Floats) -> Floats:
+        values = [k.of(u[..., s:]) for (k, _), s in zip(parts, starts[:-1], strict=True)]
+        return np.sum(values, axis=0)
+
+    first, total = (
+        tuple(index * variance / whole for k, variance in parts for index in getattr(k, kind))
+        for kind in ("first", "total")
+    )
+    return Known(of, first, total)
+
+
+def uniform(height: float = 1.0) -> Part:
+    return Known(lambda u: height * u[..., 0], (1.0,), (1.0,)), height**2 / 12
+
+
+def normal(height: float = 1.0) -> Part:
+    return Known(lambda u: height * stats.norm.ppf(u[..., 0]), (1.0,), (1.0,)), height**2
+
+
+def of_two() -> Part:
+    """A product of two uniform columns."""
+    return product(2, 1 / 3, lambda u: u[..., :2]), 7 / 144
+
+
+def choice(weights: Sequence[float], levels: Sequence[float]) -> Part:
+    """A column that has levels with weights; a step if they are two."""
+    share, of = np.array(weights) / np.sum(weights), np.array(levels)
+    edges = np.cumsum(share)[:-1]
+    variance = float((share * of**2).sum() - (share * of).sum() ** 2)
+    return Known(
+        lambda u: of[np.searchsorted(edges, u[..., 0], side="right")], (1.0,), (1.0,)
+    ), variance
+
+
+def step(share: float, height: float = 5.0) -> Part:
+    return choice((1 - share, share), (0.0, height))
+
+
+def corner(one: float, other: float, height: float = 5.0) -> Part:
+    """A step where each of two columns is among its largest."""
+    both = one * other
+    variance = both * (1 - both)
+    first = (other**2 * one * (1 - one) / variance, one**2 * other * (1 - other) / variance)
+    total = (both * (1 - one) / variance, both * (1 - other) / variance)
+    return Known(
+        lambda u: height * ((u[..., 0] > 1 - one) & (u[..., 1] > 1 - other)), first, total
+    ), height**2 * variance
+
+
+def tilt(share: float) -> Part:
+    """A column counts only beyond a step of another, and is 0 in the mean."""
+    return Known(
+        lambda u: 4 * (u[..., 0] > 1 - share) * (u[..., 1] - 0.5), (0.0, share), (1 - share, 1.0)
+    ), 4 / 3 * share
+
+
 def between(low: Sequence[float], high: Sequence[float], u: Floats) -> tuple[Floats, ...]:
     """The columns, each within its range."""
     return tuple(np.moveaxis(np.array(low) + (np.array(high) - low) * u, -1, 0))
@@ -194,3 +259,39 @@ FUNCTIONS: dict[str, Known] = {
     "least of 3": Known(lambda u: u.min(axis=-1), (5 / 21,) * 3, (4 / 9,) * 3),
     "waves": Known(waves, (0.8902, 0.0744, 0.0025), (0.9231, 0.0744, 0.0355)),
 }  # fmt: skip
+
+STEPS: dict[str, Known] = {
+    **{
+        f"step in {p:.0%}": added(step(p), uniform(), of_two()) for p in (0.5, 0.3, 0.2, 0.1, 0.05)
+    },
+    "low step in 10%": added(step(0.1, 1.0), uniform(), of_two()),
+    "high step in 5%": added(step(0.05, 10.0), uniform(), uniform()),
+    "step and noise": added(step(0.2, 10.0), uniform(), normal()),
+    "two steps": added(step(0.1, 3.0), step(0.1, 3.0), uniform()),
+    **{
+        f"choice of {k}, one bad": added(choice([1] * k, [0] * (k - 1) + [5]), uniform(), uniform())
+        for k in (3, 4, 5, 6)
+    },
+    "choice of 3, seldom bad": added(choice((8, 1, 1), (0, 1, 5)), uniform(), uniform()),
+    "choice of 4 with weights": added(choice((5, 2, 2, 1), (0, 1, 5, 9)), uniform(), uniform()),
+    "whole numbers": added(*(choice([1] * k, range(k)) for k in (4, 3, 2)), uniform(0.1)),
+    "corner of 9%": added(corner(0.3, 0.3), uniform(), uniform()),
+    "corner of 10%": added(corner(0.2, 0.5), uniform()),
+    "tilt in 20%": added(tilt(0.2), uniform()),
+    "clipped": Known(
+        lambda u: 3 * np.maximum(0, u[..., 0] + u[..., 1] - 1.6) + 0.2 * u[..., 2],
+        (0.1666, 0.1666, 0.155), (0.6784, 0.6784, 0.155),
+    ),
+    "saturated": Known(
+        lambda u: np.minimum(0.2, u[..., 0] * u[..., 1]) * (1 + u[..., 2]),
+        (0.3861, 0.3861, 0.1132), (0.4864, 0.4864, 0.1449),
+    ),
+}  # fmt: skip
+"""Functions with steps, corners and limits, which few runs show."""
+RARE: dict[str, tuple[int, Known]] = {
+    "step in 3%": (32, added(step(0.03), uniform(), uniform())),
+    "step in 2%": (64, added(step(0.02), uniform(), uniform())),
+    "corner of 4%": (64, added(corner(0.1, 0.4), uniform())),
+    "corner of 2%": (128, added(corner(0.1, 0.2), uniform())),
+}
+"""Those that too few base rows need not show at all, and the base rows that do."""

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from known_indices import FUNCTIONS, Known
+from known_indices import FUNCTIONS, RARE, STEPS, Known
 from numpy.typing import NDArray
 from sblcosim.analysis import jackknife, two_values
 from sblcosim.analysis.jackknife import Estimate
@@ -18,8 +18,9 @@ from scipy import stats
 
 Floats = NDArray[np.float64]
 CONFIDENCE = 0.95
-LEAST = {16: 0.85, 32: 0.85, 64: 0.88, 256: 0.88}
+LEAST = {16: 0.85, 32: 0.85, 64: 0.88, 128: 0.88, 256: 0.88}
 """Of the samples, that are to hold an index, by base rows."""
+ALL = FUNCTIONS | STEPS
 SAMPLES = 200
 COUNTED = 0.02
 """Indices below it are not counted."""
@@ -56,12 +57,42 @@ def by_chance(samples: int, share: float) -> float:
     return float(stats.binom.ppf(1e-3, samples, share) / samples)
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", ALL)
 def test_intervals_hold_the_indices_of_any_function(name: str) -> None:
     a, b = drawn(SAMPLES, 64)
     for rows in (16, 64):  # more base rows continue a sample
-        shares = each(FUNCTIONS[name], a[:, :rows], b[:, :rows])
+        shares = each(ALL[name], a[:, :rows], b[:, :rows])
         assert shares.min() >= by_chance(SAMPLES, LEAST[rows])
+
+
+def test_what_few_runs_show_is_held_by_wide_intervals_and_by_none_that_says_nothing() -> None:
+    """With enough base rows each index is held; with fewer, no interval is that of 0 alone."""
+    a, b = drawn(SAMPLES, 64)
+    for rows, known in RARE.values():
+        for used in (16, 32, 64):
+            y = known.rows(a[:, :used], b[:, :used])
+            first, total = jackknife.indices(y, CONFIDENCE)
+            assert total.high.min() > 0
+            if used >= rows:
+                shares = np.append(held(first, known.first), held(total, known.total))
+                assert shares.min() >= by_chance(SAMPLES, LEAST[used])
+
+
+def test_an_interval_of_a_step_reaches_to_the_estimate_with_a_row_that_is_not_there() -> None:
+    """Both runs of a pair beyond the step, with the share that likelihood does not exclude."""
+    a, b = drawn(SAMPLES, 64)
+    y = STEPS["step in 10%"].rows(a, b)
+    beyond = y > 4
+    alone = ~(beyond[..., 0] & beyond[..., 1]).any(axis=1)
+    assert 0.3 < alone.mean() < 0.8
+    y = y[alone]
+    rows = y.shape[1]
+    share = 1 - np.exp(-(stats.t.ppf(0.975, rows - 1) ** 2) / 2 / rows)
+    _, total = jackknife.indices(y, CONFIDENCE)
+    for one, low in zip(y, total.low[:, 0], strict=True):
+        far = np.max((one - one.mean()) ** 2)
+        half = np.mean((one[:, 1] - one[:, 0]) ** 2) / 2
+        assert low <= half / (one[:, [0, -1]].var() + share * far) * (1 + 1e-9)
 
 
 def test_the_sample_of_before_would_be_noticed() -> None:
@@ -78,7 +109,7 @@ def test_intervals_hold_the_indices_of_a_thousand_samples(rows: int) -> None:
     parts = np.split(np.arange(1000), 10)  # for memory
     shares = {
         name: np.mean([each(known, a[part, :rows], b[part, :rows]) for part in parts], axis=0).min()
-        for name, known in FUNCTIONS.items()
+        for name, known in (ALL | {n: k for n, (least, k) in RARE.items() if rows >= least}).items()
     }
     least = sorted(shares, key=shares.__getitem__)
     print(f"\n{rows} base rows:", {name: round(float(shares[name]), 3) for name in least[:6]})

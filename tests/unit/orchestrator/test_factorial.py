@@ -548,14 +548,30 @@ def test_a_point_too_few_names_what_it_costs():
         ({"y": 2.0}, {}, "y: must vary over the runs, got 2 in all"),
         ({"y": np.nan}, {}, "y: must be finite in some runs, got none"),
         ({"y": [-1.0, 2.0] * 16}, {"transform": "log"}, "y: must be positive for its logarithm"),
+        ({"y": [1e200, 2e200] * 16}, {}, r"y: must be from 1e-60 to 1e\+60 in the run farthest "
+                                         r"from 0, got 2e\+200; use another unit, or the"),
+        ({"y": [1e-300, 2e-300] * 16}, {"transform": "spread"}, "y: must be from 1e-60 to "),
         ({"replicate": 0}, {"seeding": "common"}, "replicate: must have each design point once"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_analysed_is_refused_in_one_line(change, options, message):
     given = {"factors": ["a", "b", "c"], "response": "y", **options}
     with pytest.raises(ConfigurationError, match=message) as caught:
         analyse(noisy().assign(**change), **given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("seeding", ["independent", "common"])
+@pytest.mark.parametrize("unit", [1e-59, 1e59])
+def test_the_unit_of_the_response_changes_no_verdict(unit: float, seeding: str):
+    table = noisy()
+    y = table["y"] / table["y"].abs().max()
+    one, other = (
+        analyse(table.assign(y=values), ["a", "b", "c"], "y", seeding=seeding).effects
+        for values in (y, unit * y)
+    )
+    assert (one["significant"] == other["significant"]).all()
+    assert other["p"].to_numpy() == pytest.approx(one["p"].to_numpy(), rel=1e-6)
 
 
 @pytest.mark.parametrize("seeding", ["independent", "common"])

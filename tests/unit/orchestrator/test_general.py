@@ -384,6 +384,8 @@ def bad_tables() -> dict[str, tuple[pd.DataFrame, dict[str, object], str]]:
         "labels": (table, {"labels": {"gp": "x"}}, "labels: must be of the factors, got 'gp'"),
         "seeding": (table, {"seeding": "common"}, "replicate: must be a column of the table"),
         "words": (table.assign(y="far"), {}, "y: must be a column of numbers"),
+        "huge": (table.assign(y=1e200 * table["y"]), {}, "y: must be from 1e-60 to 1e+60 in the"),
+        "tiny": (table.assign(y=1e-200 * table["y"]), {}, "y: must be from 1e-60 to 1e+60 in the"),
         "many": (table.assign(gps=range(400)), {}, "gps: must have at most 100 levels, got 400"),
         "exact": (pd.concat([pair.assign(y=pair["a"] * 1.0)] * 3), {"factors": ["a", "b"]},
                   "response: must scatter about the model"),

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from published_functions import ANGLES, ISHIGAMI, UNITS, WITH_NOISE, G, g, ishigami, noisy
+from published_functions import ANGLES, ISHIGAMI, UNIT, UNITS, WITH_NOISE, G, g, ishigami, noisy
 from sblcosim.analysis import sobol
 from sblcosim.analysis.sensitivity import Sensitivity, indices, of_table
 from sblcosim.errors import ConfigurationError
+from sblcosim.results.definitions import LOST
 from sblcosim.study.distributions import distribution_of
 from sblcosim.study.space import Factor, sample
 from sblcosim.study.stand_in import evaluate, model_of
@@ -70,10 +71,15 @@ def test_a_seed_of_its_own_for_each_run_makes_all_factors_look_important() -> No
     assert not holds(apart, {"total": WITH_NOISE["total"][:3]}).any()
 
 
-def test_a_function_without_chance_has_no_index_of_the_seed() -> None:
-    found = of(ishigami, ANGLES, 64)
-    assert (found.indices.loc["seed"] == 0).all()
-    assert "and nothing by chance (the seed)." in found.text()
+def test_a_function_without_chance_has_an_index_of_the_seed_of_0_with_a_bound() -> None:
+    highs = []
+    for rows in (16, 64, 256):
+        found = of(ishigami, ANGLES, rows)
+        seed = found.indices.loc["seed"]
+        assert (seed[["first", "first_low", "total", "total_low"]] == 0).all()
+        assert "and 0 % by chance (the seed)." in found.text()
+        highs.append(seed["total_high"])
+    assert 0.4 > highs[0] > highs[1] > highs[2] > 0.01
 
 
 def test_scipy_finds_the_same_indices() -> None:
@@ -94,6 +100,20 @@ def test_the_scale_of_the_response_does_not_matter() -> None:
     y = evaluate(model_of(noisy), drawn)
     one, other = (indices(drawn, values).indices for values in (y, 1e6 - 1e-3 * y))
     assert np.abs(one - other).to_numpy().max() < 1e-6
+
+
+@pytest.mark.parametrize("unit", [2.0**1019, 1e200, 1e-200, 2.0**-1000, 1e-300])
+def test_the_unit_of_the_response_does_not_matter_however_large(unit: float) -> None:
+    drawn = sample(ANGLES, 64)
+    y = evaluate(model_of(noisy), drawn)
+    with np.errstate(all="raise", under="ignore"):
+        one, other = (indices(drawn, values) for values in (y, unit * y))
+        assert np.abs(one.indices - other.indices).to_numpy().max() < 1e-9
+        assert other.text()
+        assert other.tail == pytest.approx(one.tail)
+        logs = [indices(drawn, values, transform="log").indices
+                for values in (np.abs(y) + 1, unit * (np.abs(y) + 1))]  # fmt: skip
+    assert np.abs(logs[0] - logs[1]).to_numpy().max() < 1e-9
 
 
 # --- Intervals -----------------------------------------------------------------------------------
@@ -192,12 +212,39 @@ def test_the_answer_is_one_sentence_of_the_two_largest_and_chance() -> None:
         assert said.startswith("Roughly ") == (found.widest > sobol.WIDEST)
         assert total.sum() > 1
         assert found.text().count("Totals add up to more than 100 %: an interaction counts") == 1
-    flat = replace(found, indices=found.indices.assign(total=0.01))
-    assert re.fullmatch(
-        r"Each factor explains less than 5 % of the variance of .*, interactions included; chance "
-        r"\(the seed\) explains (\d+ %|nothing)\.", sobol.answer(flat),
-    )  # fmt: skip
-    assert "Totals" not in flat.text()
+
+
+def test_that_no_factor_matters_is_said_only_where_the_intervals_say_it() -> None:
+    found = of(noisy, ANGLES, 64)
+    small = dict.fromkeys(["first", "first_low", "total", "total_low"], 0.01)
+    for high, chance_low, words in (
+        (0.04, 0.95, r"Each factor explains less than 5 % of the variance of noisy, interactions "
+                     r"included; chance \(the seed\) explains 97 %\."),
+        (0.04, 0.5, r"Each factor .* explains roughly 97 %\."),
+        (0.09, 0.95, r"No factor stands out: estimates are below 5 % of the variance of noisy, "
+                     r"interactions included, but intervals reach up to 9 %; chance \(the seed\) "
+                     r"explains 97 %\."),
+        (1.0, 0.5, r"No factor stands out: .* up to 100 %; chance \(the seed\) explains roughly "
+                   r"97 %\."),
+    ):  # fmt: skip
+        table = found.indices.assign(**small, first_high=high, total_high=high)
+        table.loc["seed"] = [0.97, chance_low, 1.0, 0.97, chance_low, 1.0]
+        assert re.fullmatch(words, sobol.answer(replace(found, indices=table)))
+    assert "Totals" not in replace(found, indices=found.indices.assign(total=0.01)).text()
+
+
+def test_few_rows_of_noise_and_little_else_do_not_say_that_no_factor_matters() -> None:
+    """Unless each interval is below the share that is said."""
+    factors = tuple(Factor(f"x{i}", UNIT) for i in (1, 2))
+    said = 0
+    for seed in range(40):
+        drawn = sample(factors, 16, 1000 * seed)
+        noise = stats.norm.ppf(((drawn.seeds + 0.5) * 0.6180339887) % 1)
+        found = indices(drawn, drawn.values["x1"].to_numpy() + noise)
+        answer = sobol.answer(found)
+        assert not answer.startswith("Each factor") or found.indices["total_high"][:2].max() <= 0.05
+        said += answer.startswith("No factor stands out")
+    assert said
 
 
 def test_heavy_tails_of_a_raw_response_are_said() -> None:
@@ -269,7 +316,8 @@ def test_a_table_gives_the_log_error_and_what_is_lost_beside_it() -> None:
     assert found[1].indices.equals(indices(drawn, y > 20).indices)
     share = table["ekf.lost"].mean()
     assert found[0].lost == found[1].lost == pytest.approx(share)
-    assert f"{100 * share:.2g} % of the runs are lost." in found[0].text()
+    assert f"{100 * share:.2g} % of the runs are lost. {LOST}" in found[0].text(width=None)
+    assert found[1].text().count(LOST) == 1
     assert found[1].is_flag
     assert not found[0].is_flag
 
@@ -279,6 +327,7 @@ def test_without_lost_runs_there_is_nothing_to_say_of_them_but_that() -> None:
     table = table_of(drawn).assign(**{"ekf.lost": False})
     (found,) = of_table(drawn, table, "ekf.absolute_total_rms_m")
     assert "0 % of the runs are lost." in found.text()
+    assert LOST not in found.text()
     (found,) = of_table(drawn, table.drop(columns="ekf.lost"), "ekf.absolute_total_rms_m")
     assert "lost" not in found.text()
 
@@ -335,18 +384,23 @@ def steps(gps, depth, seed):
     return max(0.0, gps - 0.7) * (2 + depth)
 
 
-def test_a_factor_without_a_change_is_bounded_where_others_do_not_change_all_rows() -> None:
-    """Not where the others change every row, or were only swapped for the same level."""
-    drawn = sample(TWO, 64)
-    found = indices(drawn, evaluate(model_of(steps), drawn)).indices
-    assert found.loc["seed", ["total_low", "total"]].tolist() == [0, 0]
-    assert 0.005 < found.loc["seed", "total_high"] < 0.2
-    smooth = indices(drawn, drawn.values["gps"].to_numpy()).indices
-    assert (smooth.loc[["depth", "seed"]] == 0).all(axis=None)
+@pytest.mark.parametrize("rows", [64, 256])
+def test_a_factor_without_a_change_is_bounded_whatever_the_others_do(rows: int) -> None:
+    """A run is moved to the farthest of all, in a share that likelihood does not exclude."""
     levels = Factor("kind", distribution_of("choice", levels=[1.0, 2.0]))
-    drawn = sample((*TWO, levels), 64)
-    values = drawn.values["gps"] + drawn.values["kind"]
-    assert (indices(drawn, values.to_numpy()).indices.loc["seed"] == 0).all()
+    share = 1 - np.exp(-(stats.t.ppf(0.975, rows - 1) ** 2) / 2 / rows)
+    for of_levels in (False, True):
+        drawn = sample((*TWO, levels), rows)
+        for y in (
+            evaluate(model_of(lambda gps, depth, kind, seed: steps(gps, depth, seed)), drawn),
+            drawn.values["gps"] + of_levels * drawn.values["kind"],
+        ):
+            y = np.asarray(y)
+            found = indices(drawn, y).indices.loc["seed"]
+            far = np.max((y - y.mean()) ** 2) / y.reshape(rows, -1)[:, [0, -1]].var()
+            assert (found[["first", "first_low", "total", "total_low"]] == 0).all()
+            assert found["total_high"] == pytest.approx(share * far / (2 + share * far))
+            assert found["first_high"] == found["total_high"]
 
 
 @pytest.mark.parametrize("share", [0.3, 0.08, 0.01])
