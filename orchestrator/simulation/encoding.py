@@ -94,7 +94,7 @@ class Encoder(ABC):
         self.put("set", str(len(x)))
         if type(x) not in (set, frozenset):
             self.value(type(x))
-            self.value(getattr(x, "__dict__", None))
+            self.value(taking_apart.held(x))
         for part in sorted(self.apart(item, id(x)) for item in x):
             self.put("item", part)
 
@@ -116,7 +116,7 @@ class Encoder(ABC):
         self.put("array", x.dtype.str, str(x.shape))
         if type(x) is not np.ndarray:
             self.value(type(x))
-            self.value(getattr(x, "__dict__", None))
+            self.value(taking_apart.held(x))
             if isinstance(x, np.ma.MaskedArray):
                 self.value(np.ma.getmaskarray(x))
         plain = np.asarray(x)

@@ -162,7 +162,7 @@ class _Encoder(Encoder):
         if package is not None:
             self.put("function", package, what)
             if "registry" in vars(x) and name == "functools":  # of singledispatch, with its cache
-                self.dict(dict(vars(x)["registry"]))
+                self.dict(dict(vars(x)["registry"]), in_order=False)
             elif taking_apart.found(name, x.__code__.co_qualname) is not x:
                 self.parts(x, {})
             return
@@ -369,9 +369,6 @@ class _Encoder(Encoder):
         """Add the state of an object, with the names of its attributes in messages."""
         if type(state) is dict and all(type(key) is str for key in state):
             self.named("state", state)
-        elif type(state) is tuple and all(type(part) in (dict, types.NoneType) for part in state):
-            # The entries of slots, and those of `__dict__` before them.
-            self.value(tuple(part and taking_apart.Unordered(part) for part in state))
         else:
             self.value(state)
 

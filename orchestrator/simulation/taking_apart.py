@@ -43,6 +43,7 @@ _REFUSED = (
     *(t for t in vars(itertools).values() if isinstance(t, type)), ctypes.CDLL, ctypes.c_void_p
 )  # fmt: skip
 """What `pickle` takes apart, in some versions of Python or into addresses."""
+_PYDANTIC = "pydantic._internal._decorators"
 _VALUES = (int, float, complex, str, bytes, tuple, list, dict, set)
 _MANY = 10_000
 _TYPE_VARIABLES = (TypeVar, ParamSpec)
@@ -153,6 +154,12 @@ class Unordered(dict[Any, Any]):
     """A dict whose order says nothing, or what other entries of a class say."""
 
 
+def held(thing: Any) -> Unordered | None:
+    """Attributes of an object; None if it has none."""
+    found = getattr(thing, "__dict__", None)
+    return None if found is None else Unordered(found)
+
+
 def namespace(kind: type) -> dict[str, Any]:
     """The entries of a class that say what it does."""
     found = {
@@ -243,4 +250,12 @@ def reduced(thing: Any) -> str | tuple[Any, ...]:
     parts: Any = special(thing) if special is not None else thing.__reduce_ex__(4)
     if isinstance(parts, str):
         return parts
-    return (*parts, None, None, None)[:5]
+    maker, given, state, items, pairs = (*parts, None, None, None)[:5]
+    if type(state) is tuple and all(type(part) in (dict, types.NoneType) for part in state):
+        # The entries of slots, and those of `__dict__` before them.
+        address = {"cls_ref"} if type(thing).__module__ == _PYDANTIC else set()
+        state = tuple(
+            part and Unordered({k: v for k, v in part.items() if k not in address})
+            for part in state
+        )
+    return maker, given, state, items, pairs
