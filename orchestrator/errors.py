@@ -22,6 +22,7 @@ from sblcosim.fmus.errors import (
 
 __all__ = [
     "BuildError",
+    "CodeChangedError",
     "ConfigurationError",
     "ConfigurationWarning",
     "DamageWarning",
@@ -41,6 +42,10 @@ __all__ = [
 
 class ConfigurationError(SblcosimError):
     """Invalid input from the user, in a file or in Python."""
+
+
+class CodeChangedError(ConfigurationError):
+    """The user's code is no longer what its runs are known by. No run of it can be told."""
 
 
 def check_choice(where: str, value: object, choices: Collection[str] | Collection[int]) -> None:

@@ -11,7 +11,7 @@ from sblcosim.fmus.host.watch import watch
 
 from ..errors import ConfigurationError, escaped, quoted
 from ..simulation.children import Children
-from ..simulation.user_code import InFile, fingerprint
+from ..simulation.user_code import Gone, InFile, fingerprint
 from ..simulation.user_files import call, function_of_file
 from .responses import RESPONSES, Response, Run, readable, value_of
 
@@ -115,10 +115,5 @@ def _values(asked: Sequence[Response], runs: Sequence[Run]) -> list[list[float]]
 
 def of_origin(name: str, origin: str, sha256: str) -> Response:
     """A user's response of which only the name, origin and hash are known."""
-
-    def gone(run: Run) -> float:
-        raise ConfigurationError(
-            f"responses: {name} must be at hand to do more runs, got none; it is {origin}"
-        )
-
+    gone = Gone(f"responses: {name} must be at hand to do more runs, got none; it is {origin}")
     return Response(name, readable(name), gone, False, origin=origin, sha256=sha256)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dis
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType
@@ -12,6 +12,14 @@ Chains = tuple[tuple[str, ...], ...]
 """Attributes that follow a name, such as ``(("part", "LIMIT"), ())``; ``()``: the name alone."""
 _GLOBAL = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
 _ATTRIBUTE = {"LOAD_ATTR", "LOAD_METHOD"}
+_WHOLE = {"globals", "eval", "exec"}
+_BY_NAME = {"import_module", "__import__", "modules"}
+_ASKS = {
+    "__annotations__": "annotations", "get_annotations": "annotations", "annotation": "annotations",
+    "get_type_hints": "annotations", "return_annotation": "annotations", "__doc__": "texts",
+    "getdoc": "texts", "__dict__": "order", "vars": "order", "__subclasses__": "subclasses",
+}  # fmt: skip
+"""Names by which code reads what else says nothing of what a run does."""
 HELD = "from "
 """Starts the name of a variable that stands for the module in ``from module import …``."""
 
@@ -28,11 +36,23 @@ class Reads:
         By the name of a variable, be it global, local or of a closure.
     imports
         Name, level, and the variable that stands for the module.
+    named
+        Texts that may be names of modules, where code finds modules by texts.
+    is_whole
+        Whether it may read all globals.
     """
 
     globals: frozenset[str]
     chains: Mapping[str, Chains]
     imports: frozenset[tuple[str, int, str]]
+    named: frozenset[str]
+    is_whole: bool
+
+
+def asks(code: CodeType) -> set[str]:
+    """What code reads of classes and functions beside what they do: an entry of each in `_ASKS`."""
+    texts = (text for text in code.co_consts if isinstance(text, str))
+    return {_ASKS[name] for name in (*code.co_names, *texts) if name in _ASKS}
 
 
 @lru_cache(1024)
@@ -43,8 +63,17 @@ def reads(code: CodeType) -> Reads:
     imports: set[tuple[str, int, str]] = set()
     _collect(code, names, chains, imports)
     return Reads(
-        frozenset(names), {k: tuple(sorted(v)) for k, v in chains.items()}, frozenset(imports)
-    )
+        frozenset(names), {k: tuple(sorted(v)) for k, v in chains.items()}, frozenset(imports),
+        frozenset(_named(code)), bool(_WHOLE & names),
+    )  # fmt: skip
+
+
+def _named(code: CodeType) -> Iterator[str]:
+    if not _BY_NAME.isdisjoint(code.co_names):
+        yield from (text for text in code.co_consts if isinstance(text, str))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _named(constant)
 
 
 def _collect(

@@ -3,32 +3,32 @@
 Functions are known by their compiled code, and by the values that it refers to: globals, attributes
 of the user's modules, closures and defaults. Classes are known by their namespaces, bases and
 metaclasses, objects by their classes and states, packages by name and version. Neither process
-nor folder matters: sets and dicts count without their order, and paths below the folder of the code
-from there. What `pickle` cannot take apart, such as a lock, is refused with its place.
+nor folder matters: sets count without their order, and paths below the folder of the code from
+there. What `pickle` cannot take apart, such as a lock, is refused with its place. Annotations,
+texts and the order of definitions count if code reads them.
 
-Not seen are names that are made while the code runs (`eval`, `globals()`), and data that it reads.
+Not seen are data that the code reads, modules that it finds by names made while it runs, what an
+object keeps from `pickle`, values that are put into packages, and random states of the process.
 """
 
 from __future__ import annotations
 
 import builtins
-import hashlib
 import os
-import struct
 import sys
 import types
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, instance, shortened
+from ..errors import ConfigurationError, instance, quoted, shortened
 from . import origins, taking_apart
-from .code_reads import HELD, Chains, reads
+from .code_reads import HELD, Chains, asks, reads
+from .encoding import Encoder, exactly
 from .local_files import identity_of_module, identity_of_names
 
 _LONGEST = 200
@@ -53,7 +53,8 @@ def identity(thing: Any, where: str, name: str) -> str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are read here only
-            encoder.value(thing)
+            while encoder.started(thing).noticed != encoder.asked:
+                encoder = _Encoder([name], asked=frozenset(encoder.noticed))
     except _RefusedError as error:
         at = shortened(" > ".join(error.at), _LONGEST)
         raise ConfigurationError(
@@ -68,63 +69,14 @@ def identity(thing: Any, where: str, name: str) -> str:
     return encoder.digest.hexdigest()
 
 
-class _Encoder:
-    """Feeds a hash with what a value is; an object that is met again is the number it had."""
+class _Encoder(Encoder):
+    """Adds what is of the user, too."""
 
-    def __init__(self, path: list[str], folder: str = "", sets: tuple[int, ...] = ()) -> None:
-        self.digest = hashlib.sha256()
-        self.path = path
-        self.folder = folder  # of the code that is looked at
-        self.sets = sets  # whose members are looked at
-        self.seen: dict[int, int] = {}
-        self.kept: list[Any] = []  # so that no other object gets the same id
-
-    # --- Parts -----------------------------------------------------------------------------------
-
-    def put(self, kind: str, *texts: str | bytes) -> None:
-        """Add some texts."""
-        for text in (kind, *texts):
-            raw = text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass")
-            self.digest.update(struct.pack("<Q", len(raw)) + raw)
-
-    @contextmanager
-    def at(self, crumb: str) -> Iterator[None]:
-        """Where it is, for messages."""
-        self.path.append(crumb)
-        yield
-        self.path.pop()  # kept when something is refused
-
-    def values(self, kind: str, values: Iterable[Any]) -> None:
-        """Add values in their order."""
-        listed = list(values)
-        self.put(kind, str(len(listed)))
-        for i, value in enumerate(listed):
-            with self.at(f"[{i}]"):
-                self.value(value)
-
-    def named(self, kind: str, values: Mapping[str, Any]) -> None:
-        """Add values by their names."""
-        self.put(kind, str(len(values)))
-        for name in sorted(values):
-            self.put("name", name)
-            with self.at(name):
-                self.value(values[name])
-
-    def apart(self, value: Any, inside: int = 0) -> bytes:
-        """A hash of a value by itself, for things without an order."""
-        if isinstance(value, str) and type(value) is str:
-            return b"str" + self._local(value).encode("utf-8", "surrogatepass")
-        other = _Encoder(self.path, self.folder, (*self.sets, inside) if inside else self.sets)
-        other.value(value)
-        return other.digest.digest()
-
-    def _local(self, text: str) -> str:
-        """A text without the folder of the code, if it is a path in it."""
-        if self.folder and text.startswith(self.folder):
-            rest = text[len(self.folder) :]
-            if not rest or rest.startswith(os.sep):
-                return f"\0folder{rest}"
-        return text
+    def started(self, thing: Any) -> _Encoder:
+        """Add what all is about."""
+        self.folder = taking_apart.folder_of(thing)
+        self.value(thing)
+        return self
 
     # --- Values ----------------------------------------------------------------------------------
 
@@ -138,10 +90,10 @@ class _Encoder:
         elif kind is bytes:
             self.put("bytes", x)
         elif kind is float:
-            self.put("float", x.hex())
+            self.put("float", exactly(x))
         elif kind is complex:
-            self.put("complex", x.real.hex(), x.imag.hex())
-        elif kind is tuple:
+            self.put("complex", exactly(x.real), exactly(x.imag))
+        elif kind is tuple and not taking_apart.is_many(x):
             self.values("tuple", x)
         elif isinstance(x, types.CodeType):
             self.code(x)
@@ -157,12 +109,15 @@ class _Encoder:
     def thing(self, x: Any) -> None:
         """Add a value that may be referred to more than once."""
         kind = type(x)
-        if kind is list:
-            self.values("list", x)
-        elif kind is dict or kind is types.MappingProxyType:
-            self.dict(dict(x))
+        if kind is list or kind is tuple:
+            self.values(kind.__name__, x)
+        elif kind in (dict, types.MappingProxyType, taking_apart.Unordered):
+            self.dict(dict(x), kind is not taking_apart.Unordered)
         elif isinstance(x, np.ndarray):
             self.array(x)
+        elif isinstance(x, np.void | np.longdouble | np.clongdouble):  # with bytes between values
+            self.value(kind)
+            self.array(np.asarray(x))
         elif isinstance(x, types.ModuleType):
             self.module(x, None)
         elif isinstance(x, types.FunctionType):
@@ -177,50 +132,16 @@ class _Encoder:
             self.put("path", kind.__name__, self._local(str(x)))
         elif x is os.environ:
             self.put("environment")
+        elif taking_apart.is_generator_of_all(x):
+            self.put("generator of all", kind.__name__)
         elif not self.descriptor(x):
             self.object(x)
-
-    def set(self, x: Any) -> None:
-        """Add a set, in no order."""
-        if id(x) in self.sets:
-            self.put("set above", str(len(self.sets) - self.sets.index(id(x))))
-            return
-        self.put("set", str(len(x)))
-        if type(x) not in (set, frozenset):
-            self.value(type(x))
-            self.value(getattr(x, "__dict__", None))
-        for part in sorted(self.apart(item, id(x)) for item in x):
-            self.put("item", part)
-
-    def dict(self, x: Mapping[Any, Any]) -> None:
-        """Add a dict by its keys, in no order."""
-        self.put("dict", str(len(x)))
-        items = sorted(((self.apart(key), key) for key in x), key=lambda item: item[0])
-        for part, key in items:
-            self.put("key", part)
-            with self.at(_shown(key)):
-                self.value(x[key])
-
-    def array(self, x: np.ndarray[Any, Any]) -> None:
-        """Add an array: type, shape, and values in the order of C."""
-        self.put("array", x.dtype.str, str(x.shape))
-        if type(x) is not np.ndarray:
-            self.value(type(x))
-            self.value(getattr(x, "__dict__", None))
-            if isinstance(x, np.ma.MaskedArray):
-                self.value(np.ma.getmaskarray(x))
-        plain = np.asarray(x)
-        if plain.dtype.names:  # between the fields may be anything
-            self.named("fields", {name: plain[name] for name in plain.dtype.names})
-        elif plain.dtype.hasobject:
-            self.values("items", plain.ravel().tolist())
-        else:
-            self.put("data", plain.tobytes())
 
     # --- Code ------------------------------------------------------------------------------------
 
     def code(self, x: types.CodeType) -> None:
         """Add compiled code, without where it stands."""
+        self.noticed |= asks(x)
         counts = (x.co_argcount, x.co_posonlyargcount, x.co_kwonlyargcount, x.co_flags)
         self.put("code", x.co_name, x.co_code, x.co_exceptiontable, str(counts))
         for names in (x.co_names, x.co_varnames, x.co_freevars, x.co_cellvars):
@@ -241,7 +162,7 @@ class _Encoder:
         if package is not None:
             self.put("function", package, what)
             if "registry" in vars(x) and name == "functools":  # of singledispatch, with its cache
-                self.dict(dict(vars(x)["registry"]))
+                self.dict(dict(vars(x)["registry"]), in_order=False)
             elif taking_apart.found(name, x.__code__.co_qualname) is not x:
                 self.parts(x, {})
             return
@@ -250,10 +171,17 @@ class _Encoder:
         read = reads(x.__code__)
         self.value(x.__code__)
         self.parts(x, read.chains)
+        if "annotations" in self.asked:
+            self.value(dict(x.__annotations__))
         self.globals(x.__globals__, read.globals, read.chains)
         imports = identity_of_names(read.imports, origins.package_in(x.__globals__))
         self.put("imports", repr(imports))
         self.loaded(read.imports, x.__globals__, read.chains)
+        for text in sorted(read.named):
+            if (module := origins.users_module(text)) is not None:
+                self.module(module, None)
+        if read.is_whole:
+            self.all(x.__globals__)
         self.folder = before
 
     def parts(self, x: types.FunctionType, chains: Mapping[str, Chains]) -> None:
@@ -287,24 +215,32 @@ class _Encoder:
                     self.used(known[name], chains.get(name))
                 else:
                     self.put("builtin" if hasattr(builtins, name) else "missing")
+                    if (value := taking_apart.builtin(name)) is not None:
+                        self.value(value)
 
     def loaded(
         self, imports: Iterable[tuple[str, int, str]], known: Mapping[str, Any],
         chains: Mapping[str, Chains],
     ) -> None:  # fmt: skip
-        """Add what code reads of modules that it imports itself, if they are loaded."""
-        for name, level, variable in sorted(imports):
-            full = origins.absolute(name, level, origins.package_in(known))
-            module = sys.modules.get(full)
-            if module is None or variable not in chains:
+        """Add what code reads of modules that it imports itself, loaded or not."""
+        package = origins.package_in(known)
+        named = [(origins.absolute(n, level, package), v) for n, level, v in sorted(imports)]
+        modules = {full: origins.users_module(full) for full, _ in named}
+        for full, variable in named:
+            found, module = origins.found(full), modules[full]
+            if found is None or variable not in chains:
                 continue
+            parts = chains[variable]
+            if variable.startswith(HELD):  # modules among them are variables
+                parts = tuple(p for p in parts if origins.found(".".join((full, *p))) is None)
             with self.at(full):
-                if not variable.startswith(HELD):
-                    self.module(module, chains[variable])
-                    continue
-                for (part,) in chains[variable]:  # modules among them are variables
-                    if not isinstance(vars(module).get(part), types.ModuleType):
-                        self.module(module, ((part,),))
+                for some in [(p,) for p in parts] if variable.startswith(HELD) else [parts]:
+                    if module is not None:
+                        self.module(module, some)
+                    elif not found[2]:
+                        self.package(full, str(origins.package_of(full, found[0])), some)
+                    else:
+                        self.put("missing")
 
     def used(self, value: Any, chains: Chains | None) -> None:
         """Add a value; of a module of the user only what is read of it."""
@@ -323,18 +259,29 @@ class _Encoder:
         """
         package = origins.package_of_module(x)
         if package is not None:
-            self.put("package", x.__name__, package)
+            self.package(x.__name__, package, chains or ())
             return
         self.put("module", repr(identity_of_module(x)))
-        if chains is None or () in chains:
-            if ("module", id(x)) not in self.kept:
-                self.kept.append(("module", id(x)))
-                names = {n: v for n, v in vars(x).items() if not n.startswith("__")}
-                self.named("all", names)
+        if chains is None or () in chains or ("__dict__",) in chains:
+            self.all(vars(x))
             return
         for chain in sorted(chains):
             self.put("read", *chain)
             self.read(x, chain)
+
+    def all(self, known: Mapping[str, Any]) -> None:
+        """Add all globals of a module, once."""
+        if ("module", id(known)) not in self.kept:
+            self.kept.append(("module", id(known)))
+            self.named("all", {n: v for n, v in known.items() if not n.startswith("__")})
+
+    def package(self, name: str, package: str, chains: Chains) -> None:
+        """Add a module of a package, and what the user has put in place of what is read of it."""
+        self.put("package", name, package)
+        for chain in sorted(chains):
+            for thing in taking_apart.put_in(sys.modules.get(name), chain):
+                with self.at(".".join(chain)):
+                    self.value(thing)
 
     def read(self, module: types.ModuleType, chain: tuple[str, ...]) -> None:
         """Add what an attribute of a module has as value, through modules in modules."""
@@ -350,14 +297,20 @@ class _Encoder:
         package = taking_apart.package_of_class(x)
         if package is not None:
             self.put("class", package, f"{x.__module__}.{x.__qualname__}")
+            if users := taking_apart.put_in_class(x):
+                self.named("put in", users)
             return
         self.put("class", x.__name__)
+        before, self.folder = self.folder, taking_apart.folder_of(x) or self.folder
         module = sys.modules.get(str(x.__module__))
         if module is not None and not taking_apart.has_source(module):
             self.put("binary", repr(identity_of_module(module)))
         self.values("bases", x.__bases__)
         self.value(type(x))
         self.named("namespace", taking_apart.namespace(x))
+        if also := taking_apart.asked_of(x, self.asked):
+            self.named("asked", also)
+        self.folder = before
 
     def builtin(self, x: types.BuiltinFunctionType) -> None:
         """Add a function of a module in C, or a method of one of its objects."""
@@ -393,7 +346,11 @@ class _Encoder:
         self.put("object")
         self.value(type(x))
         if isinstance(parts, str):
+            if not taking_apart.is_at(x, parts):
+                raise _RefusedError(x, self.path, f", which no module has as {quoted(parts)},")
             self.put("named", parts)
+            if taking_apart.is_users(x):
+                self.state(object.__getstate__(x))
             return
         maker, given, state, items, pairs = parts
         with self.at(f"<{type(x).__name__}>"):
@@ -405,6 +362,8 @@ class _Encoder:
                 self.values("pairs", pairs or ())
             else:
                 self.dict(dict(pairs or ()))
+            if also := taking_apart.beside(x):
+                self.named("beside", also)
 
     def state(self, state: Any) -> None:
         """Add the state of an object, with the names of its attributes in messages."""
@@ -416,7 +375,3 @@ class _Encoder:
 
 def _are_texts(value: object) -> bool:
     return isinstance(value, tuple) and all(isinstance(part, str) for part in value)
-
-
-def _shown(key: object) -> str:
-    return f"[{shortened(key if isinstance(key, str) else repr(key), 40)}]"

@@ -16,7 +16,15 @@ from typing import Any
 from sblcosim.fmus.host.watch import watch
 from sblcosim.models.declaration import Variable
 
-from ..errors import ConfigurationError, SblcosimError, instance, nearest, quoted
+from ..errors import (
+    CodeChangedError,
+    ConfigurationError,
+    SblcosimError,
+    instance,
+    nearest,
+    quoted,
+)
+from .local_files import Loaded
 from .receiver import Receiver
 from .user_code import (
     CONSTRUCTOR,
@@ -52,7 +60,7 @@ def component(
     ConfigurationError
         There is no such class, or the file cannot be run.
     """
-    module, sha256 = _run(path, content, where)
+    module, sha256, files = _run(path, content, where)
     known = {n: t for n, t in vars(module).items() if _is_component(t, module)}
     if name is None:
         if len(known) != 1:
@@ -70,7 +78,7 @@ def component(
             f"{where} must name a class of {quoted(path.name)}, got {got}{others}"
         )
     derived = isinstance(maker, type) and issubclass(maker, Receiver)
-    return InFile(path, content, name, key, is_receiver=derived), sha256
+    return InFile(path, content, name, key, files, is_receiver=derived), sha256
 
 
 def function(
@@ -83,7 +91,7 @@ def function(
     ConfigurationError
         There is no such function, or the file cannot be run.
     """
-    module, sha256 = _run(path, content, where)
+    module, sha256, files = _run(path, content, where)
     functions = {n: thing for n, thing in vars(module).items() if inspect.isfunction(thing)}
     if name not in functions:
         raise ConfigurationError(
@@ -97,7 +105,7 @@ def function(
         )
         for parameter in inspect.signature(functions[name]).parameters.values()
     )
-    return InFile(path, content, name, key, parameters=parameters), sha256
+    return InFile(path, content, name, key, files, parameters=parameters), sha256
 
 
 def declared(where: str, maker: Any) -> tuple[Variable, ...]:
@@ -176,6 +184,8 @@ def packed(thing: InFile) -> InFile:
     """
     try:
         return replace(thing, content=None, packed=by_value(thing.load()))
+    except CodeChangedError:
+        raise
     except BaseException as error:
         raise ConfigurationError(
             f"{thing.path.name}:{thing.name} must be possible to send to other processes, got "
@@ -183,7 +193,7 @@ def packed(thing: InFile) -> InFile:
         ) from error
 
 
-def _run(path: Path, content: bytes, where: str) -> tuple[ModuleType, str]:
+def _run(path: Path, content: bytes, where: str) -> Loaded:
     with watch().calling(where.partition(":")[0], IMPORT):
         return run_file(path, content, where)
 

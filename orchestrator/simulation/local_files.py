@@ -10,16 +10,20 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.machinery
+import os
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.machinery import ModuleSpec
 from json import dumps
 from pathlib import Path
 from types import FunctionType, ModuleType
+from typing import NamedTuple
 
-from ..errors import ConfigurationError, quoted
+from ..errors import CodeChangedError, ConfigurationError, quoted
 from . import origins
 
 _SOURCES = tuple(importlib.machinery.SOURCE_SUFFIXES)
@@ -69,6 +73,14 @@ class Imports:
         if origins.package_of_module(module) is None:
             self.add_file(module.__name__, file, getattr(module, "__package__", None) or "")
 
+    def add_read(self, file: Path, folder: Path) -> None:
+        """Add a source that is no module, by its place in the folder of what has read it."""
+        inside = file.is_relative_to(folder)
+        name = file.relative_to(folder).as_posix() if inside else file.name
+        while f"./{name}" in self.files:
+            name = f"other {name}"
+        self.add_file(f"./{name}", file, "")
+
     def add_file(self, name: str, file: Path, package: str) -> None:
         """Add a local file, and what that imports."""
         content = file.read_bytes()
@@ -103,20 +115,27 @@ def identity_of_names(names: Iterable[tuple[str, int, str]], package: str) -> li
 # --- Loading -------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Loaded:
+Files = tuple[tuple[str, Path, str], ...]
+"""Local files that some code imports: names of their modules, paths and SHA-256."""
+
+
+class Loaded(NamedTuple):
+    """A file that has been run.
+
+    Attributes
+    ----------
+    sha256
+        What it is known by.
+    files
+        That it imports.
+    """
+
     module: ModuleType
-    imports: Imports
-
-    def is_current(self) -> bool:
-        """Whether its imports are still as they were."""
-        return all(
-            path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == sha
-            for path, sha in self.imports.files.values()
-        )
+    sha256: str
+    files: Files
 
 
-_LOADED: dict[tuple[Path, bytes], _Loaded] = {}
+_LOADED: dict[tuple[Path, bytes], Loaded] = {}
 _LONGEST = 64
 _OWN: dict[str, ModuleType] = {}
 """Local modules that were first imported by a file that was loaded here."""
@@ -126,7 +145,7 @@ _SEEN: dict[int, tuple[ModuleSpec, str]] = {}
 
 def loaded(
     path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType]
-) -> tuple[ModuleType, str]:
+) -> Loaded:
     """Run a file, or take it as it was run, with its identity.
 
     A file without local and installed imports is known by the SHA-256 of its bytes. If a local file
@@ -145,52 +164,122 @@ def loaded(
         A local file has changed since another part of this process has imported it.
     """
     known = _LOADED.get((path, source))
-    if known is None or not known.is_current():
+    if known is None or changed(known.files):
         for name, module in _OWN.items():
             if sys.modules.get(name) is module:
                 del sys.modules[name]
         _OWN.clear()
         before = set(sys.modules)
-        module = _executed(path, source, execute)
+        module, sources = _executed(path, source, execute)
         new = {n: sys.modules[n] for n in {*sys.modules} - before if _is_local(sys.modules[n])}
         _OWN.update(new)
-        known = _Loaded(module, _imports(source, module, new.values()))
-        _check(known.imports)
+        known = _loaded(source, module, _imports(source, module, new.values(), path, sources))
+        _check(known.files)
         while len(_LOADED) >= _LONGEST:
             del _LOADED[next(iter(_LOADED))]
         _LOADED[path, source] = known
-    sha256 = hashlib.sha256(source).hexdigest()
-    if not known.imports:
-        return known.module, sha256
-    facts = dumps([sha256, *known.imports.facts()])
-    return known.module, hashlib.sha256(facts.encode()).hexdigest()
+    return known
 
 
 def module_of(
-    path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType]
+    path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType], files: Files
 ) -> ModuleType:
-    """The module of a file as it was run, or else run now; as `loaded`."""
-    known = _LOADED.get((path, source))
-    return loaded(path, source, execute)[0] if known is None else known.module
+    """The module of a file as it was run, or else run now; as `loaded`.
+
+    Parameters
+    ----------
+    files
+        That it imports where it is known.
+
+    Raises
+    ------
+    CodeChangedError
+        It imports another file here, or one of these has changed.
+    """
+    known = _LOADED.get((path, source)) or loaded(path, source, execute)
+    # One that another file here has imported before may be missing.
+    refuse(path, sorted({*known.files} - {*files}) or changed({*files} - {*known.files}))
+    return known.module
+
+
+def changed(files: Iterable[tuple[str, Path, str]]) -> Files:
+    """Those of some files that are not as they were."""
+    return tuple(
+        (name, path, sha)
+        for name, path, sha in files
+        if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != sha
+    )
+
+
+def refuse(path: Path, files: Iterable[tuple[str, Path, str]]) -> None:
+    """Refuse code of a file, if any of the files that it imports has changed."""
+    for _, file, _ in files:
+        raise CodeChangedError(
+            f"{path.name}: must be as it was when it was loaded, got another {file.name}, which it "
+            "imports; load it again"
+        )
+
+
+def _loaded(source: bytes, module: ModuleType, imports: Imports) -> Loaded:
+    sha256 = hashlib.sha256(source).hexdigest()
+    if imports:
+        sha256 = hashlib.sha256(dumps([sha256, *imports.facts()]).encode()).hexdigest()
+    files = ((name, path, sha) for name, (path, sha) in imports.files.items())
+    return Loaded(module, sha256, tuple(sorted(files)))
 
 
 def _executed(
     path: Path, source: bytes, execute: Callable[[Path, bytes], ModuleType]
-) -> ModuleType:
+) -> tuple[ModuleType, set[str]]:
+    """Run a file; the other sources that are read or run meanwhile, by whatever means."""
     # Compiled files are told apart by seconds, so a file that was just changed may seem unchanged.
     written, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     importlib.invalidate_caches()
+    heard: set[str] = set()
+    listener = threading.get_ident(), heard
+    _listen()
+    _LISTENERS.append(listener)
     try:
-        return execute(path, source)
+        return execute(path, source), heard
     finally:
+        _LISTENERS.remove(listener)
         sys.dont_write_bytecode = written
 
 
-def _imports(source: bytes, module: ModuleType, new: Iterable[ModuleType]) -> Imports:
+_LISTENERS: list[tuple[int, set[str]]] = []
+"""Threads that run files, and what sources are read or run there."""
+
+
+@cache
+def _listen() -> None:
+    """Hear of files that are opened and code that is run; such a hook stays for ever."""
+
+    def hear(event: str, arguments: tuple[object, ...]) -> None:
+        if not _LISTENERS or event not in ("open", "exec"):
+            return
+        thing = getattr(arguments[0], "co_filename", arguments[0])
+        with suppress(Exception):  # of the user's paths
+            name = os.fspath(thing)  # type: ignore[call-overload]
+            if isinstance(name, str) and name.endswith(_SOURCES):
+                for thread, heard in _LISTENERS:
+                    if thread == threading.get_ident():
+                        heard.add(os.path.abspath(name))
+
+    sys.addaudithook(hear)
+
+
+def _imports(
+    source: bytes, module: ModuleType, new: Iterable[ModuleType], path: Path, sources: set[str]
+) -> Imports:
     imports = Imports()
     imports.add_source(source, "")
     for other in (*new, *_held(module)):
         imports.add_module(other)
+    known = {str(origins.file_of(m)) for m in [*sys.modules.values()] if isinstance(m, ModuleType)}
+    known |= {str(path), *(str(file) for file, _ in imports.files.values())}
+    for file in map(Path, sorted(sources - known)):
+        if file.is_file() and origins.is_users_file(file):
+            imports.add_read(file, path.parent)
     return imports
 
 
@@ -217,9 +306,9 @@ def _local(name: str, file: str) -> bool:
     return bool(file) and origins.package_of(name, Path(file).absolute()) is None
 
 
-def _check(imports: Imports) -> None:
+def _check(files: Files) -> None:
     """Refuse code that differs from the file that it is known by."""
-    for name, (path, sha) in imports.files.items():
+    for name, path, sha in files:
         spec = getattr(sys.modules.get(name), "__spec__", None)
         if spec is None:
             continue

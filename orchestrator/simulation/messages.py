@@ -202,8 +202,9 @@ class _Reader(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         found = getattr(builtins, name, None) if module == "builtins" else None
-        warning = isinstance(found, type) and issubclass(found, Exception)
-        if module.partition(".")[0] in _PLAIN or name in _BUILTINS or warning:
+        error = isinstance(found, type) and issubclass(found, Exception)
+        builtin = error or (module == "builtins" and name in _BUILTINS)
+        if module.partition(".")[0] in _PLAIN or builtin:
             return super().find_class(module, name)
         raise ConfigurationError(f"must be plain values, got an instance of {module}.{name}")
 

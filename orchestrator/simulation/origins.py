@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.metadata
 import importlib.util
 import sys
@@ -61,6 +62,12 @@ def _version(root: str) -> str:
     return ", ".join(versions) or str(getattr(sys.modules.get(root), "__version__", ""))
 
 
+def is_users_file(file: Path) -> bool:
+    """Whether a file of Python is neither installed nor of the standard library."""
+    installed = _INSTALLED & set(file.parts)
+    return not installed and not any(file.resolve().is_relative_to(f) for f in _STANDARD)
+
+
 def package_of_module(module: ModuleType) -> str | None:
     """As `package_of`."""
     return package_of(module.__name__, file_of(module))
@@ -82,6 +89,17 @@ def found(name: str) -> tuple[Path | None, str, bool] | None:
     file = Path(spec.origin).absolute() if spec.has_location and spec.origin else None
     inside = name if spec.submodule_search_locations is not None else name.rpartition(".")[0]
     return file, inside, package_of(name, file) is None
+
+
+def users_module(name: str) -> ModuleType | None:
+    """A module of the user by its name, imported if it is not yet; None if there is none."""
+    known = found(name)
+    if known is None or not known[2]:
+        return None
+    try:
+        return importlib.import_module(name)
+    except (Exception, SystemExit):  # the code that imports it fails as well
+        return None
 
 
 def _spec(name: str) -> ModuleSpec | None:
@@ -123,6 +141,12 @@ def _names(node: ast.AST, package: str) -> Iterator[str]:
         if start:
             yield from above(start)
             yield from (f"{start}.{alias.name}" for alias in node.names if alias.name != "*")
+    elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+        called, name = node.func, node.args[0].value
+        by = getattr(called, "attr", getattr(called, "id", ""))  # of `importlib`, or a name
+        if by in ("import_module", "__import__") and isinstance(name, str):
+            plain = name.lstrip(".")
+            yield from above(absolute(plain, len(name) - len(plain), package))
 
 
 def above(name: str) -> Iterator[str]:

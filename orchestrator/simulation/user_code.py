@@ -16,6 +16,7 @@ from typing import Any
 import cloudpickle
 
 from ..errors import (
+    CodeChangedError,
     ConfigurationError,
     escaped,
     instance,
@@ -24,8 +25,9 @@ from ..errors import (
     quoted,
     shortened,
 )
+from . import origins
 from .identity import identity
-from .local_files import loaded, module_of
+from .local_files import Files, Loaded, changed, loaded, module_of, refuse
 
 FILE = re.compile(r"(?P<file>.*\.py)(?::(?P<name>.*))?", re.DOTALL)
 _LONGEST = 240  # characters of an exception's text
@@ -71,6 +73,8 @@ class InFile:
         Its name in the file.
     key
         What tells the file from others.
+    files
+        That it imports.
     is_receiver
         Whether it is a class derived from `sblcosim.Receiver`.
     parameters
@@ -83,6 +87,7 @@ class InFile:
     content: bytes | None
     name: str
     key: str
+    files: Files = ()
     is_receiver: bool = False
     parameters: tuple[inspect.Parameter, ...] = ()
     packed: bytes | None = None
@@ -97,15 +102,31 @@ class InFile:
         return inspect.Signature(self.parameters)
 
     def load(self) -> Any:
-        """The class or function itself; the file is run, once."""
+        """The class or function itself; the file is run, once.
+
+        Raises
+        ------
+        CodeChangedError
+            The files that it imports are not those that it is known by.
+        """
         assert _allowed is not None, "files of the user are run in child processes only"
         if self.content is None:
             assert self.packed is not None
-            return _by_value(self.packed)
-        return vars(module_of(self.path, self.content, _module))[self.name]
+            return _by_value(self.packed, self.path, self.files)
+        return vars(module_of(self.path, self.content, _module, self.files))[self.name]
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         return self.load()(*arguments, **named)
+
+
+class Gone:
+    """In place of a class or function of which only the origin and hash are known."""
+
+    def __init__(self, message: str) -> None:
+        self.message = message
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        raise ConfigurationError(self.message)
 
 
 class PythonSource:
@@ -182,10 +203,7 @@ def component_of(maker: Any) -> PythonSource:
 
 def component_of_origin(origin: str, sha256: str) -> PythonSource:
     """A component of which only the origin and hash are known."""
-
-    def gone() -> None:
-        raise ConfigurationError(f"the class must be at hand, got none; it is {origin}")
-
+    gone = Gone(f"the class must be at hand, got none; it is {origin}")
     return PythonSource(gone, origin, sha256)
 
 
@@ -218,8 +236,8 @@ def read_file(path: Path, must: str, where: str) -> bytes:
         raise ConfigurationError(f"{where} must be importable, got {raised(error)}") from error
 
 
-def run_file(path: Path, content: bytes, where: str) -> tuple[ModuleType, str]:
-    """Run a Python file; its module, and its identity, as `sblcosim.simulation.local_files` says.
+def run_file(path: Path, content: bytes, where: str) -> Loaded:
+    """Run a Python file; its module and identity, as `sblcosim.simulation.local_files` says.
 
     Raises
     ------
@@ -249,8 +267,10 @@ def _module(path: Path, source: bytes) -> ModuleType:
 
 
 @lru_cache(64)
-def _by_value(packed: bytes) -> Any:
+def _by_value(packed: bytes, path: Path, files: Files) -> Any:
     thing = cloudpickle.loads(packed)
+    here = ((name, origins.found(name), sha) for name, _, sha in files)
+    refuse(path, changed((n, found[0], sha) for n, found, sha in here if found and found[0]))
     if _allowed is not None:
         _allowed()
     return thing
@@ -292,6 +312,31 @@ def fingerprint(thing: Any, where: str, name: str) -> str:
         It refers to something that cannot be told from another of its kind.
     """
     return identity(thing, where, name)
+
+
+def check(thing: Any, origin: str, sha256: str, where: str) -> None:
+    """Refuse a class or function given in Python that is not what it is known by.
+
+    Parameters
+    ----------
+    origin, sha256
+        Module and name, and what it is known by.
+    where
+        The key that has it.
+
+    Raises
+    ------
+    CodeChangedError
+        It, or something that it refers to, has changed.
+    """
+    if isinstance(thing, Gone) or isinstance(getattr(thing, "file", None), InFile):
+        return
+    name = origin.rpartition(":")[2]
+    if fingerprint(thing, where, name) != sha256:
+        raise CodeChangedError(
+            f"{where}: {name} must be as it was when it was loaded, got code or values that it "
+            "refers to that have changed since; load it again"
+        )
 
 
 def by_value(thing: Any) -> bytes:

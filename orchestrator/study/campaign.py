@@ -87,7 +87,10 @@ class Campaign:
     @property
     def digest(self) -> str:
         """Hash of all that makes the runs, but their number: point and replicate tell a run."""
-        made_of = [self.study.seeding, self.study.seed, [point.digest for point in self.points]]
+        digests = [point.digest for point in self.points]
+        made_of: list[Any] = [self.study.seeding, self.study.seed, digests]
+        if exact := self.study.rounded:
+            made_of.append(exact)
         return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
 
     @property
@@ -172,6 +175,7 @@ def prepare(
     """
     if master is not None:
         check_choice("master", master, execution.MASTERS)
+    study.check_code()
     if study.model is not None:
         return _of_function(study, study.model, step_timeout)
     check_patience(step_timeout)

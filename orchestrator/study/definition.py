@@ -17,7 +17,7 @@ from ..scenario import effects
 from ..scenario.scenario import Scenario
 from ..scenario.scenario import load as load_scenario
 from ..scenario.schema import SEED, Name, Table
-from ..simulation.user_code import PythonSource
+from ..simulation.user_code import PythonSource, check
 from . import design as designs
 from . import drawn
 from .design import Design, Factor, Number
@@ -238,6 +238,31 @@ class Definition(Table):
         """The levels at a point (counted from 1), for people."""
         levels = zip(self.varied, self.points.values[point - 1], strict=True)
         return ", ".join(f"{name} = {designs.shown(level)}" for name, level in levels)
+
+    def check_code(self) -> None:
+        """Refuse code given in Python that has changed since the study was loaded.
+
+        Raises
+        ------
+        CodeChangedError
+            The message names the code.
+        """
+        for source in self.receivers:
+            if isinstance(source, PythonSource):
+                check(source.maker, source.origin, source.sha256, "receivers")
+        for response in self.asked:
+            if not response.shipped:
+                check(response.definition, response.origin, response.sha256, "responses")
+        if self.model is not None:
+            check(self.model.function, self.model.origin, self.model.sha256, "model")
+
+    @cached_property
+    def rounded(self) -> list[str]:
+        """Levels of a function that its runs' ids hold with fewer digits, exactly."""
+        if self.model is None:
+            return []
+        levels = (v for row in self.points.values for v in row if not isinstance(v, str))
+        return [float(v).hex() for v in levels if float(designs.shown(v)) != v]
 
     def run_seed(self, point: int, replicate: int) -> int:
         """Seed of a run; points and replicates count from 1."""

@@ -25,7 +25,7 @@ from sblcosim.fmus.host.watch import watch
 
 from ..errors import ConfigurationError, escaped, instance, nearest, quoted, shortened
 from ..simulation.children import Children
-from ..simulation.user_code import InFile, by_value, fingerprint, foreseen, raised
+from ..simulation.user_code import Gone, InFile, by_value, fingerprint, foreseen, raised
 from ..simulation.user_files import call, function_of_file
 from .distributions import Floats
 from .space import SEED_FACTOR, Sample
@@ -162,12 +162,7 @@ def model_of(source: str | Callable[..., Any], folder: Path | None = None) -> St
 
 def stand_in_of(origin: str, sha256: str) -> StandIn:
     """A stand-in of which only the origin and the hash are known."""
-
-    def gone(**values: Any) -> float:
-        raise ConfigurationError(
-            f"model: must be at hand to do more runs, got none; it is {origin}"
-        )
-
+    gone = Gone(f"model: must be at hand to do more runs, got none; it is {origin}")
     return StandIn(gone, origin, sha256)
 
 

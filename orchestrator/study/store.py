@@ -37,8 +37,9 @@ Space = TypeVar("Space", bound=Definition)
 STUDY = "study.json"
 DAMAGED = "damaged"
 FORMAT = 2
-IDENTITY, RULE = "identity", 2
-"""Entry of the description: the rule by which code of the user is known (1, unsaid: its source)."""
+IDENTITY, RULE = "identity", 3
+"""Entry of the description: the rule by which code of the user is known (1, unsaid: its source;
+2: without what 3 has, such as the order of dicts)."""
 _CODE = ("receivers", "responses", "model")
 
 
@@ -105,6 +106,11 @@ def _replicates(folder: Path, campaign: Campaign) -> int:
         raise ConfigurationError(
             f"{folder}: must hold results of this study, got run {int(runs.run_id[row]):016x} of "
             "another in it"
+        )
+    if campaign.study.rounded and set(runs.campaigns) - {campaign.digest}:
+        raise ConfigurationError(
+            f"{folder}: must hold results of this study, got runs whose levels may differ from its "
+            f"own beyond six digits, and no {STUDY} to tell"
         )
     return int(runs.replicate.max(initial=0))
 

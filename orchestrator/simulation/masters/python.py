@@ -21,7 +21,15 @@ from sblcosim.fmus.host.nanoseconds import SECOND, text_of
 from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
-from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
+from ...errors import (
+    CodeChangedError,
+    ConfigurationError,
+    FmuError,
+    SblcosimError,
+    instance,
+    nearest,
+    one_line,
+)
 from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
 from ..record import Record
 from ..resolve import resolve
@@ -364,6 +372,8 @@ class _PythonRunner:
         """Name the component in any exception that it raises."""
         try:
             yield
+        except CodeChangedError:
+            raise
         except foreseen() as error:
             if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence
                 raise self._failure(f"{self._name} {when}: {one_line(error)}") from error

@@ -130,6 +130,85 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
         ("True", "False"),
     ),
     "enumeration": ("import enum\nclass target(enum.Enum):\n    A = VALUE\n", ONE_TWO),
+    "attribute of a member of an enumeration": (
+        "import enum\nclass target(enum.Enum):\n    A = 1\ntarget.A.gain = VALUE\n", ONE_TWO,
+    ),
+    "order of an enumeration": (
+        "import enum\nclass target(enum.Enum):\nVALUE",
+        ("    A = 1\n    B = 2\n", "    B = 2\n    A = 1\n"),
+    ),
+    "class that an abstract class is told of": (
+        "import abc\nclass A(abc.ABC): pass\nA.register(VALUE)\n"
+        "def target(x): return isinstance(x, A)\n", ("int", "str"),
+    ),
+    "default of a pydantic model": (
+        "import pydantic\nclass C(pydantic.BaseModel):\n    a: float = VALUE\nX = C()\n"
+        "def target(): return X.a\n", ONE_TWO,
+    ),
+    "limit of a pydantic model": (
+        "import pydantic\nclass target(pydantic.BaseModel):\n"
+        "    a: float = pydantic.Field(1, le=VALUE)\n", ("3", "4"),
+    ),
+    "validator of a pydantic model": (
+        "import pydantic\nclass target(pydantic.BaseModel):\n    a: float = 1\n"
+        "    @pydantic.field_validator('a')\n    @classmethod\n"
+        "    def f(cls, v): return VALUE * v\n", ONE_TWO,
+    ),
+    "annotation that code reads": (
+        "class Base:\n    def __init__(self):\n"
+        "        for n in type(self).__annotations__: setattr(self, n, 1)\n"
+        "class target(Base):\n    VALUE: int\n", ("a", "b"),
+    ),
+    "annotation that a wrapper reads": (
+        "def units(f):\n    def g(x): return x * f.__annotations__['return']\n    return g\n"
+        "@units\ndef target(x) -> VALUE: return x\n", ONE_TWO,
+    ),
+    "text of a class that code reads": (
+        "class target:\n    'VALUE'\n    def f(self): return float(self.__doc__)\n", ONE_TWO,
+    ),
+    "order of methods that code reads": (
+        "class target:\nVALUE\n    def h(self): return [n for n in vars(type(self))]\n",
+        ("    def f(self): return 1\n    def g(self): return 2",
+         "    def g(self): return 2\n    def f(self): return 1"),
+    ),
+    "classes that code finds by their base": (
+        "class Base: pass\nclass A(Base): x = VALUE\n"
+        "def target(): return [c.x for c in Base.__subclasses__()]\n", ONE_TWO,
+    ),
+    "global that is found by its name": (
+        "X = VALUE\ndef target(): return globals()['X']\n", ONE_TWO,
+    ),
+    "global in a text": ("X = VALUE\ndef target(): return eval('X + 1')\n", ONE_TWO),
+    "builtin that is new": (
+        "import builtins\nbuiltins.GAIN = VALUE\ndef target(): return GAIN\n", ONE_TWO,
+    ),
+    "function in place of a builtin": (
+        "import builtins\nbuiltins.ascii = lambda x: VALUE\ndef target(x): return ascii(x)\n",
+        ONE_TWO,
+    ),
+    "function in place of a package's": (
+        "import statistics\nstatistics.median_low = lambda x: VALUE\n"
+        "def target(x): return statistics.median_low(x)\n", ONE_TWO,
+    ),
+    "method that is put into a package's class": (
+        "import tabnanny\ntabnanny.NannyNag.gain = lambda self: VALUE\n"
+        "class target(tabnanny.NannyNag): pass\n", ONE_TWO,
+    ),
+    "bits of a value that is not a number": (
+        "import struct\nX = struct.unpack('<d', bytes([VALUE, 0, 0, 0, 0, 0, 0xf8, 0x7f]))[0]\n"
+        "def target(): return struct.pack('<d', X)\n", ONE_TWO,
+    ),
+    "object that says it is a name": (
+        "class A:\n    def __init__(self, v): self.v = v\n    def __reduce__(self): return 'X'\n"
+        "X = A(VALUE)\ndef target(): return X.v\n", ONE_TWO,
+    ),
+    "digits of a long double": (
+        "import numpy as np\nX = np.longdouble(1) + np.longdouble(VALUE) * 2.0 ** -62\n"
+        "X = X, np.array([X])\ndef target(): return X\n", ONE_TWO,
+    ),
+    "leaf of many tuples": (
+        "X = (VALUE,)\nfor _ in range(200): X = (X, X)\ndef target(): return X\n", ONE_TWO,
+    ),
     "named tuple": (
         "from typing import NamedTuple\nclass target(NamedTuple):\n    x: int = VALUE\n", ONE_TWO,
     ),
@@ -198,6 +277,14 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
     ),
     "member of a set": ("X = {'a', VALUE}\ndef target(): return X\n", ("'b'", "'c'")),
     "value of a dict": ("X = {'a': VALUE}\ndef target(): return X\n", ONE_TWO),
+    "order of a dict": (
+        "def f(x): return x + 1\ndef g(x): return x * 2\nX = VALUE\n"
+        "def target(x):\n    for s in X.values(): x = s(x)\n    return x\n",
+        ("{'f': f, 'g': g}", "{'g': g, 'f': f}"),
+    ),
+    "order of a dict with equal keys": (
+        "class K: pass\nX = {K(): v for v in VALUE}\ndef target(): return X\n", ("[1, 2]", "[2, 1]"),
+    ),
     "order of an ordered dict": (
         "from collections import OrderedDict\nX = OrderedDict(VALUE)\ndef target(): return X\n",
         ("a=1, b=2", "b=2, a=1"),
@@ -257,6 +344,18 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
         {"m": "def of():\n    import helper\n    helper.X = VALUE\n    def f(): return helper.X\n"
               "    return f\ntarget = of()\n", "helper": "X = 0\n"}, ONE_TWO,
     ),
+    "attribute of a module that is found by its name": (
+        {"m": "import sys, helper\nhelper.X = VALUE\ndef target(): return sys.modules['helper'].X\n",
+         "helper": "X = 0\n"}, ONE_TWO,
+    ),
+    "module that is imported by its name": (
+        {"m": "import importlib\ndef target(): return importlib.import_module('helper').X\n",
+         "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "part of a package that is imported in a function": (
+        {"m": "def target():\n    from helper import deeper\n    return deeper.X\n",
+         "helper/__init__": "", "helper/deeper": "X = VALUE\n"}, ONE_TWO,
+    ),
     "attribute of a function": ("def target(): pass\ntarget.x = VALUE\n", ONE_TWO),
 }  # fmt: skip
 
@@ -293,10 +392,57 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         "class A: pass\nX = {A(), A(), A()}\nfor n, a in enumerate(sorted(X, key=id)):\n"
         "    a.all = X\ndef target(): return X\n", ("", ""),
     ),
-    "order of a dict": (
-        "X = VALUE\ndef target(): return X\n", ("{'a': 1, 'b': 2}", "{'b': 2, 'a': 1}"),
+    "dict made of a sorted set": (
+        "X = {k: 1 for k in sorted(set('gfedcba'))}\ndef target(): return X\n", ("", ""),
     ),
-    "dict made of a set": ("X = {k: 1 for k in set('abcdefg')}\ndef target(): return X\n", ("", "")),
+    "dict with keys that are equal": (
+        "class K: pass\nX = {K(): i for i in range(9)}\ndef target(): return X\n", ("", ""),
+    ),
+    "package's function that holds the generator of all": (
+        "from scipy.stats import norm\nfrom scipy import stats\nX = stats.uniform(0, 1)\nVALUE\n"
+        "def target(): return norm.ppf(.9) + X.ppf(.1)\n", ("", "norm.rvs()"),
+    ),
+    "methods of the generators of all": (
+        "import numpy as np\nfrom random import gauss\nfrom numpy.random import normal\nVALUE\n"
+        "def target(): return gauss(0, 1) + normal()\n", ("", "gauss(0, 1), normal()"),
+    ),
+    "pydantic model": (
+        "import pydantic\nclass C(pydantic.BaseModel):\n    a: float = 1\n    b: int = 2\n"
+        "class target:\n    c = C()\n", ("", ""),
+    ),
+    "pydantic dataclass": (
+        "import pydantic.dataclasses\n@pydantic.dataclasses.dataclass\nclass C:\n"
+        "    a: float = 1\nX = C()\ndef target(): return X.a\n", ("", ""),
+    ),
+    "long doubles": (
+        "import numpy as np\njunk = [np.random.rand(n) for n in (3, 50, 1000)]\n"
+        "class target:\n    a = np.array([1.1, 2.2, 3.3], np.longdouble) * 3\n"
+        "    b = np.longdouble(1.1) * 3\n    c = np.clongdouble(1.1) * 3\n", ("", ""),
+    ),
+    "bytes between the fields of a record": (
+        "import numpy as np\nX = np.empty(2, np.dtype([('a', 'i1'), ('b', 'f8')], align=True))\n"
+        "X['a'] = X['b'] = 1\nX = X[0], X\ndef target(): return X\n", ("", ""),
+    ),
+    "tuples in tuples, many times": (
+        "X = (1.0,)\nfor _ in range(200): X = (X, X)\ndef target(): return X\n", ("", ""),
+    ),
+    "sets in sets, many times": (
+        "X = frozenset({1})\nfor n in range(100): X = frozenset({(X, 'a'), (X, 'b')})\n"
+        "def target(): return X\n", ("", ""),
+    ),
+    **{
+        f"path beside the file, {where}": (
+            "import dataclasses, functools, os\nfrom pathlib import Path\n"
+            "P = Path(__file__).parent / 'data'\n" + source, ("", ""),
+        )
+        for where, source in {
+            "in a class": "class target:\n    a = P\n    b = [str(P)]\n",
+            "in a dataclass": "@dataclasses.dataclass\nclass target:\n    a: str = str(P)\n",
+            "in a partial": "def f(p): return p\ntarget = functools.partial(f, str(P))\n",
+            "in an object": "class A:\n    def __init__(self): self.p = str(P)\n"
+                            "    def f(self): return self.p\ntarget = A().f\n",
+        }.items()
+    },
     "object without a text": ("X = object()\ndef target(): return X\n", ("", "")),
     "default of a dataclass with an address": (
         "import dataclasses\nX = object()\n@dataclasses.dataclass\nclass target:\n"
@@ -324,7 +470,7 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
     ),
     "abstract class": (
         "import abc\nclass target(abc.ABC):\n    @abc.abstractmethod\n    def f(self): ...\nVALUE\n",
-        ("", "target.register(int)"),
+        ("", "isinstance(1, target)"),
     ),
     "enumeration": ("import enum\nclass target(enum.Flag):\n    A = 1\n    B = 2\n", ("", "")),
     "protocol": (
@@ -374,6 +520,9 @@ REFUSED: dict[str, tuple[str, str]] = {
              "lock at target > LOCK"),
     "open file": ("FILE = open(__file__)\ndef target(): return FILE.read()\n", "at target > FILE"),
     "generator": ("X = (i for i in range(3))\ndef target(): return next(X)\n", "generator at"),
+    "function of a package that is made of the user's": (
+        "import numpy as np\nX = np.frompyfunc(lambda a: a + 1, 1, 1)\ndef target(a): return X(a)\n",
+        "ufunc, which no module has as"),
     "iterator": ("import itertools\nX = itertools.count()\ndef target(): return next(X)\n", "count at"),
     "library": ("import ctypes\nX = ctypes.CDLL(None)\ndef target(): return X\n", "CDLL at"),
     "pointer": ("import ctypes\nX = ctypes.pointer(ctypes.c_int(1))\ndef target(): return X\n",
@@ -416,6 +565,32 @@ IMPORTS: dict[str, tuple[Files, tuple[str, str]]] = {
               "s = u.spec_from_file_location('other', Path(__file__).parent / 'helper.py')\n"
               "other = u.module_from_spec(s)\ns.loader.exec_module(other)\n"
               "def target(): return other.X\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "value of a module loaded from a file": (
+        {"m": "import importlib.util as u\nfrom pathlib import Path\ndef load(n):\n"
+              "    s = u.spec_from_file_location(n, Path(__file__).parent / f'{n}.py')\n"
+              "    m = u.module_from_spec(s)\n    s.loader.exec_module(m)\n    return m.X\n"
+              "X = load('helper')\ndef target(): return X\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "file that is run": (
+        {"m": "import runpy\nfrom pathlib import Path\n"
+              "X = runpy.run_path(str(Path(__file__).parent / 'helper.py'))['X']\n"
+              "def target(): return X\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "file that is read and run": (
+        {"m": "from pathlib import Path\nexec((Path(__file__).parent / 'helper.py').read_text())\n"
+              "def target(): return X\n", "helper": "X = VALUE\n"}, ONE_TWO,
+    ),
+    "what a file that is run imports": (
+        {"m": "import runpy\nfrom pathlib import Path\n"
+              "X = runpy.run_path(str(Path(__file__).parent / 'helper.py'))['f']\n"
+              "def target(): return X()\n",
+         "helper": "def f():\n    import deeper\n    return deeper.X\n", "deeper": "X = VALUE\n"},
+        ONE_TWO,
+    ),
+    "import by its name in a function": (
+        {"m": "import importlib\ndef target(): return importlib.import_module('helper').X\n",
+         "helper": "X = VALUE\n"}, ONE_TWO,
     ),
     "package": (
         {"m": "from helper.deeper import X\ndef target(): return X\n", "helper/__init__": "",
@@ -461,3 +636,38 @@ OTHER_FILES: dict[str, tuple[Files, tuple[str, str]]] = {
         {"m": "import threading\nL = threading.Lock()\ndef target(): return L\n"}, ("", ""),
     ),
 }  # fmt: skip
+
+USED: dict[str, tuple[str | Files, tuple[str, str]]] = {
+    "import": ("def target():\n    import colorsys\n    return colorsys.rgb_to_hsv(1, 2, 3)\n", ("", "")),
+    "import from": ("def target():\n    from wave import Error\n    return Error\n", ("", "")),
+    "part of a package": (
+        "def target():\n    from xml import sax\n    import xml.dom.minidom as q\n"
+        "    import xml.etree.ElementTree\n    return sax, q.parse, xml.etree.ElementTree.parse\n",
+        ("", ""),
+    ),
+    "installed package": (
+        "def target():\n    from scipy.optimize import least_squares\n    return least_squares\n",
+        ("", ""),
+    ),
+    "helper": (
+        {"m": "def target():\n    import helper\n    return helper.X\n", "helper": "X = [1]\n"}, ("", ""),
+    ),
+    "part of a helper": (
+        {"m": "def target():\n    from helper import deeper, Y\n    import helper.far\n"
+              "    return deeper.X, helper.far.X\n", "helper/__init__": "Y = 1\n",
+         "helper/deeper": "X = 1\n", "helper/far": "from xml import dom as X\n"}, ("", ""),
+    ),
+    "import of an import": (
+        {"m": "def target():\n    from helper import f\n    return f()\n",
+         "helper": "def f():\n    import deeper\n    return deeper.X\n", "deeper": "X = 1\n"}, ("", ""),
+    ),
+    "import that fails": (
+        {"m": "def target():\n    try:\n        import helper\n        return helper.X\n"
+              "    except Exception:\n        return 0\n", "helper": "1 / 0\n"}, ("", ""),
+    ),
+    "import that is missing": (
+        "def target():\n    try:\n        import helper\n        return helper.X\n"
+        "    except ImportError:\n        return 0\n", ("", ""),
+    ),
+}  # fmt: skip
+"""Functions that load what they need when they are called."""

@@ -17,15 +17,15 @@ from sblcosim.report.common import as_toml
 from sblcosim.simulation import local_files, origins, user_code
 from sblcosim.study import load, store
 
-from .identity_cases import CHANGES, IMPORTS, OTHER_FILES, REFUSED, SAME, Files
+from .identity_cases import CHANGES, IMPORTS, OTHER_FILES, REFUSED, SAME, USED, Files
 
 
 def function_of_file(text, folder, key):
     """The function of a file that is run here, and what it is known by."""
     file, _, name = text.rpartition(":")
     path = (folder / file).absolute()
-    module, sha256 = user_code.run_file(path, path.read_bytes(), key)
-    return vars(module)[name], sha256
+    known = user_code.run_file(path, path.read_bytes(), key)
+    return vars(known.module)[name], known.sha256
 
 CHILD = """
 import importlib, json, sys
@@ -38,12 +38,19 @@ from sblcosim.simulation import local_files, origins, user_code
 def function_of_file(text, folder, key):
     file, _, name = text.rpartition(":")
     path = (folder / file).absolute()
-    module, sha256 = user_code.run_file(path, path.read_bytes(), key)
-    return vars(module)[name], sha256
+    known = user_code.run_file(path, path.read_bytes(), key)
+    return vars(known.module)[name], known.sha256
 from sblcosim.study import load, store
 
 def of_object(folder):
     return identity(importlib.import_module("m").target, "receivers", "target")
+
+def of_used(folder):
+    target = importlib.import_module("m").target
+    before = identity(target, "receivers", "target")
+    target()
+    after = identity(target, "receivers", "target")
+    return before if before == after else "another after its call"
 
 def of_file(folder):
     return function_of_file("m.py:target", Path(folder), "model")[1]
@@ -68,6 +75,7 @@ Cases = dict[str, tuple[str | Files, tuple[str, str]]]
 TABLES: dict[str, tuple[str, Cases]] = {
     "change": ("of_object", CHANGES), "same": ("of_object", SAME),
     "import": ("of_file", IMPORTS), "other file": ("of_file", OTHER_FILES),
+    "used": ("of_used", USED),
 }  # fmt: skip
 """Cases, and what their targets are known as."""
 
@@ -139,7 +147,7 @@ def test_a_change_makes_other_code(found: Found, case: tuple[str, str]) -> None:
     assert one != two
 
 
-@pytest.mark.parametrize("case", named("same", "other file"), ids=": ".join)
+@pytest.mark.parametrize("case", named("same", "other file", "used"), ids=": ".join)
 def test_neither_process_nor_folder_makes_other_code(
     found: Found, case: tuple[str, str]
 ) -> None:
