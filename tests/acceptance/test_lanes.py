@@ -279,7 +279,7 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", NUMBERS)
 def test_no_run_writes_beside_its_memory(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What stands around each block of memory is there afterwards (slow ones, with sanitizers, follow)."""
+    """What stands around each block is there afterwards; with sanitizers below, but slowly."""
     plan = plan_of("realistic-dive")
     if not possible(number, plan):
         pytest.skip("not on this processor")
