@@ -388,6 +388,24 @@ def test_arrowheads_point_where_the_diver_goes_and_marks_say_when(run):
     np.testing.assert_allclose(marks.get_xydata(), [[10, 0.5 * t] for t in (2, 4, 6, 8)])
 
 
+@pytest.mark.parametrize(("start_s", "factor", "marks_s", "title"), [
+    (3.2, 1.0, [6, 8, 10, 12], "2 s"), (-3.7, 1.0, [-2, 0, 2, 4], "2 s"),
+    (100.0, 0.1, [100.2, 100.4, 100.6, 100.8], "0.2 s"), (1000.0, 30.0, [1080, 1140, 1200, 1260],
+                                                         "1 min"),
+])  # fmt: skip
+def test_marks_in_time_are_at_whole_multiples_wherever_a_run_starts(
+    run, start_s, factor, marks_s, title
+):
+    """And none within half a step of the start, or a quarter of one of the end."""
+    time_s = start_s + factor * run[0].time_ns / 1e9
+    record = Record((1e9 * time_s).round().astype(np.int64), run[0].values)
+    ax = plots.plot_path(record, {})
+    assert title_of(ax) == f"Map, with a mark every {title}"
+    marks = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
+    north = [0.5 * (t - start_s) / factor for t in marks_s]
+    np.testing.assert_allclose(marks.get_ydata(), north, atol=1e-9)
+
+
 def test_a_diver_at_rest_has_no_direction():
     record = with_path(np.tile([1.0, 2.0, 3.0], (101, 1)))
     assert not plots.plot_path(record, {}).collections
