@@ -20,6 +20,7 @@ from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes, lanes_driver
+from sblcosim.simulation.masters.lanes_memory import Memory
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve
@@ -28,6 +29,8 @@ from sblcosim.simulation.system import ComponentSpec, Connection, System
 RECEIVERS = ("ekf", "sequential", "multilateration")
 NOISY = ("target", "platform", "acoustics")
 NUMBERS = (1, 2, 4, 8)
+FENCE = 1 << 16
+"""Bytes on each side of a block of memory."""
 
 
 def plan_of(name: str, fmi: int = 2, seed: int = 1, **overrides: Any) -> Plan:
@@ -272,6 +275,32 @@ def test_the_structures_are_those_of_the_driver(tmp_path: Path) -> None:
     )
     found = (ctypes.c_size_t * len(places)).in_dll(ctypes.CDLL(str(library)), "places")
     assert list(found) == expected
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_no_run_writes_beside_its_memory(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands around each block is there afterwards; with sanitizers below, but slowly."""
+    plan = plan_of("realistic-dive")
+    if not possible(number, plan):
+        pytest.skip("not on this processor")
+    blocks: list[tuple[np.ndarray, int, int]] = []
+
+    def fenced(memory: Memory, size: int) -> int:
+        whole = np.full(size + 2 * FENCE + 64, 0xA5, np.uint8)
+        first = FENCE + -(whole.ctypes.data + FENCE) % 64
+        whole[first : first + size] = 0
+        blocks.append((whole, first, size))
+        return int(whole.ctypes.data) + first
+
+    monkeypatch.setattr(Memory, "_aligned", fenced)
+    runs = seeds(np.arange(1, number + 1))
+    asked = {"record": everything(plan), "percentages": (5, 50, 100), "threads": 1}
+    outcome = lanes.execute(plan, runs, lanes=number, **asked)
+    assert np.isfinite(outcome.order["ekf"]).all()
+    assert len(blocks) > len(plan.components)
+    for whole, first, size in blocks:
+        assert (whole[:first] == 0xA5).all()
+        assert (whole[first + size :] == 0xA5).all()
 
 
 SANITIZED = """

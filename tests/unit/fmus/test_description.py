@@ -10,6 +10,7 @@ import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
+from sblcosim.fmus.build import description
 from sblcosim.fmus.build.archive import contents, write_fmu
 from sblcosim.fmus.build.description import (
     base_unit,
@@ -19,7 +20,7 @@ from sblcosim.fmus.build.description import (
     value_references,
 )
 from sblcosim.fmus.standard import Fmi
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, declaration
 from sblcosim.models.declaration import UNITS, Component, Variable
 from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
@@ -159,6 +160,24 @@ def test_units_are_defined_by_their_true_exponents(tmp_path: Path, name: str, fm
             assert float(shown.get("factor")) == math.degrees(1.0) ** power
     used = {v.unit for v in COMPONENTS[name]} - {None} | ({"s"} if fmi == 3 else set())
     assert found == {unit: TRUE_UNITS[unit] for unit in used}
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize(
+    ("name", "shown", "factor"),
+    [("rad2/s", "deg2/s", (180 / math.pi) ** 2), ("s/rad", "s/deg", math.pi / 180),
+     ("m/rad3", "m/deg3", (math.pi / 180) ** 3)],
+)  # fmt: skip
+def test_any_power_of_an_angle_is_displayed_as_that_of_degrees(
+    monkeypatch: pytest.MonkeyPatch, name: str, shown: str, factor: float, fmi: Fmi
+) -> None:
+    for module in (declaration, description):
+        monkeypatch.setattr(module, "UNITS", {**UNITS, name: declaration.Unit(name, "x")})
+    variable = Variable("v", "A variable", "input", unit=name)
+    document = model_description(model(Component("C", 1, "C", (variable,), None)), fmi, "", ())
+    (unit,) = etree.fromstring(document).iter("DisplayUnit")
+    assert unit.get("name") == shown
+    assert float(unit.get("factor")) == pytest.approx(factor)
 
 
 def test_every_unit_is_used_and_known_by_hand() -> None:

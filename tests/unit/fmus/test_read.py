@@ -215,6 +215,34 @@ def test_broken_descriptions_are_named(tmp_path: Path, was: str, becomes: str, r
         assert reason in message
 
 
+RANGES = {
+    "Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-32_768, 32_767), "UInt16": (0, 65_535),
+    "Int32": (-2_147_483_648, 2_147_483_647), "UInt32": (0, 4_294_967_295),
+    "Int64": (-9_223_372_036_854_775_808, 9_223_372_036_854_775_807),
+    "UInt64": (0, 18_446_744_073_709_551_615),
+    "Enumeration": (-9_223_372_036_854_775_808, 9_223_372_036_854_775_807),
+}  # fmt: skip
+"""Of the types of FMI 3 that are whole numbers."""
+
+
+@pytest.mark.parametrize("kind", RANGES)
+def test_starts_are_within_the_range_of_their_type(tmp_path: Path, kind: str) -> None:
+    declared = ' declaredType="E"' if kind == "Enumeration" else ""
+    low, high = RANGES[kind]
+    for value, allowed in ((low - 1, False), (low, True), (high, True), (high + 1, False)):
+        was = "<ModelVariables>"
+        becomes = f'''<TypeDefinitions><EnumerationType name="E"><Item name="a" value="1"/>
+            </EnumerationType></TypeDefinitions>{was}<{kind} name="n"{declared} valueReference="90"
+            causality="parameter" variability="fixed" start="{value}"/>'''
+        path = edited(tmp_path, was, becomes, fmi=3)
+        if allowed:
+            with opened(path) as fmu:
+                found = {v.name: v for v in description.describe(fmu).modelVariables}["n"]
+            assert (found.type, found.start) == (kind, str(value))
+        else:
+            assert f"its start is out of the range of {kind}: {value}" in refusal(path)
+
+
 @pytest.mark.parametrize(
     ("dimension", "reason"),
     [

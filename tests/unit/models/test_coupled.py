@@ -83,6 +83,14 @@ def test_late_arrivals_are_weighed_as_with_the_exact_densities() -> None:
     follow(Raft(), OUTLIERS, acoustics=NOISY | OUTLIERS, steps=200)
 
 
+@pytest.mark.parametrize("chance", [0.05, 0.3])
+@pytest.mark.parametrize("mean", [0.4, 3.0])
+def test_late_arrivals_of_one_time_begin_with_their_variance(chance: float, mean: float) -> None:
+    """All four are heard at once, so that the first fix allows for late ones among them."""
+    late = {"outlier_probability": chance, "outlier_mean": mean}
+    follow(Raft(), late, acoustics=NOISY | late | {"schedule": 2}, steps=40)
+
+
 @pytest.mark.parametrize("name", ["arm of 0.4 m", "poor GPS", "skew", "three beacons", "slow"])
 def test_other_platforms(name: str) -> None:
     body = np.array([[2.0, 0.5, 0.2], [-0.5, 3.0, 0.8], [-2.5, 0.3, 0.4], [0.4, -1.5, 1.4]])

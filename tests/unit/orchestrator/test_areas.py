@@ -16,7 +16,9 @@ import pymap3d
 import pytest
 import sblcosim
 import sblcosim.cli
+from matplotlib.patches import Patch
 from matplotlib.text import Text
+from sblcosim import style
 from sblcosim.areas import contours, figures, motion, pooling, result, runs, survey
 from sblcosim.areas import possible as possible_
 from sblcosim.areas.grid import Grid, grid_of
@@ -540,6 +542,18 @@ def test_without_a_place_on_earth_there_are_no_contours_on_it(tmp_path: Path) ->
 
 
 # --- What people see -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("entries", "columns"), [(1, 1), (3, 3), (4, 3), (7, 3), (9, 2)])
+def test_a_figure_grows_by_the_height_of_its_legend(entries: int, columns: int) -> None:
+    with style.use("light", None):
+        figure = style.new_figure(6.4, 4.0)
+        figure.add_subplot()
+        handles = [Patch(label=f"name {i}") for i in range(entries)]
+        figures._legend(figure, handles, columns)
+        figure.draw_without_rendering()
+    tall = figure.legends[0].get_window_extent().height / figure.dpi
+    assert figure.get_figheight() - 4.0 == pytest.approx(tall, abs=0.1)
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -246,6 +246,34 @@ def test_the_steady_state_is_that_of_a_long_recursion() -> None:
     assert (P[0, 0] + before) / 2 == pytest.approx(float(formula), rel=0.005)
 
 
+@pytest.mark.parametrize(("at_once", "slots"), [(False, 5), (True, 1)])
+def test_the_closed_form_by_hand(at_once: bool, slots: int) -> None:
+    """Five beacons; the formulas as they are published, each term in its own line."""
+    b, std, depth_std, T, loss, q = 2.0, 0.3, 0.2, 0.5, 0.2, 0.004
+    found = limits.closed_form([6.0, -8.0, 5.0], limits.Conditions(
+        std, depth_std, 5 * b**2 / 2, beacons=5, slot=T, loss=loss, acceleration_psd=q,
+        common_std=0.7, heading_std=0.03, heading_noise_std=0.06, at_once=at_once,
+    ))  # fmt: skip
+    reach, distance = 10.0, sqrt(125.0)
+    between = slots * T / 0.8
+    fix_cross = std * distance / (b * sqrt(2.5))
+    fix_radial = std * distance / (sqrt(5) * reach)
+    across = fix_cross**2 * between + (reach * 0.06) ** 2 * T / 0.8
+    variances = [
+        sqrt(2) * q**0.25 * density**0.75
+        for density in (across, fix_radial**2 * between, depth_std**2 * T)
+    ]
+    turned = (reach * 0.03) ** 2
+    by_hand = limits.ClosedForm(
+        cross=sqrt(variances[0] + turned), radial=sqrt(variances[1]), depth=sqrt(variances[2]),
+        relative=sqrt(sum(variances) + turned),
+        absolute=sqrt(sum(variances) + turned + 2 * 0.7**2),
+        fix_cross=fix_cross, fix_radial=fix_radial,
+    )  # fmt: skip
+    for name, value in vars(by_hand).items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-12), name
+
+
 def test_the_closed_form_over_a_grid_and_at_its_ends() -> None:
     c = limits.Conditions(0.1, 0.01, 18.0, slot=1.0, loss=0.25, common_std=1.2, heading_std=0.05)
     north, east = np.meshgrid(np.linspace(-20, 20, 5), np.linspace(-20, 20, 7))

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from model_dive import dive, parameters
-from sblcosim.estimation import linear, model, particles
+from model_dive import START, dive, parameters
+from sblcosim.estimation import late, linear, model, particles
 from sblcosim.estimation.linear import Problem
 from sblcosim.estimation.samples import Samples
 from sblcosim.estimation.smoother import linearised
+from sblcosim.models.receiver import surroundings
+from scipy import stats
 
 
 def kalman(p: Any, samples: Samples, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -129,3 +131,156 @@ def test_own_positions_tell_the_heading(known: bool) -> None:
     assert np.linalg.norm(error[:2]) < 1.0
     assert error @ np.linalg.solve(P, error) < 11.3  # 99 %
     assert np.sqrt(P[0, 0] + P[1, 1]) < 1.0
+
+
+def some_cloud(p: Any, n: int = 40) -> particles.Cloud:
+    """Particles about `START`, each with its own means, and with covariances of all kinds."""
+    rng = np.random.default_rng(11)
+
+    def covariance(size: int, count: int = 1) -> np.ndarray:
+        root = 0.3 * rng.standard_normal((count, size, size))
+        return root @ root.transpose(0, 2, 1)
+
+    about = np.zeros((n, 2, 5))
+    about[:, :, 0] = START[:2]
+    down = np.tile([START[2], 0.0, 0.0], (n, 1))
+    return particles.Cloud(
+        0.5 * rng.standard_normal(n), about + rng.standard_normal(about.shape), covariance(5)[0],
+        down + 0.3 * rng.standard_normal((n, 3)), covariance(3)[0],
+        [0.3, 1e-3, 0.3] * rng.standard_normal((n, 3)),
+        covariance(3, n) * np.outer([1, 1e-3, 1], [1, 1e-3, 1]),
+        0.2 * rng.standard_normal((n, 2)), 0.01 * covariance(2)[0],
+    )
+
+
+def test_a_range_leaves_the_moments_of_punctual_and_not_together() -> None:
+    """Law of total variance: corrected where it is punctual, else as before."""
+    p = parameters(outlier_probability=0.3, outlier_mean_m=1.0)
+    cloud = some_cloud(p)
+    pose, body = surroundings.Pose(0.0, 0.0, 0.0, 0.0), [0.5, 0.2, 0.4]
+    z = 13.0
+    after = particles.ranged(p, cloud, pose, body, z)
+    shares = []
+    for i, (before, P) in enumerate(zip(cloud.slow, cloud.P_slow, strict=True)):
+        x = np.zeros(surroundings.STATES)
+        x[surroundings.HEADING], x[2] = cloud.turn[i, 0], cloud.down[i, 0]
+        x[[0, 1]] = cloud.flat[i, :, 0]
+        x[[surroundings.CLOCK, surroundings.SPEED, surroundings.VERTICAL_ERROR]] = before
+        row = surroundings.range_(np, p, x, pose, body)
+        h = np.array([1.0, row.distance, row.u[2]])
+        S = h @ P @ h + row.variance + row.row[surroundings.HEADING] ** 2 * cloud.P_turn[0, 0]
+        share = late.share(p, z - row.value, S)
+        corrected = before + P @ h / S * (z - row.value)
+        left = P - np.outer(P @ h, P @ h) / S
+        mean = share * corrected + (1 - share) * before
+        covariance = share * left + (1 - share) * P
+        for part, at in ((share, corrected), (1 - share, before)):
+            covariance += part * np.outer(at - mean, at - mean)
+        np.testing.assert_allclose(after.slow[i], mean, rtol=1e-9)
+        np.testing.assert_allclose(after.P_slow[i], covariance, rtol=1e-9, atol=1e-12)
+        density = np.logaddexp(*late.log_densities(p, z - row.value, S))
+        assert after.log_weight[i] - cloud.log_weight[i] == pytest.approx(density)
+        shares.append(share)
+    assert np.std(shares) > 0.1  # of all kinds
+
+
+def test_the_moments_are_those_of_draws_from_the_particles() -> None:
+    """Of position, velocity, what is seen from the platform, its place, clock and sound speed."""
+    p = parameters(imu_heading_error_std_deg=3.0, gps_bias_std_m=0.4, gps_vertical_std_m=0.3)
+    cloud, down = some_cloud(p, 30), 1.5
+    rng, n = np.random.default_rng(5), 400_000
+    which = rng.choice(len(cloud.weight), n, p=cloud.weight)
+
+    def of(mean: np.ndarray, P: np.ndarray) -> np.ndarray:
+        return mean + rng.standard_normal(mean.shape) @ np.linalg.cholesky(P).T
+
+    flat, depth = of(cloud.flat[which], cloud.P_flat), of(cloud.down[which], cloud.P_down)
+    roots = np.linalg.cholesky(cloud.P_slow)[which]
+    noise = (roots @ rng.standard_normal((n, 3, 1)))[:, :, 0]
+    slow = cloud.slow[which] + noise
+    y, v, place = flat[:, :, 0], flat[:, :, 1], flat[:, :, 3]
+    x = np.column_stack([y + place, depth[:, 0]])
+    seen = np.column_stack([y, depth[:, 0] - down + slow[:, 2]])
+    speed = np.column_stack([v, depth[:, 1]])
+    # The heading's slow error turns all about the platform, by as much as the mean is away.
+    turn = p.imu_heading_error_std * rng.standard_normal((n, 1))
+    north, east = cloud.weight @ cloud.flat[:, :, 0]
+    turned = turn * [-east, north]
+    x[:, :2] += turned + p.gps_bias_std * rng.standard_normal((n, 2))
+    seen[:, :2] += turned
+    seen[:, 2] += p.gps_vertical_std * rng.standard_normal(n)
+    position, velocity, P, relative, R, platform, clock, sound = particles.moments(p, cloud, down)
+    states = np.stack([x, speed], axis=2).reshape(n, 6)
+    for found, drawn in ((position, x), (velocity, speed), (relative, seen)):
+        np.testing.assert_allclose(found, drawn.mean(axis=0), atol=0.02)
+    for known, drawn in ((P, states), (R, seen)):
+        std = drawn.std(axis=0)
+        np.testing.assert_allclose(
+            known / np.outer(std, std), np.cov(drawn.T) / np.outer(std, std), atol=0.02
+        )
+    north_east_down = [*place.mean(axis=0), down - slow[:, 2].mean()]
+    np.testing.assert_allclose(platform, north_east_down, atol=0.02)
+    beta, kappa = cloud.weight @ cloud.slow[:, :2]
+    assert clock == pytest.approx(beta / p.assumed_sound_speed)
+    assert sound == pytest.approx(p.assumed_sound_speed / (1 + kappa))
+
+
+def test_particles_begin_at_every_bearing_and_distance_that_the_first_range_allows() -> None:
+    """Uniformly between four standard deviations of it to both sides, about the beacon."""
+    p = parameters(range_std_m=0.3, clock_std_m=0.4, sound_speed_std=0.01)
+    cloud = some_cloud(p, 20_000)
+    pose, body, z = surroundings.Pose(0.5, 0.0, 0.0, 0.0), [3.0, 1.0, 0.4], 40.0
+    begun = particles.anywhere(p, cloud, pose, body, z, np.random.default_rng(6))
+    c, s = np.cos(cloud.turn[:, 0]), np.sin(cloud.turn[:, 0])
+    away = begun.flat[:, :, 0] - np.column_stack([c * 3.0 - s * 1.0, s * 3.0 + c * 1.0])
+    below = begun.down[:, 0] - 0.5 - 0.4
+    variance = p.range_std**2 + p.clock_std**2 + (p.sound_speed_std * z) ** 2
+    reach = 4 * np.sqrt(variance + p.gps_vertical_error_std**2)
+    slant = np.sqrt((away**2).sum(axis=1) + below**2)
+    assert stats.kstest((slant - z) / reach, stats.uniform(-1, 2).cdf).pvalue > 1e-3
+    bearing = np.arctan2(away[:, 1], away[:, 0])
+    assert stats.kstest(bearing / np.pi, stats.uniform(-1, 2).cdf).pvalue > 1e-3
+    assert np.corrcoef(slant, bearing)[0, 1] == pytest.approx(0, abs=0.03)
+    depth = (begun.down[:, 0] - cloud.down[:, 0]) / np.sqrt(cloud.P_down[0, 0])
+    assert stats.kstest(depth, "norm").pvalue > 1e-3
+    assert not begun.P_flat[0].any()
+    assert not begun.P_down[0].any()
+
+
+def bayes(mean: np.ndarray, P: np.ndarray, h: np.ndarray, z: float, R: float) -> tuple[Any, ...]:
+    """Mean, covariance and log density [up to a constant] after a measurement; by information."""
+    information = np.linalg.inv(P) + np.outer(h, h) / R
+    after = np.linalg.inv(information)
+    fitted = after @ (np.linalg.solve(P, mean) + h * z / R)
+    return fitted, after, stats.norm.logpdf(z, h @ mean, np.sqrt(h @ P @ h + R))
+
+
+def test_depths_headings_and_places_are_weighed_by_their_noise() -> None:
+    p = parameters(depth_std_m=0.2, imu_heading_std_deg=4.0, gps_std_m=0.7)
+    cloud, yaw_std = some_cloud(p), np.radians(4.0)
+    place, body = np.array([1.3, -0.4]), [0.6, -0.3]
+    depth, heading = START[2] + 0.4, 2 * np.pi + 0.1
+    found = {
+        "down": particles.sounded(p, cloud, depth), "turn": particles.headed(p, cloud, heading),
+        "flat": particles.placed(p, cloud, place, body),
+    }
+    expected: dict[str, list[Any]] = {name: [] for name in found}
+    for down, turn, flat in zip(cloud.down, cloud.turn, cloud.flat, strict=True):
+        reading, first = np.array([1.0, 0, 1]), np.array([1.0, 0])
+        expected["down"].append(bayes(down, cloud.P_down, reading, depth, 0.2**2))
+        expected["turn"].append(bayes(turn, cloud.P_turn, first, 0.1, yaw_std**2))
+        c, s = np.cos(turn[0]), np.sin(turn[0])
+        arm = np.array([[c, -s], [s, c]]) @ body
+        axes = [
+            bayes(flat[i], cloud.P_flat, np.array([0.0, 0, 0, 1, 1]), place[i] - arm[i], 0.7**2)
+            for i in (0, 1)
+        ]
+        expected["flat"].append((np.array([axes[0][0], axes[1][0]]), axes[0][1],
+                                 axes[0][2] + axes[1][2]))
+    for name, after in found.items():
+        means, covariances, weights = zip(*expected[name], strict=True)
+        np.testing.assert_allclose(getattr(after, name), means, rtol=1e-6, atol=1e-6)
+        covariance = getattr(after, f"P_{name}")
+        np.testing.assert_allclose(covariance, covariances[0], rtol=1e-6, atol=1e-8)
+        gained = after.log_weight - cloud.log_weight - weights
+        np.testing.assert_allclose(gained, gained[0], rtol=1e-6, atol=1e-6)

@@ -330,3 +330,24 @@ def test_a_study_may_have_more_parts_than_a_process_may_open_files(
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
     assert len(pd.read_parquet(out / "runs.parquet")) == 40 * len(rows)
+
+
+def test_rows_in_any_order_are_put_in_that_of_replicates_and_points() -> None:
+    """By their keys alone, whichever of the two is not in order, and each run once."""
+    rng = np.random.default_rng(3)
+    replicate, point = np.repeat([1, 2, 3], 4), np.tile([0, 1, 2, 3], 3)
+    ids = np.array([f"{i:016x}" for i in range(12)])
+
+    def table(rows: Any) -> pa.Table:
+        columns = {"replicate": replicate[rows], "point": point[rows], "run_id": ids[rows]}
+        return pa.table(columns)
+
+    inside, between, twice = np.arange(12), np.arange(12), np.append(np.arange(12), 5)
+    inside[[4, 5]] = 5, 4  # points of a replicate
+    between[[3, 4]] = 4, 3  # replicates
+    orders = [inside, between, twice, *(rng.permutation(12) for _ in range(20))]
+    for rows in orders:
+        assert parts._order(table(rows)) is not None
+        assert parts._ordered(table(rows)).equals(table(np.arange(12)))
+    gaps = np.flatnonzero(rng.random(12) < 0.5)
+    assert parts._order(table(gaps)) is None

@@ -13,8 +13,8 @@ from mpl_toolkits.mplot3d import proj3d
 from PIL import Image
 from sblcosim import style
 from sblcosim.errors import ConfigurationError
+from sblcosim.results import drawing, metrics
 from sblcosim.results import figures as plots
-from sblcosim.results import metrics
 from sblcosim.simulation.record import Record
 from synthetic_record import make_record, silent
 
@@ -388,6 +388,24 @@ def test_arrowheads_point_where_the_diver_goes_and_marks_say_when(run):
     np.testing.assert_allclose(marks.get_xydata(), [[10, 0.5 * t] for t in (2, 4, 6, 8)])
 
 
+@pytest.mark.parametrize(("start_s", "factor", "marks_s", "title"), [
+    (3.2, 1.0, [6, 8, 10, 12], "2 s"), (-3.7, 1.0, [-2, 0, 2, 4], "2 s"),
+    (100.0, 0.1, [100.2, 100.4, 100.6, 100.8], "0.2 s"), (1000.0, 30.0, [1080, 1140, 1200, 1260],
+                                                         "1 min"),
+])  # fmt: skip
+def test_marks_in_time_are_at_whole_multiples_wherever_a_run_starts(
+    run, start_s, factor, marks_s, title
+):
+    """And none within half a step of the start, or a quarter of one of the end."""
+    time_s = start_s + factor * run[0].time_ns / 1e9
+    record = Record((1e9 * time_s).round().astype(np.int64), run[0].values)
+    ax = plots.plot_path(record, {})
+    assert title_of(ax) == f"Map, with a mark every {title}"
+    marks = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
+    north = [0.5 * (t - start_s) / factor for t in marks_s]
+    np.testing.assert_allclose(marks.get_ydata(), north, atol=1e-9)
+
+
 def test_a_diver_at_rest_has_no_direction():
     record = with_path(np.tile([1.0, 2.0, 3.0], (101, 1)))
     assert not plots.plot_path(record, {}).collections
@@ -434,6 +452,42 @@ def test_more_than_three_filters_have_a_map_each_on_common_axes():
     given = Figure().add_subplot()
     assert plots.plot_path(record, tracks, given) is given
     assert len(given.figure.axes) == 1
+
+
+def boxes(axes):
+    """Left, lower, right and upper ends of axes in their figure [inch]."""
+    size = axes[0].figure.get_size_inches()
+    ends = np.array([ax.get_position(original=True).get_points() for ax in axes])
+    return (ends * size).reshape(len(axes), 4)
+
+
+def test_panels_have_their_heights_and_the_figure_its_margins(run):
+    found = figures(*run)
+    heights = {"axes": [1.45] * 3, "errors": [1.45] * 4, "range_test": [2.5, 1.3]}
+    heights["inclination"] = [1.45] * len(found["inclination"])
+    for name, expected in heights.items():
+        left, low, right, high = boxes(found[name]).T
+        assert high - low == pytest.approx(expected), name
+        assert low[:-1] - high[1:] == pytest.approx([drawing.GAP] * (len(low) - 1)), name
+        assert low[-1] == pytest.approx(drawing.BOTTOM), name
+        assert left == pytest.approx(np.full(len(low), drawing.LEFT)), name
+        assert right == pytest.approx(np.full(len(low), drawing.WIDTH - drawing.RIGHT)), name
+
+
+@pytest.mark.parametrize("count", [4, 5, 6])
+def test_maps_beside_and_above_each_other_are_equally_far_apart(count):
+    names = "abcdef"[:count]
+    record = make_record({name: np.full((99, 3), 0.1) for name in names})
+    tracks = {name: metrics.track(record, name) for name in names}
+    axes = plots.plot_path(record, tracks).figure.axes
+    rows, columns = axes[0].get_gridspec().get_geometry()
+    places = boxes(axes).reshape(rows, columns, 4)
+    left, low, right, high = np.moveaxis(places, 2, 0)
+    assert left[:, 1:] - right[:, :-1] == pytest.approx(np.full((rows, columns - 1), drawing.GAP))
+    between = drawing.GAP + drawing.title_height("a name")
+    assert low[:-1] - high[1:] == pytest.approx(np.full((rows - 1, columns), between))
+    assert left[:, 0] == pytest.approx(np.full(rows, drawing.LEFT))
+    assert low[-1] == pytest.approx(np.full(columns, drawing.BOTTOM))
 
 
 @pytest.mark.parametrize("depth", [0.0, 5.0, 40.0])

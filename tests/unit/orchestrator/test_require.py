@@ -24,7 +24,7 @@ from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.report.common import as_toml
-from sblcosim.require import limiting, report, sequential, weighing, words
+from sblcosim.require import figures, limiting, report, sequential, weighing, words
 from sblcosim.require.answer import Answer
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
@@ -33,6 +33,7 @@ from sblcosim.require.run import decided
 from sblcosim.require.sequential import Elimination, Rule, looks, percentile
 from sblcosim.require.weighing import answered
 from sblcosim.results.definitions import LOST
+from sblcosim.results.drawing import free_places
 from sblcosim.results.responses import RESPONSES, check_limit
 from sblcosim.study import store
 from scipy import stats
@@ -592,6 +593,32 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
         assert -1 <= box.y0 < box.y1 <= height + 1
     keys = [text.get_tightbbox() for text in ax.figure.texts]
     assert max(box.y1 for box in keys) <= ax.get_tightbbox().y0 < legend.get_tightbbox().y0
+
+
+@pytest.mark.parametrize("plot", [plot_front, plot_narrow])
+def test_letters_keep_off_all_points_their_bars_and_the_limit(
+    plot: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[np.ndarray] = []
+
+    def places(ax: Any, points: Any, words: Any, drawn: Any) -> Any:
+        given.append(drawn)
+        return free_places(ax, points, words, drawn)
+
+    monkeypatch.setattr(figures, "free_places", places)
+    estimate, lower = [3.5, 3.2, 3.0, 2.0, 1.7, 1.0], [3.0, 2.0, 2.5, 1.5, 1.6, 0.4]
+    upper = [3.6, 4.0, 3.9, 2.1, 2.7, 1.2]
+    answer = at(pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5)),
+                estimate=estimate, lower=lower, upper=upper)  # fmt: skip
+    ax = plot(answer)
+    (drawn,) = given
+    for cost, low, mid, high in zip(answer.designs["cost"], lower, estimate, upper, strict=True):
+        for y in (mid, low, high, (low + mid) / 2, (mid + high) / 2):
+            assert np.isclose(drawn, [cost, y]).all(axis=1).any(), (cost, y)
+    limit = answer.question.terms.limit
+    for x in np.linspace(*ax.get_xlim(), 5):
+        near = np.isclose(drawn[:, 1], limit) & (abs(drawn[:, 0] - x) < np.ptp(ax.get_xlim()) / 100)
+        assert near.any()
 
 
 def test_the_front_names_the_answer_and_the_next_cheaper_alone() -> None:

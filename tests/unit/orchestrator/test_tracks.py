@@ -153,6 +153,9 @@ WRONG: dict[str, tuple[str, str]] = {
     "commas among commas": (table(NED, "0,1,5,2,5,3,5"),
                             "line 2, column 5: must have as many columns as the names, 4, got 7; "
                             "numbers must have a decimal point, no comma"),
+    "a comma in each": (table(NED, "0,0,1,5,2,5,3,5"),
+                        "line 2, column 5: must have as many columns as the names, 4, got 8; "
+                        "numbers must have a decimal point, no comma"),
     "no time": (table("north_m,east_m,down_m,note"),
                 "line 1, column 5: must be time_s or time, got no such column in north_m"),
     "both times": (table("time,time_s,north_m,east_m,down_m"),
