@@ -63,7 +63,7 @@ def values_of(
                     warnings.append(f"{label} has no effect: its connector leads to no component")
                 for (owner, variable), there in reached:
                     values[owner][variable] = Given(parameter, there.through)
-                    if parameter.converts and wiring.unit((owner, variable)) is None:
+                    if not there.certain and wiring.unit((owner, variable)) is None:
                         warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
     return values, warnings
 

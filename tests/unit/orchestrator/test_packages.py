@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -716,7 +717,9 @@ def test_a_value_is_converted_to_the_unit_of_its_connector(
         more=more.replace(f'name="{name}"', 'name="x"'),
     )  # fmt: skip
     if name == "gain":
-        assert settings(path)["a.gain"][0] == pytest.approx(expected, rel=1e-15)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ConfigurationWarning)
+            assert settings(path)["a.gain"][0] == pytest.approx(expected, rel=1e-15)
 
 
 def test_a_value_that_cannot_be_converted_is_named(stranger2: Path, tmp_path: Path) -> None:
