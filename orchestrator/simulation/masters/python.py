@@ -30,14 +30,12 @@ from ...errors import (
     nearest,
     one_line,
 )
-from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
+from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent
 from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
 from ..user_code import CONSTRUCTOR, foreseen, raised
-
-Vectors = Mapping[str, Vector]
-"""Latest outputs of all components, by type; see `sblcosim.simulation.plan`."""
+from .vectors import Vectors, converter, vectors_of, views
 
 
 def execute(
@@ -68,7 +66,7 @@ def execute(
     """
     columns = chosen(plan, record)
     instants = plan.instants
-    vectors = _vectors(plan)
+    vectors = vectors_of(plan)
     history = {
         kind: watch().array((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()
     }
@@ -179,7 +177,7 @@ def initial_outputs(
     """
     plan = plan or alone(spec, start_ns)
     name = plan.components[0].name
-    vectors = _vectors(plan)
+    vectors = vectors_of(plan)
     with ExitStack() as stack:
         (component,) = plan.components
         runner = _start(component, plan, vectors, stack)
@@ -201,10 +199,6 @@ def alone(spec: ComponentSpec, start_ns: int) -> Plan:
     """A plan with one component and one step."""
     name = spec.fmu.stem.replace(".", "_") if isinstance(spec.fmu, Path) else "component"
     return resolve(System({name: spec}, stop_ns=start_ns + spec.interval_ns, start_ns=start_ns))
-
-
-def _vectors(plan: Plan) -> Vectors:
-    return {kind: np.zeros(size, DTYPES[kind]) for kind, size in plan.sizes.items()}
 
 
 class _Runner(Protocol):
@@ -292,7 +286,7 @@ class _FmuRunner:
             inputs = np.zeros(len(w.sources), DTYPES[w.type])
             index = np.array(w.sources, np.intp)
             set_ = named("Set", w.type, instance.setter(w.type, w.references, inputs))
-            convert = _converter(w, inputs)
+            convert = converter(w, inputs)
             self._sets.append((vectors[w.type].take, index, inputs, convert, set_, w.type))
         do_step = f"fmi{instance.fmu.fmi}DoStep"
         self._step = bound(component.name, do_step, instance.stepper(component.interval_ns))
@@ -332,7 +326,7 @@ class _PythonRunner:
         self._targets = {
             name: target
             for read in component.reads
-            for name, target in _views(read, vectors[read.type]).items()
+            for name, target in views(read, vectors[read.type]).items()
         }
         values = {
             port.name: np.array(port.start, DTYPES[port.type])
@@ -358,7 +352,7 @@ class _PythonRunner:
             for port in write.ports:
                 targets.append((values[port.name], inputs[first : first + port.size]))
                 first += port.size
-            convert = _converter(write, inputs)
+            convert = converter(write, inputs)
             self._sources.append((vectors[write.type], index, inputs, convert, targets))
         with watch().calling(self._name, CONSTRUCTOR), self._named("before the start"):
             self._component = component.source()
@@ -434,23 +428,3 @@ class _PythonRunner:
 
     def finish(self) -> None:
         pass
-
-
-def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
-    """A function that converts those inputs of a write that are to be; None if there are none."""
-    given = [[np.array(column) for column in zip(*own, strict=True)] for own in write.rounds]
-
-    def convert() -> None:
-        for where, factors, offsets in given:
-            inputs[where] = inputs[where] * factors + offsets
-
-    return convert if given else None
-
-
-def _views(read: Read, vector: Vector) -> dict[str, Vector]:
-    """View of each output in the vector, in its shape."""
-    views, start = {}, read.start
-    for port in read.ports:
-        views[port.name] = vector[start : start + port.size].reshape(port.shape)
-        start += port.size
-    return views
