@@ -11,12 +11,13 @@ Against the build before points shared anything, on two cores that were shared w
 ================  ==============  =============  =================
 study             before [ms]     now [ms]       ratio
 ================  ==============  =============  =================
-paper-scenario-1  3.3             0.51           0.15 (0.13-0.17)
-ranges-1          4.5             0.61           0.14 (0.13-0.15)
+paper-scenario-1  2.8             0.36           0.12 (0.12-0.16)
+ranges-1          4.2             0.52           0.12 (five pairs)
 ================  ==============  =============  =================
 
-All simulations of ``sblcosim paper``, in one thread: 42.9 and 13.5 s of processor time, of which
-34.0 and 5.5 s go before the first step, and most of the rest into the steps themselves.
+All simulations of ``sblcosim paper``, in one thread: 42.9 and 11.0 s of processor time (the latter
+the least of three, beside other work), of which 34.0 and 4.0 s go before the first step, and most
+of the rest into the steps themselves.
 """
 
 from __future__ import annotations
