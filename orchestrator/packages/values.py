@@ -14,7 +14,7 @@ from ..simulation.settings import checked
 from ..simulation.system import Conversion, Value
 from .parameters import Parameter
 from .parts import Part
-from .structure import Path, Structure
+from .structure import End, Path, Structure
 from .units import EXPONENTS, Named, Quantity, Unit
 from .wiring import Wiring
 
@@ -33,7 +33,7 @@ def values_of(
     """The values of variables, by component, and warnings of those without an effect.
 
     Those bound to an outer system come before those of inner ones, and of one element the last
-    (SSP 2.0, section 5.2.3).
+    (SSP 2.0, section 5.2.3). A variable that is connected to a connector with a value has that.
 
     Raises
     ------
@@ -42,6 +42,7 @@ def values_of(
     """
     warnings: list[str] = []
     values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
+    linked: set[End] = set()
     for path, element in reversed([*structure.system.walk()]):
         for parameter in element.parameters:
             name = quoted(parameter.name)
@@ -61,7 +62,12 @@ def values_of(
                 reached = [*wiring.reached(end, quantity)]
                 if not reached:
                     warnings.append(f"{label} has no effect: its connector leads to no component")
-                for (owner, variable), there in reached:
+                for target, there in reached:
+                    if target != end:
+                        linked.add(target)
+                    elif target in linked:
+                        continue
+                    owner, variable = target
                     values[owner][variable] = Given(parameter, there.through)
                     if parameter.converts and wiring.unit((owner, variable)) is None:
                         warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
