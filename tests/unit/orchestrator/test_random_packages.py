@@ -247,6 +247,10 @@ class Maker:
         words = ".".join((*owner.path[len(above.path) :], new))
         value = self._bind(above, words, owner.unit(new), self.number(), said, plain=bare)
         self.flat.values[each.path, name] = through.of(value)
+        if self.some(0.3):  # one of its own has no effect
+            level = self.random.randrange(len(each.path) + 1)
+            words = ".".join((*each.path[level:], name))
+            self._bind(self._at(each.path[:level]), words, "", self.number(), "")
 
     def _bind(
         self, owner: Element, words: str, unit: str, value: Number, said: str, plain: bool = False

@@ -407,6 +407,21 @@ def test_a_name_of_several_variables_is_that_of_all(made: Callable[..., Path]) -
     assert total == [1, 2, 2, 7]
 
 
+@pytest.mark.parametrize("names", [("x.p.c", "x.set"), ("x.set", "x.p.c")])
+def test_what_is_connected_has_the_value_of_the_other_end(
+    names: tuple[str, str], made: Callable[..., Path]
+) -> None:
+    """A value of the variable itself counts where the connector has none."""
+    inner = system("x", [part("p")], [link(".set", "p.c"), link("p.d", ".free")],
+                   connectors(set="parameter", free="parameter"))  # fmt: skip
+    values = {"x.p.c": "5", "x.set": "3"}
+    own = [bound(parameters({name: values[name]})) for name in names]
+    root = system("s", [inner], [], bindings(*own, bound(parameters({"x.p.d": "8"}))))
+    record = run(made(root))
+    assert series(record, "x", "p", "gained")[1:] == [3] * 4
+    assert series(record, "x", "p", "total")[1:] == [3 + 8] * 4
+
+
 def test_arrays_and_their_elements_pass_systems(
     made: Callable[..., Path], stranger: Stranger
 ) -> None:
