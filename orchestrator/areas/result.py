@@ -201,10 +201,6 @@ class AreaMap(Shown):
             f"{_errors(found['std_error_share'])}"
         )
         yield f"possible: within {_range(found['possible_p95_m'])}"
-        yield (
-            "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
-            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
-        )
         if self.limit_m is not None:
             yield (
                 f"within {meters(self.limit_m)}: {part(found['within_share'])} of the area, "
@@ -216,6 +212,10 @@ class AreaMap(Shown):
         )
         if found["lost_share"]:
             yield LOST
+        yield (
+            "95 %: of the errors of all runs of a cell and its neighbours; each run is represented "
+            "by ten order statistics of its errors, the 5th, 15th … 95th percentile"
+        )
         if found["cells_without_accuracy"]:
             yield (
                 f"no accuracy is possible in {_cells(found['cells_without_accuracy'])}: places all "

@@ -284,7 +284,9 @@ class DesignDecided(Part):
     estimate: Number
     """What the required share of the runs is within; null if too many are lost."""
     lower: Number
+    """Bound of the percentile; null where none is claimed, as of a design that suffices."""
     upper: Number
+    """The same; null of a design that fails."""
     front: bool
     """No other design is cheaper and better."""
 
