@@ -87,10 +87,14 @@ def test_code_given_in_python_that_changes_after_loading_is_refused(
     assert study.run(folder / "out").equals(first)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    "how", ["from HELPER import X", "import importlib; X = importlib.import_module('HELPER').X"]
-)
+    ("kind", "how"),
+    [
+        ("receiver", "from HELPER import X"),
+        ("response", "import importlib; X = importlib.import_module('HELPER').X"),
+        ("model", "import runpy; X = runpy.run_path('HELPER.py')['X']"),
+    ],
+)  # fmt: skip
 def test_a_process_that_starts_later_runs_the_code_that_was_loaded_or_none(
     folder: Path, kind: str, how: str
 ) -> None:
