@@ -21,15 +21,8 @@ from sblcosim.fmus.host.nanoseconds import SECOND, text_of
 from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
-from ...errors import (
-    CodeChangedError,
-    ConfigurationError,
-    FmuError,
-    SblcosimError,
-    instance,
-    nearest,
-    one_line,
-)
+from ... import errors
+from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
 from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent
 from ..record import Record
 from ..resolve import resolve
@@ -366,7 +359,7 @@ class _PythonRunner:
         """Name the component in any exception that it raises."""
         try:
             yield
-        except CodeChangedError:
+        except errors.CodeChangedError:
             raise
         except foreseen() as error:
             if isinstance(error, SblcosimError):  # of our adapter: what is wrong, in a sentence

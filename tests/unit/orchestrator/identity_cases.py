@@ -415,13 +415,16 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         "    a: float = 1\nX = C()\ndef target(): return X.a\n", ("", ""),
     ),
     "long doubles": (
-        "import numpy as np\njunk = [np.random.rand(n) for n in (3, 50, 1000)]\n"
-        "class target:\n    a = np.array([1.1, 2.2, 3.3], np.longdouble) * 3\n"
-        "    b = np.longdouble(1.1) * 3\n    c = np.clongdouble(1.1) * 3\n", ("", ""),
+        "import numpy as np\nA = np.array([1.1, 2.2, 3.3, 4.4], np.longdouble)\n"
+        "if np.finfo(A.dtype).nmant == 63:\n"
+        "    A.view(np.uint8).reshape(4, -1)[:, 10:] = VALUE\n"
+        "X = A, A[0], A.view(np.clongdouble), A.view(np.clongdouble)[0]\n"
+        "def target(): return X\n", ONE_TWO,
     ),
     "bytes between the fields of a record": (
-        "import numpy as np\nX = np.empty(2, np.dtype([('a', 'i1'), ('b', 'f8')], align=True))\n"
-        "X['a'] = X['b'] = 1\nX = X[0], X\ndef target(): return X\n", ("", ""),
+        "import numpy as np\nX = np.zeros(2, np.dtype([('a', 'i1'), ('b', 'f8')], align=True))\n"
+        "X.view(np.uint8).reshape(2, -1)[:, 1:8] = VALUE\nX = X[0], X.copy(), X\n"
+        "def target(): return X\n", ONE_TWO,
     ),
     "tuples in tuples, many times": (
         "X = (1.0,)\nfor _ in range(200): X = (X, X)\ndef target(): return X\n", ("", ""),
