@@ -33,7 +33,7 @@ def values_of(
     """The values of variables, by component, and warnings of those without an effect.
 
     Those bound to an outer system come before those of inner ones, and of one element the last
-    (SSP 2.0, section 5.2.3). A variable that is connected to a connector with a value has that.
+    (SSP 2.0, section 5.2.3). What is connected to a connector with a value has that value.
 
     Raises
     ------
@@ -41,8 +41,7 @@ def values_of(
         A value cannot be converted to the unit that it should have.
     """
     warnings: list[str] = []
-    values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
-    linked: set[End] = set()
+    given: dict[End, tuple[str, Parameter]] = {}
     for path, element in reversed([*structure.system.walk()]):
         for parameter in element.parameters:
             name = quoted(parameter.name)
@@ -54,23 +53,20 @@ def values_of(
             if not ends:
                 close = nearest(parameter.name, wiring.names(path))
                 warnings.append(f"{label} has no effect: there is no such variable{close}")
-            for end in ends:
-                unit = parameter.unit
-                if unit is not None and unit.unit is None and parameter.converts:
-                    _check_same(label, parameter, wiring.unit(end), structure)
-                quantity = _at(parameter, end, wiring)
-                reached = [*wiring.reached(end, quantity)]
-                if not reached:
-                    warnings.append(f"{label} has no effect: its connector leads to no component")
-                for target, there in reached:
-                    if target != end:
-                        linked.add(target)
-                    elif target in linked:
-                        continue
-                    owner, variable = target
-                    values[owner][variable] = Given(parameter, there.through)
-                    if parameter.converts and wiring.unit((owner, variable)) is None:
-                        warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
+            given |= dict.fromkeys(ends, (label, parameter))
+    values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
+    for end in sorted(given, key=wiring.depth, reverse=True):
+        label, parameter = given[end]
+        unit = parameter.unit
+        if unit is not None and unit.unit is None and parameter.converts:
+            _check_same(label, parameter, wiring.unit(end), structure)
+        reached = [*wiring.reached(end, _at(parameter, end, wiring))]
+        if not reached:
+            warnings.append(f"{label} has no effect: its connector leads to no component")
+        for (owner, variable), there in reached:
+            values[owner][variable] = Given(parameter, there.through)
+            if not there.certain and wiring.unit((owner, variable)) is None:
+                warnings += _doubts(f"{'.'.join(owner)}.{variable}", parameter.unit)
     return values, warnings
 
 

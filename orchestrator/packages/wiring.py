@@ -112,6 +112,15 @@ class Wiring:
             else:
                 ahead += [(e.target, self._along(quantity, e)) for e in self._out_of.get(end, ())]
 
+    def depth(self, end: End) -> int:
+        """How many connections lead to a connector, one after another."""
+        depth = 0
+        while end in self._into:
+            depth, end = depth + 1, self._into[end].source
+            if end[0] in self._parts:
+                break
+        return depth
+
     def unit(self, end: End) -> Named | None:
         """The unit of a connector: its own, that of the FMU, or that of all it is to inside."""
         if end not in self._known:

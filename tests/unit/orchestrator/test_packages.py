@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -670,6 +671,21 @@ def test_values_of_outer_systems_come_first(stranger2: Path, tmp_path: Path) -> 
     assert settings(path) == {"s/t/b.gain": (4.0,), "s/t/c.gain": (2.0,), "s/t/d.gain": (1.0,)}
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_value_at_the_beginning_of_a_way_counts(
+    order: int, stranger2: Path, tmp_path: Path
+) -> None:
+    given = [values((name, "Real", f'value="{v}"')) for name, v in
+             (("x", 2), ("s.i", 3), ("s.b.gain", 4), ("s.c.gain", 5))]  # fmt: skip
+    deep = inner("s", component("b") + component("c"), link(".i", "b.gain"),
+                 connectors("i parameter"))  # fmt: skip
+    path = package(
+        tmp_path, stranger2, deep, link(".x", "s.i"),
+        connectors("x parameter") + bound(*given[::order]),
+    )  # fmt: skip
+    assert settings(path) == {"s/b.gain": (2.0,), "s/c.gain": (5.0,)}
+
+
 def test_a_parameter_of_one_name_belongs_to_its_component(stranger2: Path, tmp_path: Path) -> None:
     two = component("a", bound(values(("gain", "Real", 'value="2"')))) + component("b")
     system = bound(values(("b.gain", "Real", 'value="3"')), values(("b.n", "Integer", 'value="7"')))
@@ -716,7 +732,9 @@ def test_a_value_is_converted_to_the_unit_of_its_connector(
         more=more.replace(f'name="{name}"', 'name="x"'),
     )  # fmt: skip
     if name == "gain":
-        assert settings(path)["a.gain"][0] == pytest.approx(expected, rel=1e-15)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ConfigurationWarning)
+            assert settings(path)["a.gain"][0] == pytest.approx(expected, rel=1e-15)
 
 
 def test_a_value_that_cannot_be_converted_is_named(stranger2: Path, tmp_path: Path) -> None:
