@@ -6,12 +6,15 @@ import re
 import tomllib
 from math import hypot, pi, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.scenario import assumptions
 from sblcosim.scenario.assumptions import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import applied, connect
@@ -256,3 +259,25 @@ def test_the_table_in_the_documents() -> None:
         "acoustics.sampling_time_s",
     }, "depth_std_m": {"target.depth_std_m"}}
     assert found == expected
+
+
+@pytest.mark.parametrize("body", [
+    [[3, 0, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]],
+    [[2, 0.5, 0.2], [-0.5, 3, 0.8], [-2.5, 0.3, 0.4], [0.4, -1.5, 1.4]],
+    [[4, 3, 0], [3.5, 2, 0], [-4, -3, 0], [-2, -2.5, 0]],
+])  # fmt: skip
+def test_rounded_beacons_tilt_a_plane_through_them(body: list[list[float]]) -> None:
+    """The slopes of a regression on both axes, whose noise is that of the rounding."""
+    rows = np.array(body, float)
+    platform = SimpleNamespace(
+        beacons=4, arm_length_m=3.0, beacon_depth_m=0.5, arrangement="given",
+        beacon_m=tuple(rows.ravel()), beacon_scale=1.0,
+    )  # fmt: skip
+    acoustics = SimpleNamespace(packet_resolution_m=0.1, packet_content="beacons")
+    design = np.column_stack([np.ones(4), rows[:, :2]])
+    covariance = 0.1**2 / 12 * np.linalg.inv(design.T @ design)
+    forward, starboard = np.degrees(np.sqrt(np.diag(covariance)[1:]))
+    place, heading, tilt = assumptions._rounding(platform, acoustics, "beacon_positions")
+    assert place == pytest.approx(0.1 / np.sqrt(12) / 2)
+    assert heading == pytest.approx(forward, rel=1e-9)
+    assert tilt == pytest.approx(np.hypot(forward, starboard) / np.sqrt(2), rel=1e-9)
