@@ -234,6 +234,16 @@ def test_a_receiver_that_fails_is_told(tmp_path: Path) -> None:
         surveyed(receiver=f"{tmp_path / 'bad.py'}:Mine", cells=2, runs=1)
 
 
+def test_failed_runs_are_counted_by_what_is_said_of_them() -> None:
+    one = simulator(GRID)
+    rows = pd.DataFrame({
+        "point": 1, "error": ["no", None, "no", "never", None], "lost": False, "availability": 1.0,
+        **dict.fromkeys(runs._LENGTHS, 1.0),
+    })  # fmt: skip
+    one._sample(rows)
+    assert one.failures == {"no": 2, "never": 1}
+
+
 # --- Pooling -------------------------------------------------------------------------------------
 
 

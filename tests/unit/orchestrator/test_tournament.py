@@ -208,6 +208,8 @@ def test_a_receiver_that_is_lost_in_some_runs_is_told_by_that() -> None:
     assert "x: lossy is better than good in most runs, but its mean over the runs is 24.8 m more" \
         in said
     assert "x: lossy was lost in 10 of 200 runs, 2.42 to 9.00 % of all with 95 % confidence" in said
+    rows = [line.split() for line in it.text(verbose=True).splitlines()]
+    assert any(row[:1] == ["lossy"] and row[-4:] == ["2.42", "to", "9.00", "%"] for row in rows)
     assert "x: lossy is heavy-tailed: the worst 10 of 200 runs make 100 % of the spread" in said
     assert "x: failing failed in 10 of 200 runs, which count as worse than any other, e.g." in said
     assert "with seed 4: failing: it gave up" in said
