@@ -50,13 +50,17 @@ class MissingError(Exception):
     """A function of the standard is not exported."""
 
 
+_LONGEST = 2000
+"""Characters that are kept of what an FMU logs in a call."""
+
+
 class Library:
     """The functions of an FMU.
 
     Attributes
     ----------
     message
-        What the FMU has logged last.
+        What the FMU has logged since it was last emptied, on one line.
     fatal
         Whether a call has returned Fatal: then no instance may be used any more.
 
@@ -86,8 +90,11 @@ class Library:
         return (ctypes.c_void_p * 5)(*addresses, None, None)
 
     def _note(self, environment: int | None, name: bytes, status: int, message: bytes) -> None:
-        self.message = line(message, self._name_of if self.fmi == 2 else None)
-        self.trace.say(self.message)
+        said = line(message, self._name_of if self.fmi == 2 else None)
+        self.trace.say(said)
+        # The last line may only say that it ends, and one before it why.
+        if said not in self.message:
+            self.message = f"{self.message}; {said}"[-_LONGEST:] if self.message else said
 
     def _name_of(self, kind: str, reference: int) -> str | None:
         """The variable of a type that has a value reference."""

@@ -81,13 +81,19 @@ def _typical(analysis: GeneralAnalysis) -> str:
     """What medians say, where means cannot be trusted."""
     a = analysis
     unit = f" {a.measured_in}" if a.measured_in else ""
-    parts, same = [], []
+    parts, same, apart = [], [], list[str]()
     for name in a.factors:
         own = a.medians[a.medians["factor"] == name]
         rows: list[Any] = [own.iloc[own["median"].argmax()], own.iloc[own["median"].argmin()]]
         worst, best = rows
         if not worst["all_low"] > best["all_high"]:
-            same.append(name)
+            pairs: Any = a.judged_pairs.query("factor == @name and differs")
+            apart += [
+                f"{name}: {_ends(a, name, pair)}, less by {rounded(abs(pair.difference))}{unit} "
+                f"({_interval_of_less(pair)})" for pair in pairs.itertuples()
+            ]
+            if pairs.empty:
+                same.append(name)
             continue
         ends = [
             f"{level_text(row['level'], a.units.get(name, ''))}, {rounded(row['median'])}{unit} "
@@ -98,9 +104,18 @@ def _typical(analysis: GeneralAnalysis) -> str:
     named = [text for _, text in sorted(parts, key=lambda part: -part[0])][:MOST_NAMED]
     what = f"The median {a.response}"
     lines = [f"{what} falls with {'; then with '.join(named)}."] if named else []
+    if apart:
+        more = len(apart) - MOST_NAMED
+        rest = f"; {more} more pairs differ" if more > 0 else ""
+        lines.append(f"By the medians of the pairs, {'; '.join(apart[:MOST_NAMED])}{rest}.")
     if same:
         lines.append(f"No two levels of {_listed(same, ' or ')} surely differ in the median.")
     return " ".join(["The means rest on few runs, so the medians first.", *lines])
+
+
+def _interval_of_less(pair: Any) -> str:
+    ends = sorted(map(abs, (pair.low, pair.high)))
+    return f"{rounded(ends[0])} to {rounded(ends[1])}"
 
 
 def _practical(analysis: GeneralAnalysis) -> str:

@@ -187,8 +187,15 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         for key in now["study"]
         if before["study"].get(key) != now["study"][key]
     ]
-    parts += [key for key in ("scenario", "fmus") if before.get(key) != now.get(key)]
-    return ", ".join(parts).replace("fmus", "FMUs") or "contents"
+    if before.get("scenario") != now.get("scenario"):
+        parts.append("scenario")
+    old, new = before.get("fmus", {}), now.get("fmus", {})
+    changed = sorted(name for name in old.keys() & new.keys() if old[name] != new[name])
+    if changed:
+        parts.append(f"FMU or code of {' and '.join(changed)}")
+    elif old != new and not parts:
+        parts.append("FMUs")
+    return ", ".join(parts) or "contents"
 
 
 def _identity(definition: Mapping[str, Any]) -> dict[str, Any]:

@@ -180,6 +180,24 @@ def test_an_incomplete_replicate_is_left_out_and_counted() -> None:
     assert "12 runs are left out: no finite response, or an incomplete replicate." in found.text()
 
 
+def test_levels_whose_pairs_differ_are_not_said_to_be_alike() -> None:
+    """Few common runs give the medians of levels no interval, and those of pairs a narrow one."""
+    rng = np.random.default_rng(3)
+    rows = [
+        (number, a, b, term + 2.0 * (a == "p") + rng.normal(0, 0.05) + 500.0 * (
+            (number, a, b) == (6, "p", "u")
+        ))
+        for number, term in enumerate(rng.lognormal(0, 2.0, 6), 1) for a in "pq" for b in "uvw"
+    ]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["replicate", "a", "b", "y"])
+    found = analyse(table, ["a", "b"], "y", seeding="common")
+    pair = found.judged_pairs.set_index("factor").loc["a"]
+    assert found.medians["all_low"].isna().all()
+    said = found.text()
+    assert f"By the medians of the pairs, a: p to q, less by {pair.difference:.3g} (" in said
+    assert "No two levels of b surely differ in the median." in said
+
+
 def test_interactions_that_cannot_be_estimated_are_left_out_and_named() -> None:
     table = crossed()
     table = table[~((table["gps"] == 5) & (table[AWKWARD] == "raft"))]
