@@ -15,9 +15,9 @@ paper-scenario-1  2.8             0.36           0.12 (0.12-0.16)
 ranges-1          4.2             0.52           0.12 (five pairs)
 ================  ==============  =============  =================
 
-All simulations of ``sblcosim paper``, in one thread: 42.9 and 11.0 s of processor time (the latter
-the least of three, beside other work), of which 34.0 and 4.0 s go before the first step, and most
-of the rest into the steps themselves.
+All simulations of ``sblcosim paper``, in one thread: 39.8 and 10.8 s of processor time (the median
+of three, 0.27), of which 30.7 and 3.9 s go before the first step, and most of the rest into the
+steps themselves.
 """
 
 from __future__ import annotations
