@@ -291,8 +291,13 @@ def _lines(box: _Box) -> Iterator[str]:
             if passed is None:  # the system's own connector
                 end = line.source if i == 0 else line.target
                 _, y = box.port(end[1], out=i > 0, within=True)
-                right = box.width - inside.left - _wide(box.outs.values()) - 1.5 * _PAD
-                points.append((right if i > 0 else 0.0, y - _HEAD))
+                y -= _HEAD
+                if i == 0:  # from behind its own text to behind the longest one
+                    points += [(_wide([box.ins[end[1]]]) + _PAD - inside.left, y), (0.0, y)]
+                else:
+                    edge = box.width - inside.left - _PAD
+                    points += [(edge - _wide(box.outs.values()) - _PAD / 2, y),
+                               (edge - _wide([box.outs[end[1]]]), y)]
                 continue
             if i > 0:
                 name = line.target[1] if passed.title else ""
