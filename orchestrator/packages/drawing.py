@@ -117,7 +117,8 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
         more = f" and {len(free) - _MOST} more" if len(free) > _MOST else ""
         names = shown(", ".join(free[:_MOST]), 400)
         yield ""
-        yield fitted(f"inputs without a connection keep the value they begin with: {names}{more}", width)
+        begun = "inputs without a connection keep the value they begin with"
+        yield fitted(f"{begun}: {names}{more}", width)
 
 
 def about(component: PlannedComponent) -> str:
