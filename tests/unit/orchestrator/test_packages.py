@@ -1070,7 +1070,8 @@ def test_a_package_is_drawn_in_text(stranger2: Path, tmp_path: Path) -> None:
     assert ["a.now", "km", "s.i", "m", "×", "1000"] in rows
     assert ["x", "km", "a.u", "m", "×", "1000"] in rows
     assert ["s.i", "m", "s/b.u", "m"] in rows
-    assert "inputs without a connection keep the value they begin with: a.n, a.on, s/b.u, s/b.n" in text
+    assert "inputs without a connection keep the value they begin with: a.n, a.on, s/b.u, s/b." \
+        in text
 
 
 def test_a_package_is_drawn_as_a_picture(stranger2: Path, tmp_path: Path) -> None:
