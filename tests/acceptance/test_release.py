@@ -15,6 +15,7 @@ import pytest
 from sblcosim.fmus.build import compiler
 from sblcosim.fmus.platforms import PLATFORMS, in_folders, this_platform
 from sblcosim.models import COMPONENTS
+from sblcosim.scenario.tracks import CAPACITIES
 
 ROOT = Path(__file__).parents[2]
 MISSING = ("casadi", "ziglang", "sblcosim", "__editable__")
@@ -123,7 +124,8 @@ def test_release_is_a_wheel_for_each_platform_with_fmus_for_all(tmp_path: Path) 
             drivers = {p.name for p in ready if p.suffix not in (".fmu", ".sha256")}
             assert drivers == {n + suffixes[tag[:3]] for n in ("native", "lanes_master", "bound")}
             fmus = [p for p in ready if p.suffix == ".fmu"]
-            assert sorted(p.stem for p in fmus) == sorted([*COMPONENTS, *COMPONENTS])
+            names = [*COMPONENTS, *(f"target{points}" for points in CAPACITIES[1:])]
+            assert sorted(p.stem for p in fmus) == sorted(2 * names)
             for fmu in fmus:
                 with archive.open(fmu.as_posix()) as file, zipfile.ZipFile(file) as inner:
                     places = {n.split("/")[1] for n in inner.namelist() if "binaries/" in n}

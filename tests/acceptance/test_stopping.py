@@ -105,11 +105,11 @@ COMMANDS = {
     "budget": Command(("budget", "paper-scenario-1", "--runs", "500000")),
     "compare": Command(("compare", "paper-scenario-1", "--receiver", "ekf", "--receiver",
                         "coupled", "--runs", "500000")),
-    "require": Command(("require", "paper-baseline", "--most-runs", "100000000")),
+    "require": Command(("require", "one-metre"), may_finish=True),
     "smooth": Command(("smooth", "long"), may_finish=True),
     "paper": Command(("paper",), may_finish=True, latest=10.0),
     "calibrate": Command(
-        ("calibrate", "--pings", "3000000"), may_finish=True
+        ("calibrate", "--pings", "300000"), may_finish=True
     ),
     "build": Command(("build",), own_cache=True, may_finish=True, latest=10.0),
 }  # fmt: skip
