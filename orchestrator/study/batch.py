@@ -15,8 +15,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping, unchanged
 
+from ..data.record import Record
+from ..data.truth import TRUTH
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
-from ..results.definitions import TRUTH
 from ..results.responses import Percentile
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
@@ -27,7 +28,6 @@ from ..simulation.masters import lanes
 from ..simulation.masters.lanes_driver import LENGTHS, SUMS
 from ..simulation.plan import Plan
 from ..simulation.process import patience
-from ..simulation.record import Record
 from ..simulation.system import System
 from . import stand_in
 from .campaign import Campaign, Run
@@ -251,7 +251,7 @@ def _judged(
     """Sums and extra responses of some receivers."""
     study = campaign.study
     seen = [Observed(record, campaign.receivers[i], study.settling_ns) for i in receivers]
-    sums = np.array([sums_of(record, run.receiver, study.settling_ns) for run in seen])
+    sums = np.array([sums_of(run) for run in seen])
     with patience(campaign.step_timeout):
         extra = values_of(study.asked, seen, children)
     return sums, np.array(extra).reshape(len(seen), len(study.asked))

@@ -48,10 +48,10 @@ from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
 from sblcosim.study import campaign, distributions, executors, space, study
-from synthetic_record import make_record
+from synthetic_record import make_record, track
 
 RECORD = make_record()
-TRACKS = {"ekf": metrics.track(RECORD, "ekf")}
+TRACKS = {"ekf": track(RECORD, "ekf")}
 RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"]).assign(
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
