@@ -37,7 +37,7 @@ from .definitions import (
 from .definitions import lost as lost_by
 
 if TYPE_CHECKING:
-    from ..data.estimates import Estimates, Integers
+    from ..data.estimates import Estimates, Floats, Integers
     from ..data.record import Record
     from ..data.truth import Truth
 
@@ -307,6 +307,43 @@ def _fixes(
     return availability(record.time_ns, record.valid(receiver)), share
 
 
+def _consistency(estimates: pd.DataFrame) -> dict[str, Any]:
+    """Means of NEES and NIS, with their bands and verdicts; of a `track`."""
+    row: dict[str, Any] = {}
+    n = len(estimates)
+    degrees = {
+        "nees_position": np.full(n, 3),
+        "relative_nees_position": np.full(n, 3),
+        "own_relative_nees_position": np.full(n, 3),
+        "nees_state": np.full(n, 6),
+        "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
+    }
+    for name, dof in degrees.items():
+        values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
+        used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
+        row |= of_chi_square(name, values[used], dof[used])
+    return row
+
+
+def of_chi_square(name: str, values: Floats, degrees: NDArray[Any]) -> dict[str, Any]:
+    """Columns of NEES or NIS: the mean, ``_expected``, ``_low`` and ``_high``, and ``_verdict``.
+
+    Parameters
+    ----------
+    values, degrees
+        Values, and degrees of freedom of each; shape (m,).
+    """
+    mean = float(values.mean()) if len(values) else np.nan
+    band = chi_square_band(float(degrees.sum()), len(values))
+    return {
+        name: mean,
+        f"{name}_expected": float(degrees.mean()) if np.isfinite(band).all() else np.nan,
+        f"{name}_low": band[0],
+        f"{name}_high": band[1],
+        f"{name}_verdict": verdict(mean, band),
+    }
+
+
 def summary(
     judged: Mapping[str, Judged],
     tracks: Mapping[str, pd.DataFrame],
@@ -335,28 +372,7 @@ def summary(
             "availability": available,
             "update_share": share,
         }
-        n = len(estimates)
-        degrees = {
-            "nees_position": np.full(n, 3),
-            "relative_nees_position": np.full(n, 3),
-            "own_relative_nees_position": np.full(n, 3),
-            "nees_state": np.full(n, 6),
-            "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
-        }
-        for name, dof in degrees.items():
-            values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
-            used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
-            mean = float(values[used].mean()) if used.any() else np.nan
-            band = chi_square_band(float(dof[used].sum()), int(used.sum()))
-            row |= {
-                name: mean,
-                f"{name}_expected": (
-                    float(dof[used].mean()) if np.isfinite(band).all() else np.nan
-                ),
-                f"{name}_low": band[0],
-                f"{name}_high": band[1],
-                f"{name}_verdict": verdict(mean, band),
-            }
+        row |= _consistency(estimates)
         claims = estimates.get("nees_position", pd.Series(dtype=float)).dropna().to_numpy()
         flag, known = inconsistent(in_order(claims) / max(len(claims), 1), len(claims))
         row["inconsistent"] = bool(flag) if known else pd.NA

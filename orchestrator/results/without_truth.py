@@ -14,8 +14,8 @@ import pandas as pd
 
 from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.samples import Samples
-from .definitions import chi_square_band, horizontal_square, square_of
-from .metrics import verdict
+from .definitions import horizontal_square, square_of
+from .metrics import of_chi_square
 
 
 def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None) -> pd.DataFrame:
@@ -95,15 +95,9 @@ def innovations(estimates: Mapping[str, Estimates]) -> pd.DataFrame:
         if own.nis is None or own.nis_degrees is None:
             continue
         used = ~np.isnan(own.nis) & (own.nis_degrees > 0)
-        n, degrees = int(used.sum()), float(own.nis_degrees[used].sum())
-        if not n:
-            continue
-        mean = float(own.nis[used].mean())
-        low, high = chi_square_band(degrees, n)
-        rows[name] = {
-            "nis": mean, "nis_expected": degrees / n, "nis_low": low,
-            "nis_high": high, "nis_verdict": verdict(mean, (low, high)), "n": n,
-        }  # fmt: skip
+        if used.any():
+            row = of_chi_square("nis", own.nis[used], own.nis_degrees[used])
+            rows[name] = {**row, "n": int(used.sum())}
     columns = ["nis", "nis_expected", "nis_low", "nis_high", "nis_verdict", "n"]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
     table.index.name = "receiver"
