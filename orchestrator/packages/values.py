@@ -91,9 +91,8 @@ def _check_same(
     assert parameter.unit is not None
     name = parameter.unit.name
     if target is None or target.name != name:
-        file = f"{parameter.file}: " if parameter.file else ""
         raise ConfigurationError(
-            f"{file}{label}: must have a unit that is defined, got {quoted(name)}"
+            f"{parameter.origin}{label}: must have a unit that is defined, got {quoted(name)}"
             f"{nearest(name, structure.units)}"
         )
 
@@ -107,12 +106,11 @@ def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity
     except ValueError:
         assert target is not None
         assert parameter.unit is not None
-        file = f"{parameter.file}: " if parameter.file else ""
         known = target.unit is not None and parameter.unit.unit is not None
         got = f"{'one of another quantity, ' if known else ''}{quoted(parameter.unit.name)}"
         raise ConfigurationError(
-            f"{file}{'.'.join((*end[0], end[1]))}: must be given in a unit that can become "
-            f"{target.name}, got {got}"
+            f"{parameter.origin}{'.'.join((*end[0], end[1]))}: must be given in a unit that can "
+            f"become {target.name}, got {got}"
         ) from None
     by = parameter.transformation
     return there if by is None else there.transformed(by)
@@ -157,8 +155,7 @@ def filled(
         if place.port.type == "String":
             texts[place.name] = value.parameter.text
             continue
-        file = value.parameter.file
-        before = f"{file}: {name}." if file else f"{name}."
+        before = f"{value.parameter.origin}{name}."
         numbers = _numbers(before + variable, part, variable, value)
         first = place.element or 0
         size = place.port.size if place.element is None else 1
