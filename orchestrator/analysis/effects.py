@@ -48,7 +48,7 @@ def effect_table(
         table["verdict"] = np.select(
             [(low >= limit) | (high <= -limit), (low > -limit) & (high < limit)],
             ["matters", "too small"],
-            "open",
+            "undecided",
         )
     if options.is_ratio:
         for column, source in (("ratio", "effect"), ("ratio_low", "low"), ("ratio_high", "high")):

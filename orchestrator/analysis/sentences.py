@@ -52,8 +52,8 @@ def summary(
         f"Effects on {analysis.quantity}, {100 * analysis.confidence:.4g} % intervals:",
         *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
-        *(["open: the interval reaches to both sides of what matters; more runs decide"]
-          if "verdict" in shown and (shown["verdict"] == "open").any() else []),
+        *(["undecided: the interval reaches to both sides of what matters; more runs decide"]
+          if "verdict" in shown and (shown["verdict"] == "undecided").any() else []),
         *(["", *notes(analysis)] if verbose else
           left_out(analysis.dropped, analysis.seeding == "common")),
         *defined(column or analysis.response),

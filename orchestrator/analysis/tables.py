@@ -42,7 +42,7 @@ class Analysis:
         One row per term: ``order``, ``coefficient``, ``effect``, ``std_error`` (of the effect),
         ``t``, ``p``, ``low``, ``high`` (confidence interval), ``share`` (of the total sum of
         squares), ``significant``; ``ratio``, ``ratio_low``, ``ratio_high`` (high over low) for
-        logarithms; ``verdict`` (``matters``, ``too small``, ``open``) if `practical` is given.
+        logarithms; ``verdict`` (``matters``, ``too small``, ``undecided``) if `practical` is given.
     anova
         Sums of squares, one row per term, then curvature, residual with its parts lack of fit and
         pure error, and total. With common random numbers each term has its own error, and the

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from ..errors import SblcosimError
-from .outcome import stopped
+from . import outcome
 
 if TYPE_CHECKING:
     from ..study.kept import Kept
@@ -31,11 +27,7 @@ def keeping(result: Path) -> Iterator[Kept]:
         if not runs:
             kept.remove()
             raise
-        command = shlex.join(["sblcosim", *sys.argv[1:]])
-        typer.echo(
-            f"interrupted; {runs} runs are in {kept.folder}; go on with: {command}", err=True
-        )
-        raise typer.Exit(stopped(stop)) from None
+        outcome.kept(stop, str(runs), kept.folder)
     except SblcosimError as error:
         if runs := kept.runs:
             error.args = (f"{error}; {runs} finished runs are kept in {kept.folder}",)

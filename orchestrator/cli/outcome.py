@@ -5,12 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import signal
 import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
@@ -129,6 +131,16 @@ def stopped_line(stop: KeyboardInterrupt) -> str:
 def stopped(stop: KeyboardInterrupt) -> int:
     """Exit code."""
     return 128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)
+
+
+def kept(stop: KeyboardInterrupt, runs: str, folder: Path) -> NoReturn:
+    """End a stopped command: how many runs are in a folder, and how to go on with them."""
+    _end(f"interrupted; {runs} runs are in {folder}; go on with: {typed()}", stopped(stop))
+
+
+def typed() -> str:
+    """The command as it was given, for a shell."""
+    return shlex.join(["sblcosim", *sys.argv[1:]])
 
 
 def _fail(*lines: str) -> NoReturn:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -31,7 +29,7 @@ from .base import (
     waiting,
     width,
 )
-from .outcome import stopped
+from .outcome import kept, typed
 
 if TYPE_CHECKING:
     from ..study.study import Study
@@ -165,8 +163,10 @@ def study(
                     master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
-                _say_how_to_resume(out, settled.replicates * len(settled.points.values))
-                raise typer.Exit(stopped(stop)) from None
+                from ..study import store
+
+                runs = settled.replicates * len(settled.points.values)
+                kept(stop, f"{len(store.finished(out))} of {runs}", out)
             told = contents.carried_out(settled, out, there)
     if as_json:
         show(told)
@@ -212,17 +212,6 @@ def _estimated(told: StudyDocument) -> str:
         + (f"; {told.finished} runs are in {told.folder}" if told.finished else "")
         + f"{time}; nothing was run"
     )
-
-
-def _say_how_to_resume(out: Path, runs: int) -> None:
-    from ..study import store
-
-    _say_what_is_there(len(store.finished(out)), runs, out)
-
-
-def _say_what_is_there(done: int, runs: int, out: Path) -> None:
-    command = shlex.join(["sblcosim", *sys.argv[1:]])
-    typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
 
 
 def _duration(least: float, most: float) -> str:
@@ -312,7 +301,7 @@ def analyse(
             transform=transform,  # type: ignore[arg-type]
             error=error,  # type: ignore[arg-type]
             practical=practical,
-            command=shlex.join(["sblcosim", *sys.argv[1:]]),
+            command=typed(),
         )
     page = out / reports.REPORT
     if as_json:
@@ -415,13 +404,13 @@ def paper(
                 quick=quick,
                 practical=practical,
                 workers=workers,
-                command=shlex.join(["sblcosim", *sys.argv[1:]]),
+                command=typed(),
                 progress=progress,
                 started=started,
             )
         except KeyboardInterrupt as stop:
-            _say_what_is_there(*papers.progress_of(out, quick), out)
-            raise typer.Exit(stopped(stop)) from None
+            done, runs = papers.progress_of(out, quick)
+            kept(stop, f"{done} of {runs}", out)
     for number, text in outcome.answers.items():
         say(f"Scenario {number}: {text}\n")
     rows = [(name, f"{seconds:6.1f} s") for name, seconds in outcome.seconds.items()]

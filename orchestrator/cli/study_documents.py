@@ -101,7 +101,7 @@ class Effect(Part):
     """High over low, for logarithms; null otherwise, as its interval."""
     ratio_low: Number = None
     ratio_high: Number = None
-    verdict: Literal["matters", "too small", "open"] | None = None
+    verdict: Literal["matters", "too small", "undecided"] | None = None
     """With --practical."""
 
 

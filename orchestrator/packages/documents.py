@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -166,6 +166,12 @@ class Documents:
         self.remarks += [
             f"{name}: the namespace {got} is read as {right}" for got, right in wrong.items()
         ]
+
+
+def some(names: Sequence[str], most: int = 8) -> str:
+    """Names for a sentence; of many, the first ones and how many there are beside."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return shown(", ".join(names[:most]), 400) + more
 
 
 def local(element: Element) -> str:

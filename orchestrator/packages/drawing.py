@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sblcosim.fmus.host.nanoseconds import text_of
-from sblcosim.fmus.read.archive import shown
 from sblcosim.fmus.read.description import split
 from sblcosim.fmus.read.ports import Fmu
 
@@ -14,11 +13,9 @@ from ..errors import ConfigurationError
 from ..layout import fitted, table
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.system import Conversion
+from .documents import some
 from .read import SEPARATOR, Package
 from .structure import Inside, Path
-
-_MOST = 8
-"""Names in a sentence."""
 
 
 @dataclass
@@ -114,11 +111,9 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
     free = [f"{label}.{name}" for path, label in package.labels.items()
             for name in dict.fromkeys(split(v)[0] for v in package.wiring.unfed(path))]  # fmt: skip
     if free:
-        more = f" and {len(free) - _MOST} more" if len(free) > _MOST else ""
-        names = shown(", ".join(free[:_MOST]), 400)
         yield ""
         begun = "inputs without a connection keep the value they begin with"
-        yield fitted(f"{begun}: {names}{more}", width)
+        yield fitted(f"{begun}: {some(free)}", width)
 
 
 def about(component: PlannedComponent) -> str:

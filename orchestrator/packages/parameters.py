@@ -44,6 +44,11 @@ class Parameter:
     converts: bool = True
     transformation: Conversion | None = None
 
+    @property
+    def origin(self) -> str:
+        """Beginning of a message about it: the file that it is in."""
+        return f"{self.file}: " if self.file else ""
+
 
 class Parameters:
     """Reads what the elements of a package are bound to.

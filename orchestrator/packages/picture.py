@@ -36,7 +36,6 @@ class _Box:
 
     title: str = ""
     note: str = ""
-    colour: int = 0
     ins: dict[str, str] = field(default_factory=dict)
     outs: dict[str, str] = field(default_factory=dict)
     inside: _Inside | None = None
@@ -101,7 +100,8 @@ def save(file: Path, package: Package, plan: Plan) -> None:
 def svg(package: Package, plan: Plan) -> str:
     """The picture, as the text of an SVG file.
 
-    Its size in px is that of the system; texts of more than 36 letters are cut.
+    Its size in px is that of the system. Texts of more than 36 letters are cut, and shown in full
+    by viewers under the pointer. Below it is said what colours, dashes and dots mean.
     """
     lines: dict[Inner, list[Line]] = {}
     for line in lines_of(package):
@@ -109,14 +109,13 @@ def svg(package: Package, plan: Plan) -> str:
     colours = {path: i for i, path in enumerate(p for p, _ in package.structure.system.walk())}
     notes = {path: about(component) for path, component in intervals(package, plan).items()}
     boxes = {
-        path: _Box(title=_cut(path[-1] if path else package.name), note=_cut(notes.get(path, "")),
-                   colour=colours[path])
+        path: _Box(title=path[-1] if path else package.name, note=notes.get(path, ""))
         for path, _ in package.structure.system.walk()
     }  # fmt: skip
     for (path, name), out, unit in _connectors(lines.values()):
         boxes[path].outs.setdefault(name, "") if out else boxes[path].ins.setdefault(name, "")
         names = boxes[path].outs if out else boxes[path].ins
-        names[name] = _cut(f"{name} [{unit}]" if unit else name)
+        names[name] = f"{name} [{unit}]" if unit else name
     for path in sorted(boxes, key=len, reverse=True):
         if path not in notes:
             inner = {other: box for other, box in boxes.items() if other[:-1] == path != other}
@@ -124,12 +123,28 @@ def svg(package: Package, plan: Plan) -> str:
         boxes[path].measure()
     root = boxes[()]
     root.x = root.y = 8.0
-    size = f'width="{root.width + 16:.0f}" height="{root.height + 16:.0f}"'
-    view = f'viewBox="0 0 {root.width + 16:.0f} {root.height + 16:.0f}"'
+    legend = _legend(boxes, [line for own in lines.values() for line in own])
+    width = max(root.width, _wide(legend)) + 16
+    height = root.height + 16 + _ROW * len(legend)
+    size = f'width="{width:.0f}" height="{height:.0f}"'
     return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view} role="img">',
-        f"<title>{escape(package.name)}</title>", _style(), *_drawn(root), "</svg>\n",
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width:.0f} {height:.0f}" '
+        'role="img">', f"<title>{escape(package.name)}</title>", _style(), *_drawn(root),
+        *(f'<text class="note" x="8" y="{root.height + 8 + _ROW * i:.1f}">{words}</text>'
+          for i, words in enumerate(legend, 1)),
+        "</svg>\n",
     ])  # fmt: skip
+
+
+def _legend(boxes: Mapping[Inner, _Box], lines: Sequence[Line]) -> list[str]:
+    """What is in the picture and does not explain itself."""
+    changed = any(line.what for line in lines)
+    systems = any(path and box.inside is not None for path, box in boxes.items())
+    return [
+        *(["Colour: that of the element that gives the value"] if lines else []),
+        *(["Dashed: values are changed, or units differ"] if changed else []),
+        *(["Dotted frame: a system"] if systems else []),
+    ]
 
 
 def _connectors(
@@ -253,9 +268,9 @@ def _drawn(box: _Box) -> Iterator[str]:
     kind = "system" if box.inside is not None else "part"
     yield f'<g transform="translate({box.x:.1f} {box.y:.1f})">'
     yield f'<rect class="{kind}" width="{box.width:.1f}" height="{box.height:.1f}" rx="6"/>'
-    yield f'<text class="title" x="{_PAD}" y="17">{escape(box.title)}</text>'
+    yield f'<text class="title" x="{_PAD}" y="17">{_shown(box.title)}</text>'
     if box.note:
-        yield f'<text class="note" x="{_PAD}" y="32">{escape(box.note)}</text>'
+        yield f'<text class="note" x="{_PAD}" y="32">{_shown(box.note)}</text>'
     if box.inside is not None:
         yield f'<g transform="translate({box.inside.left:.1f} {_HEAD:.1f})">'
         yield from _lines(box)
@@ -271,7 +286,7 @@ def _drawn(box: _Box) -> Iterator[str]:
             yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5"/>'
             yield (
                 f'<text class="port" text-anchor="{anchor}" x="{x + shift:.1f}" y="{y + 4:.1f}">'
-                f"{escape(label)}</text>"
+                f"{_shown(label)}</text>"
             )
     yield "</g>"
 
@@ -363,8 +378,11 @@ def _style() -> str:
 
 
 def _wide(texts: Iterable[str]) -> float:
-    return max((len(text) for text in texts), default=0) * _CHAR
+    return max((min(len(text), _LONGEST) for text in texts), default=0) * _CHAR
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+def _shown(text: str) -> str:
+    """What is inside of a text element."""
+    if len(text) <= _LONGEST:
+        return escape(text)
+    return f"{escape(text[: _LONGEST - 1])}…<title>{escape(text)}</title>"

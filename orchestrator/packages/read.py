@@ -21,12 +21,13 @@ from sblcosim.fmus.read.archive import shown
 
 from ..errors import ConfigurationError, ConfigurationWarning, FmuError, SblcosimError
 from ..simulation.system import ComponentSpec, Connection, Conversion, System
+from .documents import some
 from .parts import Part, Place, part_of
 from .structure import Component, Inside, Step, Structure, structure_of
 from .structure import Path as Inner
 from .units import Quantity, chained
 from .values import filled, values_of
-from .wiring import Edge, Wiring
+from .wiring import Wiring
 
 STEPS = 1000
 """Steps of a run for which neither the package nor its FMUs say anything else."""
@@ -207,10 +208,12 @@ class _Assembly:
         known = [*found.values(), *(ns for path in rest if (ns := defaults[path]))]
         if known:
             found |= {path: defaults[path] or min(known) for path in rest}
-            words = ", ".join(f"{self._parts[path].label} {text_of(found[path])}" for path in rest)
+            others = "" if all(defaults[path] for path in rest) else (
+                ", the smallest for those without one"
+            )
             remarks.append(
-                "communication intervals: the default step sizes of the FMUs, the smallest for "
-                f"those without one ({words})"
+                f"communication intervals: the default step sizes of the FMUs{others} "
+                f"({self._each({path: found[path] for path in rest})})"
             )
             return found, remarks
         share = max((stop_ns - self._structure.start_ns) // STEPS, 1)
@@ -218,6 +221,15 @@ class _Assembly:
             f"communication interval {text_of(share)}: a {STEPS}th of the run, as neither the "
             "package nor its FMUs give a step size"
         ]
+
+    def _each(self, intervals_ns: Mapping[Inner, int]) -> str:
+        """The intervals with the components that have them, or the one of all."""
+        labels: dict[int, list[str]] = {}
+        for path, interval_ns in intervals_ns.items():
+            labels.setdefault(interval_ns, []).append(self._parts[path].label)
+        if len(labels) == 1 and len(intervals_ns) == len(self._parts):
+            return text_of(*labels)
+        return "; ".join(f"{some(names)}: {text_of(ns)}" for ns, names in sorted(labels.items()))
 
     def _step(self, path: Inner) -> Step | None:
         """The step in the innermost annotation that is about a component."""
@@ -234,26 +246,28 @@ class _Assembly:
     def _connections(self) -> Iterator[Connection]:
         """Between components; whole arrays where all elements are connected in order."""
         groups: dict[tuple[str, ...], list[tuple[Place, Place, Conversion | None]]] = {}
-        for source, edge, quantity in self._wiring.connections():
-            one, other = self._parts[source[0]], self._parts[edge.target[0]]
-            out, into = one.places[source[1]], other.places[edge.target[1]]
+        for source, target, quantity in self._wiring.connections():
+            one, other = self._parts[source[0]], self._parts[target[0]]
+            out, into = one.places[source[1]], other.places[target[1]]
             key = (one.label, out.port.name, other.label, into.port.name)
-            groups.setdefault(key, []).append((out, into, self._conversion(edge, quantity)))
-        for (source_, name, target, other_name), pairs in groups.items():
+            groups.setdefault(key, []).append((out, into, self._conversion(quantity)))
+        for (giving, name, taking, other_name), pairs in groups.items():
             if _is_whole(pairs):
-                yield Connection(f"{source_}.{name}", f"{target}.{other_name}", pairs[0][2])
+                yield Connection(f"{giving}.{name}", f"{taking}.{other_name}", pairs[0][2])
                 continue
             for out, into, through in pairs:
-                yield Connection(f"{source_}.{out.name}", f"{target}.{into.name}", through)
+                yield Connection(f"{giving}.{out.name}", f"{taking}.{into.name}", through)
 
-    def _conversion(self, edge: Edge, quantity: Quantity) -> Conversion | None:
+    def _conversion(self, quantity: Quantity) -> Conversion | None:
         """What becomes of the values; None: the FMUs' units are left to be compared by name."""
         if not quantity.certain:
             return None
-        self.warnings += [
-            f"{edge.link}: both ends must have the same unit, got {one} and {other}"
-            for one, other in quantity.doubts
-        ]
+        said = (
+            f"{where}: both ends must have the same unit, got {one} and {other}"
+            for where, one, other in quantity.doubts
+        )
+        # Connections that begin alike have the same doubts.
+        self.warnings += [message for message in said if message not in self.warnings]
         return chained(quantity.through)
 
 

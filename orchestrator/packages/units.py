@@ -102,14 +102,14 @@ class Quantity:
     certain
         Whether a unit, a transformation, or the wish to have neither, has decided anything.
     doubts
-        Pairs of units of which one is missing, for a message.
+        Where a unit is missing, and the units of both ends there, for messages.
     """
 
     unit: Named | None
     first: Named | None
     steps: tuple[Conversion, ...] = ()
     certain: bool = False
-    doubts: tuple[tuple[str, str], ...] = ()
+    doubts: tuple[tuple[str, str, str], ...] = ()
 
     @classmethod
     def of(cls, unit: Named | None) -> Quantity:
@@ -121,8 +121,8 @@ class Quantity:
         """What becomes of the number, one after another."""
         return (*self.steps, *_between(self.first, self.unit))
 
-    def to(self, target: Named | None) -> Quantity:
-        """The number in the unit of the next connector.
+    def to(self, target: Named | None, where: str = "") -> Quantity:
+        """The number in the unit of the next connector, to which it comes ``where``.
 
         Raises
         ------
@@ -133,8 +133,8 @@ class Quantity:
         if target is None:
             return self
         if here is None:
-            return Quantity(target, target, self.steps, self.certain,
-                                            (*self.doubts, ("none", target.name)))  # fmt: skip
+            doubts = (*self.doubts, (where, "none", target.name))
+            return Quantity(target, target, self.steps, self.certain, doubts)
         if here.unit is None or target.unit is None:
             if here.name != target.name:
                 raise ValueError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelVariable
@@ -12,10 +12,11 @@ from sblcosim.models.declaration import Number
 from ..errors import ConfigurationError, nearest, quoted
 from ..simulation.settings import checked
 from ..simulation.system import Conversion, Value
+from .documents import some
 from .parameters import Parameter
 from .parts import Part
 from .structure import End, Path, Structure
-from .units import EXPONENTS, Named, Quantity, Unit
+from .units import EXPONENTS, Named, Quantity, Unit, chained
 from .wiring import Wiring
 
 
@@ -43,17 +44,21 @@ def values_of(
     warnings: list[str] = []
     given: dict[End, tuple[str, Parameter]] = {}
     for path, element in reversed([*structure.system.walk()]):
+        missing: dict[str, None] = {}
         for parameter in element.parameters:
-            name = quoted(parameter.name)
-            if path in parts:
-                label = f"{'.'.join(path)}: parameter {name}"
-            else:
-                label = f"parameter of {'.'.join(path) or 'the system'}: {name}"
+            label = _label(path, [parameter.name], path in parts)
             ends = [*wiring.named(path, parameter.name)]
-            if not ends:
-                close = nearest(parameter.name, wiring.names(path))
+            close = "" if ends else nearest(parameter.name, wiring.names(path))
+            if close:
                 warnings.append(f"{label} has no effect: there is no such variable{close}")
+            elif not ends:
+                missing[parameter.name] = None
             given |= dict.fromkeys(ends, (label, parameter))
+        if missing:
+            what = "has no effect: there is no such variable" if len(missing) == 1 else (
+                "have no effect: there are no such variables"
+            )
+            warnings.append(f"{_label(path, [*missing], path in parts)} {what}")
     values: dict[Path, dict[str, Given]] = {path: {} for path in parts}
     for end in sorted(given, key=wiring.depth, reverse=True):
         label, parameter = given[end]
@@ -70,6 +75,15 @@ def values_of(
     return values, warnings
 
 
+def _label(path: Path, names: Sequence[str], of_fmu: bool) -> str:
+    """Parameters that an element is bound to, for messages."""
+    what, where = f"parameter{'s' if len(names) > 1 else ''}", ".".join(path)
+    listed = some([*map(quoted, names)])
+    return f"{where}: {what} {listed}" if of_fmu else (
+        f"{what} of {where or 'the system'}: {listed}"
+    )
+
+
 def _check_same(
     label: str, parameter: Parameter, target: Named | None, structure: Structure
 ) -> None:
@@ -77,9 +91,8 @@ def _check_same(
     assert parameter.unit is not None
     name = parameter.unit.name
     if target is None or target.name != name:
-        file = f"{parameter.file}: " if parameter.file else ""
         raise ConfigurationError(
-            f"{file}{label}: must have a unit that is defined, got {quoted(name)}"
+            f"{parameter.origin}{label}: must have a unit that is defined, got {quoted(name)}"
             f"{nearest(name, structure.units)}"
         )
 
@@ -90,14 +103,14 @@ def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity
     given = Quantity.of(parameter.unit)
     try:
         there = given.to(target) if parameter.converts else given.unchanged(target)
-    except ValueError as error:
+    except ValueError:
         assert target is not None
-        file = f"{parameter.file}: " if parameter.file else ""
-        got = str(error).rpartition(", got ")[2]
-        other = "one of another quantity" if "same quantity" in str(error) else got
+        assert parameter.unit is not None
+        known = target.unit is not None and parameter.unit.unit is not None
+        got = f"{'one of another quantity, ' if known else ''}{quoted(parameter.unit.name)}"
         raise ConfigurationError(
-            f"{file}{'.'.join((*end[0], end[1]))}: must be given in a unit that can become "
-            f"{target.name}, got {other}"
+            f"{parameter.origin}{'.'.join((*end[0], end[1]))}: must be given in a unit that can "
+            f"become {target.name}, got {got}"
         ) from None
     by = parameter.transformation
     return there if by is None else there.transformed(by)
@@ -142,8 +155,7 @@ def filled(
         if place.port.type == "String":
             texts[place.name] = value.parameter.text
             continue
-        file = value.parameter.file
-        before = f"{file}: {name}." if file else f"{name}."
+        before = f"{value.parameter.origin}{name}."
         numbers = _numbers(before + variable, part, variable, value)
         first = place.element or 0
         size = place.port.size if place.element is None else 1
@@ -177,7 +189,10 @@ def _numbers(where: str, part: Part, variable: str, value: Given) -> list[Number
     if value.parameter.type == "Enumeration":
         return [_item(where, part.variables[variable], value.parameter.text)]
     numbers = [_number(where, port, word) for word in value.parameter.text.split()]
-    for step in value.through:
+    steps = chained(value.through).steps
+    if steps and not port.type.startswith("Float"):
+        raise ConfigurationError(f"{where}: must be a real number to be converted, got {port.type}")
+    for step in steps:
         numbers = [step.factor * number + step.offset for number in numbers]
     return numbers
 

@@ -7,7 +7,7 @@ the one that is called the start (SSP 2.0, section 5.3.2.1, Allowed Connections)
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sblcosim.fmus.read.archive import shown
 
@@ -28,6 +28,9 @@ class Edge:
     link: Link
     source: End
     target: End
+
+    def __str__(self) -> str:
+        return str(replace(self.link, start=self.source, end=self.target))
 
 
 class Wiring:
@@ -63,13 +66,13 @@ class Wiring:
         self._origins: dict[End, tuple[End, Quantity]] = {}
         self._refuse_circles()
 
-    def connections(self) -> Iterator[tuple[End, Edge, Quantity]]:
-        """Between components: the source, the last edge, and what becomes of a number."""
+    def connections(self) -> Iterator[tuple[End, End, Quantity]]:
+        """Between components: the source, the target, and what becomes of a number."""
         for edge in self.edges:
             if edge.target[0] in self._parts:
                 source, quantity = self._arriving(edge)
                 if source[0] in self._parts:
-                    yield source, edge, quantity
+                    yield source, edge.target, quantity
 
     def named(self, path: Path, name: str) -> Iterator[End]:
         """The variables and connectors that have a hierarchical name in an element."""
@@ -160,7 +163,9 @@ class Wiring:
     def _along(self, quantity: Quantity, edge: Edge) -> Quantity:
         link, target = edge.link, self.unit(edge.target)
         try:
-            there = quantity.to(target) if link.converts else quantity.unchanged(target)
+            there = (
+                quantity.to(target, str(edge)) if link.converts else quantity.unchanged(target)
+            )
         except ValueError as error:
             raise ConfigurationError(f"{_words(link)}: {error}") from None
         return there if link.transformation is None else there.transformed(link.transformation)

@@ -137,7 +137,7 @@ def what_matters(analysis: Factorial) -> str:
     line = limit_of(analysis)
     groups = {
         verdict: list(effects.index[effects["verdict"] == verdict])
-        for verdict in ("matters", "open", "too small")
+        for verdict in ("matters", "undecided", "too small")
     }
     if groups["matters"]:
         text += (f"; {len(groups['matters'])} matter, being surely larger than {line}: "
@@ -145,8 +145,8 @@ def what_matters(analysis: Factorial) -> str:
     else:
         text += f"; none is surely larger than {line}"
     parts = [f"{text}."]
-    if groups["open"]:
-        named, rest = groups["open"][:MAX_LISTED], len(groups["open"]) - MAX_LISTED
+    if groups["undecided"]:
+        named, rest = groups["undecided"][:MAX_LISTED], len(groups["undecided"]) - MAX_LISTED
         more = f" and {rest} smaller ones" if rest > 0 else ""
         parts.append(f"More runs would have to decide about {', '.join(named)}{more}.")
     if groups["too small"]:

@@ -31,20 +31,20 @@ def flat(shape: tuple[int, ...], counts: tuple[int, int], value: Any) -> Any:
     """Flatten rows and check the number of elements."""
     if not isinstance(value, list | tuple):
         return value  # not an array: pydantic refuses it later
-    parts = [row if isinstance(row, list | tuple) else [row] for row in value]
+    parts = [row if isinstance(row, (list, tuple)) else (row,) for row in value]
     flat = tuple(x for row in parts for x in row)
     width = math.prod(shape[1:])
     low, high = counts
     fits = len(flat) % width == 0 and low * width <= len(flat) <= high * width
+    nested = {len(row) for row in parts}
+    if fits and (not nested or nested == {1} or nested == {width}):
+        return flat
     if low == high:
         wanted = " x ".join(map(str, shape)) + " numbers"
     else:
         most = f"{low} to {high}" if low else f"at most {high}"
         wanted = f"{most} rows of {width} numbers" if len(shape) > 1 else f"{most} numbers"
-    nested = {len(row) for row in parts}
-    if not fits or (nested and nested != {1} and nested != {width}):
-        raise PydanticCustomError("shape", "must be an array of {wanted}", {"wanted": wanted})
-    return flat
+    raise PydanticCustomError("shape", "must be an array of {wanted}", {"wanted": wanted})
 
 
 def json_schema(

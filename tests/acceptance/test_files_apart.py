@@ -582,7 +582,7 @@ def test_a_limit_that_a_file_sets_is_its_own_fault(
     except ConfigurationError as error:
         result = str(error)
     if isinstance(result, str):  # too little was left for the import itself to end
-        assert one_line(result).startswith(f"receiver: '{file}' must be importable, got MemoryErr")
+        assert "mine.py' must be importable, got MemoryError" in one_line(result)
         return
     same(result, alone, ("target", "platform", "acoustics", "ekf", "raw"))
     assert one_line(result.failures["Mine"]).startswith("Mine: must let its process go on, got ")

@@ -151,6 +151,9 @@ class _Batch:
     ) -> None:
         self.plan = plan
         self.layout = layout_of(plan, lanes)
+        self.runs, self.varied = self._varied(variations)
+        if not lanes and 2 * self.runs <= self.layout.lanes:  # half of them would be copies
+            self.layout = layout_of(plan, self.layout.lanes // 2)
         self.lanes = self.layout.lanes
         self.engines, self.receivers = self.layout.engines, self.layout.receivers
         self.instants = np.ascontiguousarray(plan.instants, np.int64)
@@ -160,7 +163,6 @@ class _Batch:
                 plan.components, self.layout.starts, self.layout.firsts, strict=True
             )
         ]
-        self.runs, self.varied = self._varied(variations)
         self.remembered = remembered(plan, variations)
         self._translate(handovers, record, settling_ns)
         self.percentages: tuple[int, ...] = ()

@@ -154,6 +154,8 @@ def test_values_that_are_not_known_stay_as_they_are_written() -> None:
 def test_prose_is_no_conversion_and_leaves_the_values_to_others() -> None:
     values = Values([1, 2], [], [])
     assert formatted(b"100% sure, 5% of %d, % d", values) == b"100% sure, 5% of 1,  2"
+    values = Values([1, 2], [], [])
+    assert formatted(b"% .3done, % 3done, 5% done", values) == b" 001one,   2one, 5% done"
 
 
 @pytest.mark.parametrize(("message", "expected"), [

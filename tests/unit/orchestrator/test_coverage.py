@@ -95,6 +95,26 @@ def test_an_interval_of_a_step_reaches_to_the_estimate_with_a_row_that_is_not_th
         assert low <= half / (one[:, [0, -1]].var() + share * far) * (1 + 1e-9)
 
 
+def test_a_first_order_interval_reaches_to_the_estimate_with_a_row_that_is_not_there() -> None:
+    """Of what B and the runs with its column do not share, by the farthest share of all runs."""
+    a, b = drawn(SAMPLES, 16)
+    y = STEPS["step in 10%"].rows(a, b)
+    y = y[(y[..., 0].max(axis=1) > 4) & (y[..., -1].max(axis=1) > 4)]
+    rows = y.shape[1]
+    first, total = jackknife.indices(y, CONFIDENCE)
+    share = 1 - np.exp(-(stats.t.ppf(0.975, rows - 1) ** 2) / 2 / rows)
+    reached = 0
+    for one, high, most in zip(y, first.high, total.high, strict=True):
+        variance = one[:, [0, -1]].var()
+        far = np.sort(((one - one.mean()) ** 2).ravel())
+        far = far[-int(np.ceil(share * far.size)) :].mean()
+        rest = ((one[:, 1:-1] - one[:, -1:]) ** 2).mean(axis=0) / 2
+        end = np.minimum(1 - rest / (variance + share * far), most)
+        assert (high > end - 1e-9).all()
+        reached += (np.abs(high - end)[most > end + 0.01] < 1e-9).sum()
+    assert reached > len(y) / 10
+
+
 def test_the_sample_of_before_would_be_noticed() -> None:
     for name in ("wing", "weights 1 to 6"):
         a, b = drawn(SAMPLES, 16, version=1)

@@ -320,6 +320,10 @@ def test_effects_of_a_log_are_ratios():
     assert found.effects["verdict"].to_dict() == {
         "a": "matters", "b": "too small", "a × b": "too small"
     }
+    assert "undecided" not in found.text()
+    near = analyse(table, "ab", "y", transform="log", practical=row.ratio)
+    assert near.effects.loc["a", "verdict"] == "undecided"
+    assert "undecided: the interval reaches to both sides of what matters" in near.text()
 
 
 @pytest.mark.parametrize("seeding", ["independent", "common"])
