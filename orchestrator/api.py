@@ -93,7 +93,7 @@ def run(
     >>> result = run("paper-scenario-1", ["ekf", "sequential"])      # doctest: +SKIP
     >>> result.errors.rms_m["sequential", "absolute", "total"]  # doctest: +SKIP
     """
-    how = How(master, step_timeout, progress)
+    how = How(master, step_timeout, progress=progress)
     if is_package(scenario):
         _refuse_choices(receiver=receiver, overrides=overrides, fmi=fmi, components=components)
         with patience(step_timeout), packages.opened(cast(str | Path, scenario)) as package:

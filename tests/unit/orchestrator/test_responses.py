@@ -24,6 +24,7 @@ from sblcosim.results.responses import (
 )
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
+from sblcosim.simulation.how import How
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, study
@@ -330,4 +331,4 @@ def test_a_name_belongs_to_one_response() -> None:
 def test_lanes_cannot_do_functions() -> None:
     made = study.load(STUDY, responses=[worst_after_three_seconds_m])
     with pytest.raises(ConfigurationError, match="master: must not be lanes with a response"):
-        campaign.prepare(made, master="lanes")
+        campaign.prepare(made, How(master="lanes"))
