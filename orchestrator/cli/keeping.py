@@ -1,4 +1,4 @@
-"""What a command has done of its runs is kept until its result is written."""
+"""What a command has done of its runs is kept until it goes on, or its result is written."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
@@ -30,12 +30,7 @@ def keeping(result: Path) -> Iterator[Kept]:
         runs = kept.runs
         if not runs:
             kept.remove()
-            raise
-        command = shlex.join(["sblcosim", *sys.argv[1:]])
-        typer.echo(
-            f"interrupted; {runs} runs are in {kept.folder}; go on with: {command}", err=True
-        )
-        raise typer.Exit(stopped(stop)) from None
+        end_of(stop, f"{runs}", kept.folder)
     except SblcosimError as error:
         if runs := kept.runs:
             error.args = (f"{error}; {runs} finished runs are kept in {kept.folder}",)
@@ -43,3 +38,15 @@ def keeping(result: Path) -> Iterator[Kept]:
             kept.remove()
         raise
     kept.remove()
+
+
+def end_of(stop: KeyboardInterrupt, runs: str, folder: Path) -> NoReturn:
+    """End a command that was stopped.
+
+    It says which runs are in a folder and how to go on; without the folder, nothing was written.
+    """
+    if not folder.exists():
+        raise stop
+    command = shlex.join(["sblcosim", *sys.argv[1:]])
+    typer.echo(f"interrupted; {runs} runs are in {folder}; go on with: {command}", err=True)
+    raise typer.Exit(stopped(stop)) from None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +19,7 @@ from .base import (
     waiting,
     width,
 )
-from .outcome import stopped
+from .keeping import end_of
 from .studies import ExecutorOption, SchedulerOption, WorkersOption
 
 
@@ -79,10 +77,7 @@ def require(
         except KeyboardInterrupt as stop:
             from ..study import store
 
-            done = len(store.finished(out / run.RUNS))
-            command = shlex.join(["sblcosim", *sys.argv[1:]])
-            typer.echo(f"interrupted; {done} runs are in {out}; go on with: {command}", err=True)
-            raise typer.Exit(stopped(stop)) from None
+            end_of(stop, f"{len(store.finished(out / run.RUNS))}", out)
     folder = out / run.ANSWER
     if as_json:
         from . import contents

@@ -31,7 +31,7 @@ from .base import (
     waiting,
     width,
 )
-from .outcome import stopped
+from .keeping import end_of
 
 if TYPE_CHECKING:
     from ..study.study import Study
@@ -165,8 +165,10 @@ def study(
                     master=master, step_timeout=step_timeout, progress=progress,
                 )  # fmt: skip
             except KeyboardInterrupt as stop:
-                _say_how_to_resume(out, settled.replicates * len(settled.points.values))
-                raise typer.Exit(stopped(stop)) from None
+                from ..study import store
+
+                runs = settled.replicates * len(settled.points.values)
+                end_of(stop, f"{len(store.finished(out))} of {runs}", out)
             told = contents.carried_out(settled, out, there)
     if as_json:
         show(told)
@@ -212,17 +214,6 @@ def _estimated(told: StudyDocument) -> str:
         + (f"; {told.finished} runs are in {told.folder}" if told.finished else "")
         + f"{time}; nothing was run"
     )
-
-
-def _say_how_to_resume(out: Path, runs: int) -> None:
-    from ..study import store
-
-    _say_what_is_there(len(store.finished(out)), runs, out)
-
-
-def _say_what_is_there(done: int, runs: int, out: Path) -> None:
-    command = shlex.join(["sblcosim", *sys.argv[1:]])
-    typer.echo(f"interrupted; {done} of {runs} runs are in {out}; go on with: {command}", err=True)
 
 
 def _duration(least: float, most: float) -> str:
@@ -420,8 +411,8 @@ def paper(
                 started=started,
             )
         except KeyboardInterrupt as stop:
-            _say_what_is_there(*papers.progress_of(out, quick), out)
-            raise typer.Exit(stopped(stop)) from None
+            done, runs = papers.progress_of(out, quick)
+            end_of(stop, f"{done} of {runs}", out)
     for number, text in outcome.answers.items():
         say(f"Scenario {number}: {text}\n")
     rows = [(name, f"{seconds:6.1f} s") for name, seconds in outcome.seconds.items()]
