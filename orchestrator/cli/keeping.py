@@ -1,4 +1,4 @@
-"""What a command has done of its runs is kept until its result is written."""
+"""What a command has done of its runs is kept until it goes on, or its result is written."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ def keeping(result: Path) -> Iterator[Kept]:
         runs = kept.runs
         if not runs:
             kept.remove()
-            raise
         outcome.kept(stop, str(runs), kept.folder)
     except SblcosimError as error:
         if runs := kept.runs:

@@ -134,7 +134,12 @@ def stopped(stop: KeyboardInterrupt) -> int:
 
 
 def kept(stop: KeyboardInterrupt, runs: str, folder: Path) -> NoReturn:
-    """End a stopped command: how many runs are in a folder, and how to go on with them."""
+    """End a command that was stopped.
+
+    It says how many runs are in a folder and how to go on; without the folder, nothing was written.
+    """
+    if not folder.exists():
+        raise stop
     _end(f"interrupted; {runs} runs are in {folder}; go on with: {typed()}", stopped(stop))
 
 

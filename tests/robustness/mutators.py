@@ -1,10 +1,17 @@
-"""Changes of files, from a random generator: of text, TOML, JSON, XML, archives, any bytes."""
+"""Changes of files, from a random generator: of text, TOML, JSON, XML, archives, any bytes.
+
+The cases of a test come from a seed. Any number of them, and one again:
+
+    SBLCOSIM_MUTATION_CASES=5000 pytest -n auto tests/robustness/test_mutated_inputs.py
+    SBLCOSIM_MUTATION_SEED=7 pytest tests/robustness/test_mutated_packages.py -k case00042
+"""
 
 from __future__ import annotations
 
 import copy
 import io
 import json
+import os
 import random
 import re
 import warnings
@@ -13,7 +20,25 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from xml.etree import ElementTree
 
+import pytest
+
 Random = random.Random
+SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
+
+
+def cases(quick: int, most: int | None = None) -> pytest.MarkDecorator:
+    """Give a test the parameter ``number``; the cases after the quick ones are slow."""
+    asked = os.environ.get("SBLCOSIM_MUTATION_CASES")
+    return pytest.mark.parametrize("number", [
+        pytest.param(n, id=f"case{n:05}", marks=[] if asked or n < quick else pytest.mark.slow)
+        for n in range(int(asked or most or quick))
+    ])  # fmt: skip
+
+
+def generator(number: int) -> Random:
+    """The random generator of a case."""
+    return Random(f"{SEED} {number}")
+
 
 WORDS = [
     "", " ", "x", "nan", "inf", "-1", "0", "1e308", "1e-320", "true", "'a'", "/dev/zero", "/",

@@ -1,12 +1,7 @@
-"""Whatever is typed, a command ends with a result, or with lines that say what is wrong.
-
-    SBLCOSIM_MUTATION_CASES=5000 pytest -n auto tests/robustness/test_command_line.py
-    SBLCOSIM_MUTATION_SEED=7 pytest tests/robustness/test_command_line.py -k case00042
-"""
+"""Whatever is typed, a command ends with a result, or with lines that say what is wrong."""
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
 import subprocess
@@ -22,9 +17,6 @@ from command_line import Inputs, judge
 from sblcosim.cli import app
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
-
-SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
-CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", "60"))
 
 NAMES = [
     "scenario.toml", "study.toml", "costs.toml", "results", "run", "ekf2.fmu", "ekf3.fmu",
@@ -77,11 +69,11 @@ def typed(random_: random.Random) -> list[str]:
     return line
 
 
-@pytest.mark.parametrize("number", [pytest.param(n, id=f"case{n:05}") for n in range(CASES)])
+@mutators.cases(quick=60)
 def test_anything_typed_gives_a_result_or_a_line(
     inputs: Inputs, tmp_path: Path, number: int
 ) -> None:
-    line = typed(random.Random(f"{SEED} {number}"))
+    line = typed(mutators.generator(number))
     _judged(inputs, tmp_path, line)
 
 
@@ -139,7 +131,7 @@ def _judged(
     for name in ("home", "tmp"):
         (folder / name).mkdir()
     shutil.copytree(inputs.folder, folder / "cwd")
-    print(f"SBLCOSIM_MUTATION_SEED={SEED}: {[word[:200] for word in line]}")
+    print(f"SBLCOSIM_MUTATION_SEED={mutators.SEED}: {[word[:200] for word in line]}")
     ended = inputs.run(line, folder / "cwd", inputs.environment(folder))
     print(f"exit code {ended.code}, {ended.seconds:.1f} s, {ended.megabytes:.0f} MB")
     print(ended.output[:2000], ended.errors[:4000], sep="\n---\n")

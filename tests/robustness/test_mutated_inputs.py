@@ -1,10 +1,4 @@
-"""Whatever a file holds, a command ends with a result, or with lines that say what is wrong.
-
-The cases come from a seed; any number by hand, and one again:
-
-    SBLCOSIM_MUTATION_CASES=5000 pytest -n auto tests/robustness/test_mutated_inputs.py
-    SBLCOSIM_MUTATION_SEED=7 pytest tests/robustness/test_mutated_inputs.py -k case00042
-"""
+"""Whatever a file holds, a command ends with a result, or with lines that say what is wrong."""
 
 from __future__ import annotations
 
@@ -12,7 +6,7 @@ import os
 import random
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import mutators
@@ -22,10 +16,6 @@ from command_line import Inputs, judge
 from sblcosim.scenario.file_schema import FILE_NAME
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
-
-SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
-QUICK, ALL = 150, 2000
-CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out", "out")
 RUN = ("run", "scenario.toml", *QUIETLY)
@@ -120,17 +110,11 @@ def _text(
     path.write_bytes(change(random_, path.read_text("utf-8")).encode(errors="surrogatepass"))
 
 
-def _numbers() -> Iterator[object]:
-    for n in range(CASES):
-        slow = n >= QUICK and "SBLCOSIM_MUTATION_CASES" not in os.environ
-        yield pytest.param(n, id=f"case{n:05}", marks=[pytest.mark.slow] if slow else [])
-
-
-@pytest.mark.parametrize("number", [*_numbers()])
+@mutators.cases(quick=150, most=2000)
 def test_a_mutated_file_gives_a_result_or_a_line(
     inputs: Inputs, tmp_path: Path, number: int
 ) -> None:
-    random_ = random.Random(f"{SEED} {number}")
+    random_ = mutators.generator(number)
     folder = tmp_path / "cwd"
     shutil.copytree(inputs.folder, folder)
     for name in ("home", "tmp"):
@@ -140,7 +124,7 @@ def test_a_mutated_file_gives_a_result_or_a_line(
         shutil.copytree(inputs.cache, tmp_path / "cache")
     file, command = KINDS[kind][0](random_, folder)
     before, around = _there(tmp_path), os.listdir(tmp_path.parent)
-    print(f"SBLCOSIM_MUTATION_SEED={SEED} case {number}: {kind} {file}: {' '.join(command)}")
+    print(f"SBLCOSIM_MUTATION_SEED={mutators.SEED} {number}: {kind} {file}: {' '.join(command)}")
 
     cache = tmp_path / "cache" if kind == "cache" else None
     ended = inputs.run(command, folder, inputs.environment(tmp_path, cache))

@@ -1,10 +1,4 @@
-"""Whatever an SSP package holds, `run` and `plan` end with a result, or with one line.
-
-The cases come from a seed; any number by hand, and one again:
-
-    SBLCOSIM_MUTATION_CASES=5000 pytest -n auto tests/robustness/test_mutated_packages.py
-    SBLCOSIM_MUTATION_SEED=7 pytest tests/robustness/test_mutated_packages.py -k case00042
-"""
+"""Whatever an SSP package holds, `run` and `plan` end with a result, or with one line."""
 
 from __future__ import annotations
 
@@ -13,7 +7,6 @@ import os
 import random
 import sys
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import mutators
@@ -24,9 +17,6 @@ from stranger import build_stranger
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
 
-SEED = int(os.environ.get("SBLCOSIM_MUTATION_SEED", "1"))
-QUICK, ALL = 20, 1500
-CASES = int(os.environ.get("SBLCOSIM_MUTATION_CASES", ALL))
 TEXTS = (".ssd", ".ssv", ".ssm")
 QUIETLY = ("--no-figures", "--step-timeout", "5", "--out")
 
@@ -71,17 +61,11 @@ def _mutated(random_: random.Random, content: bytes) -> bytes:
     return made.getvalue()
 
 
-def _numbers() -> Iterator[object]:
-    for n in range(CASES):
-        slow = n >= QUICK and "SBLCOSIM_MUTATION_CASES" not in os.environ
-        yield pytest.param(n, id=f"case{n:05}", marks=[pytest.mark.slow] if slow else [])
-
-
-@pytest.mark.parametrize("number", [*_numbers()])
+@mutators.cases(quick=20, most=1500)
 def test_a_mutated_package_gives_a_result_or_one_line(
     sound: Inputs, tmp_path: Path, number: int
 ) -> None:
-    random_ = random.Random(f"{SEED} {number}")
+    random_ = mutators.generator(number)
     folder = tmp_path / "cwd"
     for each in ("cwd", "home", "tmp"):
         (tmp_path / each).mkdir()
@@ -89,7 +73,7 @@ def test_a_mutated_package_gives_a_result_or_one_line(
     (folder / "wild.ssp").write_bytes(content)
     run = ("run", "wild.ssp", *QUIETLY, "out")
     command = random_.choice([run, run, ("plan", "wild.ssp")])
-    print(f"SBLCOSIM_MUTATION_SEED={SEED} case {number}: {' '.join(command)}")
+    print(f"SBLCOSIM_MUTATION_SEED={mutators.SEED} {number}: {' '.join(command)}")
 
     ended = sound.run(command, folder, sound.environment(tmp_path))
     print(f"exit code {ended.code}, {ended.seconds:.1f} s, {ended.megabytes:.0f} MB")

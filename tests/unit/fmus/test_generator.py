@@ -52,6 +52,12 @@ def test_a_state_that_is_an_output_is_kept_once() -> None:
     assert sorted(state_indices(model)) == [*range(outputs + sum(map(prod, others)))]
 
 
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_variants_are_selected_where_there_are_several(name: str) -> None:
+    model = load(name)
+    assert ("switch (variant)" in model_source(model)) == (len(model.variants) > 1)
+
+
 @pytest.mark.parametrize("name", [*RECEIVERS, "acoustics"])
 def test_outputs_that_never_change_are_written_at_the_start_alone(name: str) -> None:
     """Of the raw fix, which has no velocity, more than half of the covariance."""

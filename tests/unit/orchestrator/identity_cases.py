@@ -352,6 +352,11 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
         {"m": "import importlib\ndef target(): return importlib.import_module('helper').X\n",
          "helper": "X = VALUE\n"}, ONE_TWO,
     ),
+    "module without a file that is imported in a function": (
+        "import sys, types\nsys.modules['helper'] = types.ModuleType('helper')\n"
+        "sys.modules['helper'].X = VALUE\n"
+        "def target():\n    import helper\n    return helper.X\n", ONE_TWO,
+    ),
     "part of a package that is imported in a function": (
         {"m": "def target():\n    from helper import deeper\n    return deeper.X\n",
          "helper/__init__": "", "helper/deeper": "X = VALUE\n"}, ONE_TWO,
@@ -359,8 +364,105 @@ CHANGES: dict[str, tuple[str | Files, tuple[str, str]]] = {
     "attribute of a function": ("def target(): pass\ntarget.x = VALUE\n", ONE_TWO),
 }  # fmt: skip
 
+UNCHANGED: dict[str, str] = {
+    "nothing": "def target():\n    return 1\n",
+    "set in code": "def target(x):\n    return x in {'a', 'b', 'c', 'd'}\n",
+    "set of texts": "X = {f'{i}' for i in range(50)}\ndef target(): return X\n",
+    "frozen set in a class": method("x = frozenset('abcdefgh')"),
+    "sets in sets": (
+        "X = {frozenset({f'{i}', f'{j}'}) for i in range(5) for j in range(5)}\n"
+        "def target(): return X\n"
+    ),
+    "set of objects": (
+        "class A:\n    def __init__(self, v): self.v = v\n"
+        "X = {A(i) for i in range(9)}\ndef target(): return X\n"
+    ),
+    "set in a cycle": (
+        "class A: pass\nX = {A(), A(), A()}\nfor n, a in enumerate(sorted(X, key=id)):\n"
+        "    a.all = X\ndef target(): return X\n"
+    ),
+    "dict made of a sorted set": (
+        "X = {k: 1 for k in sorted(set('gfedcba'))}\ndef target(): return X\n"
+    ),
+    "dict with keys that are equal": (
+        "class K: pass\nX = {K(): i for i in range(9)}\ndef target(): return X\n"
+    ),
+    "pydantic model": (
+        "import pydantic\nclass C(pydantic.BaseModel):\n    a: float = 1\n    b: int = 2\n"
+        "class target:\n    c = C()\n"
+    ),
+    "pydantic dataclass": (
+        "import pydantic.dataclasses\n@pydantic.dataclasses.dataclass\nclass C:\n"
+        "    a: float = 1\nX = C()\ndef target(): return X.a\n"
+    ),
+    "tuples in tuples, many times": (
+        "X = (1.0,)\nfor _ in range(200): X = (X, X)\ndef target(): return X\n"
+    ),
+    "sets in sets, many times": (
+        "X = frozenset({1})\nfor n in range(100): X = frozenset({(X, 'a'), (X, 'b')})\n"
+        "def target(): return X\n"
+    ),
+    **{
+        f"path beside the file, {where}": (
+            "import dataclasses, functools, os\nfrom pathlib import Path\n"
+            "P = Path(__file__).parent / 'data'\n" + source
+        )
+        for where, source in {
+            "in a class": "class target:\n    a = P\n    b = [str(P)]\n",
+            "in a dataclass": "@dataclasses.dataclass\nclass target:\n    a: str = str(P)\n",
+            "in a partial": "def f(p): return p\ntarget = functools.partial(f, str(P))\n",
+            "in an object": "class A:\n    def __init__(self): self.p = str(P)\n"
+                            "    def f(self): return self.p\ntarget = A().f\n",
+        }.items()
+    },
+    "object without a text": "X = object()\ndef target(): return X\n",
+    "default of a dataclass with an address": (
+        "import dataclasses\nX = object()\n@dataclasses.dataclass\nclass target:\n"
+        "    x: object = X\n"
+    ),
+    "file's own place": "def target():\n    return __file__\n",
+    "path beside the file": (
+        "from pathlib import Path\nX = Path(__file__).parent / 'data'\ndef target(): return X\n"
+    ),
+    "text of a path beside the file": (
+        "import os\nX = os.path.join(os.path.dirname(__file__), 'data')\ndef target(): return X\n"
+    ),
+    "enumeration": "import enum\nclass target(enum.Flag):\n    A = 1\n    B = 2\n",
+    "protocol": (
+        "from typing import Protocol, Generic, TypeVar\nT = TypeVar('T')\n"
+        "class P(Protocol[T]):\n    x: int\n    def f(self) -> T: ...\n"
+        "class target(P[int]):\n    y: 'int | None' = None\n"
+    ),
+    "pattern": "import re\nX = re.compile('a+', re.I)\ndef target(x): return X.match(x)\n",
+    "logger": "import logging\nX = logging.getLogger('a')\ndef target(): X.info('')\n",
+    "environment": "from os import environ\ndef target(): return environ.get('A')\n",
+    "table": (
+        "import pandas as pd\nX = pd.DataFrame({'a': [1, 2], 'b': ['x', 'y']})\n"
+        "def target(): return X\n"
+    ),
+    "interpolation": (
+        "import numpy as np\nfrom scipy.interpolate import CubicSpline\n"
+        "X = CubicSpline(np.arange(5), np.arange(5.) ** 2)\ndef target(t): return X(t)\n"
+    ),
+    "universal function": (
+        "import numpy as np\nX = [np.sin, np.float64(2), np.dtype('f4')]\ndef target(): return X\n"
+    ),
+    "receiver": (
+        "import sblcosim\nclass target(sblcosim.Receiver):\n    def update(self, samples):\n"
+        "        return sblcosim.Estimate(samples[-1].epoch, (0.0, 0.0, 0.0))\n"
+    ),
+    "cycle of objects": (
+        "class A: pass\nX, Y = A(), A()\nX.other, Y.other = Y, X\ndef target(): return X\n"
+    ),
+    "many functions that call each other": (
+        "".join(f"def f{i}(n): return " + " + ".join(f"f{j}(n)" for j in range(30)) + "\n"
+                for i in range(30)) + "target = f0\n"
+    ),
+}  # fmt: skip
+"""Modules without a VALUE, which nothing but processes and folders could tell apart."""
+
 SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
-    "nothing": ("def target():\n    return 1\n", ("", "")),
+    **{name: (source, ("", "")) for name, source in UNCHANGED.items()},
     "comment": ("def target():\n    VALUE\n    return 1\n", ("# one", "# two")),
     "blank lines": ("VALUE\ndef target():\n    return 1\n", ("", "\n\n\n")),
     "another global": ("X = VALUE\ndef target():\n    return 1\n", ONE_TWO),
@@ -377,27 +479,6 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         ("    def f(self): return 1\n    def g(self): return 2",
          "    def g(self): return 2\n    def f(self): return 1"),
     ),
-    "set in code": ("def target(x):\n    return x in {'a', 'b', 'c', 'd'}\n", ("", "")),
-    "set of texts": ("X = {f'{i}' for i in range(50)}\ndef target(): return X\n", ("", "")),
-    "frozen set in a class": (method("x = frozenset('abcdefgh')"), ("", "")),
-    "sets in sets": (
-        "X = {frozenset({f'{i}', f'{j}'}) for i in range(5) for j in range(5)}\n"
-        "def target(): return X\n", ("", ""),
-    ),
-    "set of objects": (
-        "class A:\n    def __init__(self, v): self.v = v\n"
-        "X = {A(i) for i in range(9)}\ndef target(): return X\n", ("", ""),
-    ),
-    "set in a cycle": (
-        "class A: pass\nX = {A(), A(), A()}\nfor n, a in enumerate(sorted(X, key=id)):\n"
-        "    a.all = X\ndef target(): return X\n", ("", ""),
-    ),
-    "dict made of a sorted set": (
-        "X = {k: 1 for k in sorted(set('gfedcba'))}\ndef target(): return X\n", ("", ""),
-    ),
-    "dict with keys that are equal": (
-        "class K: pass\nX = {K(): i for i in range(9)}\ndef target(): return X\n", ("", ""),
-    ),
     "package's function that holds the generator of all": (
         "from scipy.stats import norm\nfrom scipy import stats\nX = stats.uniform(0, 1)\nVALUE\n"
         "def target(): return norm.ppf(.9) + X.ppf(.1)\n", ("", "norm.rvs()"),
@@ -405,14 +486,6 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
     "methods of the generators of all": (
         "import numpy as np\nfrom random import gauss\nfrom numpy.random import normal\nVALUE\n"
         "def target(): return gauss(0, 1) + normal()\n", ("", "gauss(0, 1), normal()"),
-    ),
-    "pydantic model": (
-        "import pydantic\nclass C(pydantic.BaseModel):\n    a: float = 1\n    b: int = 2\n"
-        "class target:\n    c = C()\n", ("", ""),
-    ),
-    "pydantic dataclass": (
-        "import pydantic.dataclasses\n@pydantic.dataclasses.dataclass\nclass C:\n"
-        "    a: float = 1\nX = C()\ndef target(): return X.a\n", ("", ""),
     ),
     "long doubles": (
         "import numpy as np\nA = np.array([1.1, 2.2, 3.3, 4.4], np.longdouble)\n"
@@ -426,42 +499,8 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         "X.view(np.uint8).reshape(2, -1)[:, 1:8] = VALUE\nX = X[0], X.copy(), X\n"
         "def target(): return X\n", ONE_TWO,
     ),
-    "tuples in tuples, many times": (
-        "X = (1.0,)\nfor _ in range(200): X = (X, X)\ndef target(): return X\n", ("", ""),
-    ),
-    "sets in sets, many times": (
-        "X = frozenset({1})\nfor n in range(100): X = frozenset({(X, 'a'), (X, 'b')})\n"
-        "def target(): return X\n", ("", ""),
-    ),
-    **{
-        f"path beside the file, {where}": (
-            "import dataclasses, functools, os\nfrom pathlib import Path\n"
-            "P = Path(__file__).parent / 'data'\n" + source, ("", ""),
-        )
-        for where, source in {
-            "in a class": "class target:\n    a = P\n    b = [str(P)]\n",
-            "in a dataclass": "@dataclasses.dataclass\nclass target:\n    a: str = str(P)\n",
-            "in a partial": "def f(p): return p\ntarget = functools.partial(f, str(P))\n",
-            "in an object": "class A:\n    def __init__(self): self.p = str(P)\n"
-                            "    def f(self): return self.p\ntarget = A().f\n",
-        }.items()
-    },
-    "object without a text": ("X = object()\ndef target(): return X\n", ("", "")),
-    "default of a dataclass with an address": (
-        "import dataclasses\nX = object()\n@dataclasses.dataclass\nclass target:\n"
-        "    x: object = X\n", ("", ""),
-    ),
     "equal texts, shared or not": (
         "a = 'x' * 9\nX = [a, VALUE]\ndef target(): return X\n", ("a", "''.join('x' * 9)"),
-    ),
-    "file's own place": ("def target():\n    return __file__\n", ("", "")),
-    "path beside the file": (
-        "from pathlib import Path\nX = Path(__file__).parent / 'data'\ndef target(): return X\n",
-        ("", ""),
-    ),
-    "text of a path beside the file": (
-        "import os\nX = os.path.join(os.path.dirname(__file__), 'data')\ndef target(): return X\n",
-        ("", ""),
     ),
     "use of a memo": (
         "import functools\n@functools.lru_cache\ndef target(x): return x\nVALUE\n",
@@ -475,27 +514,6 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
         "import abc\nclass target(abc.ABC):\n    @abc.abstractmethod\n    def f(self): ...\nVALUE\n",
         ("", "isinstance(1, target)"),
     ),
-    "enumeration": ("import enum\nclass target(enum.Flag):\n    A = 1\n    B = 2\n", ("", "")),
-    "protocol": (
-        "from typing import Protocol, Generic, TypeVar\nT = TypeVar('T')\n"
-        "class P(Protocol[T]):\n    x: int\n    def f(self) -> T: ...\n"
-        "class target(P[int]):\n    y: 'int | None' = None\n", ("", ""),
-    ),
-    "pattern": ("import re\nX = re.compile('a+', re.I)\ndef target(x): return X.match(x)\n", ("", "")),
-    "logger": ("import logging\nX = logging.getLogger('a')\ndef target(): X.info('')\n", ("", "")),
-    "environment": ("from os import environ\ndef target(): return environ.get('A')\n", ("", "")),
-    "table": (
-        "import pandas as pd\nX = pd.DataFrame({'a': [1, 2], 'b': ['x', 'y']})\n"
-        "def target(): return X\n", ("", ""),
-    ),
-    "interpolation": (
-        "import numpy as np\nfrom scipy.interpolate import CubicSpline\n"
-        "X = CubicSpline(np.arange(5), np.arange(5.) ** 2)\ndef target(t): return X(t)\n", ("", ""),
-    ),
-    "universal function": (
-        "import numpy as np\nX = [np.sin, np.float64(2), np.dtype('f4')]\ndef target(): return X\n",
-        ("", ""),
-    ),
     "annotation": ("def target(x: VALUE = 0):\n    return x\n", ("int", "float")),
     "other modules": (
         {"m": "VALUE\ndef target(): return 1\n", "helper": "X = 1\n"}, ("", "import helper"),
@@ -503,18 +521,6 @@ SAME: dict[str, tuple[str | Files, tuple[str, str]]] = {
     "another function of a module": (
         {"m": "from helper import f\ndef target(): return f()\n",
          "helper": "def f(): return 1\ndef g(): return VALUE\n"}, ONE_TWO,
-    ),
-    "receiver": (
-        "import sblcosim\nclass target(sblcosim.Receiver):\n    def update(self, samples):\n"
-        "        return sblcosim.Estimate(samples[-1].epoch, (0.0, 0.0, 0.0))\n", ("", ""),
-    ),
-    "cycle of objects": (
-        "class A: pass\nX, Y = A(), A()\nX.other, Y.other = Y, X\ndef target(): return X\n",
-        ("", ""),
-    ),
-    "many functions that call each other": (
-        "".join(f"def f{i}(n): return " + " + ".join(f"f{j}(n)" for j in range(30)) + "\n"
-                for i in range(30)) + "target = f0\n", ("", ""),
     ),
 }  # fmt: skip
 

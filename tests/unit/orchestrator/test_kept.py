@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -144,6 +145,29 @@ def test_before_the_first_part_nothing_is_kept(runs: Runs) -> None:
     for arguments in COMMANDS.values():
         assert command(*arguments, code=130) == "interrupted; nothing was written\n"
         assert os.listdir() == []
+
+
+@pytest.mark.parametrize(("at", "there"), [("check_folder", False), ("open_folder", True)])
+@pytest.mark.parametrize(
+    "arguments",
+    [("study", "paper-scenario-1"), ("require", "one-metre"), ("paper", "--quick")],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_folder_that_is_not_there_yet_is_not_named(
+    arguments: tuple[str, ...], at: str, there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """These begin their folder before they have a run; there is a way on from it."""
+
+    def interrupted(*given: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, at, interrupted)
+    monkeypatch.setattr(runner, at, interrupted)
+    same = shlex.join(["sblcosim", *arguments, "--out", "out"])
+    words = rf"interrupted; 0( of \d+)? runs are in out; go on with: {same}\n"
+    said = command(*arguments, "--out", "out", code=130)
+    assert re.fullmatch(words if there else "interrupted; nothing was written\n", said)
+    assert os.listdir() == (["out"] if there else [])
 
 
 def test_other_runs_are_not_taken_for_these_and_stay(runs: Runs) -> None:

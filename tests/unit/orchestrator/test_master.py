@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -6,7 +7,7 @@ import pytest
 from python_components import Arrays, Clock, Relay
 from sblcosim.errors import ConfigurationError, FmuError
 from sblcosim.fmus.host import instances
-from sblcosim.models.declaration import Variable, output
+from sblcosim.models.declaration import Variable, input_, output
 from sblcosim.simulation.masters import python
 from sblcosim.simulation.masters.python import execute, initial_outputs
 from sblcosim.simulation.resolve import resolve
@@ -256,6 +257,51 @@ def test_a_python_component_gets_arrays_in_their_shapes():
     scale = np.arange(6.0).reshape(2, 3)
     assert np.array_equal(record.values["a.doubled"][0], scale)
     assert np.array_equal(record.values["b.doubled"][1], 2 * scale)
+
+
+class Several(Clock):
+    """Puts out its inputs of one type, one after the other."""
+
+    variables = (
+        input_("time", "", "s"), input_("matrix", "", "m", shape=(2, 3)),
+        input_("flat", "", "m", shape=(2,)), output("seen", "", shape=(9,)),
+    )  # fmt: skip
+
+    def initialise(self, start_ns, parameters):
+        return {"seen": np.zeros(9)}
+
+    def do_step(self, time_ns, step_ns, inputs):
+        assert [v.shape for v in inputs.values()] == [(), (2, 3), (2,)]
+        return {"seen": np.concatenate([v.ravel() for v in inputs.values()])}
+
+
+def test_inputs_of_one_type_reach_a_python_component_each_by_itself():
+    scale = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    record = run(
+        {"several": Several, "pair": Pair, "a": ComponentSpec(Arrays, T, {"scale": scale})},
+        ("pair.flat", "several.flat"),
+        ("a.doubled", "several.matrix"),
+        ("pair.now", "several.time"),
+        stop_ns=2 * T,
+    )
+    assert record.values["several.seen"].tolist() == [
+        [0.0] * 9, [0.0, *scale, 0.0, 0.0], [0.1, *[0.0] * 6, 0.5, -1.0]
+    ]  # fmt: skip
+
+
+def test_a_component_on_a_record_of_the_others_is_what_it_is_beside_them():
+    """What is played back stays in its places, whatever is next to them and not due."""
+    others = {"clock": ComponentSpec(Clock, 4), "a": ComponentSpec(Relay, 2)}
+    system = System(
+        {**others, "late": ComponentSpec(Relay, 3, {"first": 5}), "b": ComponentSpec(Relay, 1)},
+        (Connection("clock.count", "late.count"), Connection("a.relayed", "b.count")), 24,
+    )  # fmt: skip
+    whole = execute(resolve(system))
+    played = execute(resolve(System(others, (), 24)))
+    own = ["late.relayed", "b.relayed"]
+    again = execute(resolve(system), record=own, played=played)
+    assert_equal(again, replace(whole, values={name: whole.values[name] for name in own}))
+    assert len(set(again.values["late.relayed"].tolist())) == 6
 
 
 class Greedy(Relay):

@@ -18,9 +18,11 @@ from sblcosim.analysis.sentences import percent
 from sblcosim.report import factorial, paper
 from sblcosim.report.formats import number
 from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
-from sblcosim.report.paper.figures import FIGURES
+from sblcosim.report.paper.figures import FIGURES, plot_waves
 from sblcosim.results.catalogue import by_name
+from sblcosim.simulation.record import Record
 from sblcosim.study import study
+from synthetic_record import make_record
 
 LABELS = {"gps": "GPS error", "arm": "baseline", "loss": "packet loss"}
 
@@ -165,6 +167,16 @@ def test_every_figure_of_the_paper_has_a_row_in_the_table_of_figures() -> None:
     for figure in paper.facts()["figure"]:
         rows = [row for row in FIGURES.values() if row.number == figure["number"]]
         assert {row.scenario for row in rows} == {figure.get("scenario")}
+
+
+def test_seas_stand_side_by_side_on_scales_that_hold_them_all() -> None:
+    calm = make_record()
+    rough = Record(calm.time_ns, calm.values | {
+        "platform.attitude": -3 * calm.values["platform.attitude"]
+    })  # fmt: skip
+    limits = [ax.get_ylim() for ax in plot_waves({"calm": calm, "rough": rough})]
+    reach = np.rad2deg(np.abs(rough.values["platform.attitude"]).max())
+    assert limits == [pytest.approx((-1.1 * reach, 1.1 * reach))] * 6
 
 
 def test_two_figures_of_a_table_cannot_have_one_name() -> None:

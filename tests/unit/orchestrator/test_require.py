@@ -314,6 +314,13 @@ def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
     assert not other.errors.equals(result.errors)
 
 
+def test_progress_grows_and_leaves_a_rest_for_the_answer(found: tuple[Answer, Path]) -> None:
+    shares: list[float] = []
+    decided(require.load(QUESTION), found[1] / "runs", progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 0.99
+
+
 def test_any_run_can_be_done_again(found: tuple[Answer, Path]) -> None:
     out = found[1] / "runs"
     run = store.table(out).iloc[100]

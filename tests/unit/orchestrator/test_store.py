@@ -282,8 +282,10 @@ class Clock:
     def __init__(self, loads: list[float]) -> None:
         self.loads = loads
         self.wall = self.processor = 0.0
+        self.sizes: list[int] = []
 
     def simulate(self, made: Any, runs: Any, *_: object) -> None:
+        self.sizes.append(len(runs))
         seconds = 1e-6 * sum(runner.steps_of(made, runs))
         self.processor += 2 * seconds
         self.wall += seconds * (self.loads.pop(0) if self.loads else 1.0)
@@ -312,6 +314,7 @@ def test_an_estimate_is_a_range_that_no_stall_moves(
     true = 1e-6 * missing.steps
     assert low == pytest.approx(true / runner.MARGIN)
     assert high == pytest.approx(true * runner.MARGIN * busiest)
+    assert clock.sizes.count(clock.sizes[-1]) == runner.SAMPLES
 
 
 @pytest.mark.parametrize(

@@ -395,6 +395,13 @@ def test_a_response_of_the_user_is_compared(tmp_path: Path) -> None:
     it = sblcosim.compare("harbour-square", ["ekf", "sequential"], runs=2, overrides=SHORT,
                           response=f"{tmp_path}/mine.py:first_epoch_s", timed=False)  # fmt: skip
     assert it.response == "first_epoch_s"
+
+    def first_epoch_s(run: Any) -> float:
+        return float(run.used.epoch_s[0])
+
+    name, asked = tournament.response_of(first_epoch_s)
+    assert name == "first_epoch_s"
+    assert asked.definition is first_epoch_s
     assert set(it.differences["response"]) == {"first_epoch_s", PERCENTILE}
 
 
@@ -412,6 +419,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "contamination": ({"contamination": 1.0}, "contamination: must be a share between 0 and 1, "),
     "receiver": ({"receivers": ["copled"]}, "receiver: must be .*; did you mean 'coupled'?"),
     "response": ({"response": "absolute_total_rms"}, "response: .*; did you mean 'absolute_total"),
+    "no response": ({"response": 5}, "response: must be a name or a function, got 5"),
     "more is better": ({"response": "availability"}, "response: must be one of which less is bett"),
     "signed": ({"response": "absolute_x_mean_m"}, "response: must be one of which less is better"),
     "scenario": ({"scenarios": ["harbour"]}, "scenario: must be a TOML file or one of "),

@@ -222,6 +222,19 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
             read(tmp_path / name)
 
 
+def test_the_largest_file_is_read_to_its_end_and_a_larger_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = written(tmp_path, table(NED, "0,1,2,3", "1,1,2,31").rstrip())
+    size = file.stat().st_size
+    monkeypatch.setattr("sblcosim.tracks.read.LARGEST", size)
+    assert read(file).points[-1].tolist() == [1, 2, 31]
+    monkeypatch.setattr("sblcosim.tracks.read.LARGEST", size - 1)
+    with pytest.raises(ConfigurationError) as error:
+        read(file)
+    assert str(error.value) == f"{file}: must have at most {size - 1:,} bytes, got more"
+
+
 def test_too_many_points_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sblcosim.tracks.read.MOST_POINTS", 2)
     with pytest.raises(ConfigurationError, match=r"line 4, column 1 .*one of at most 2 points"):

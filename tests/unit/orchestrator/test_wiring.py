@@ -286,6 +286,27 @@ def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> N
 
 
 @pytest.mark.parametrize(
+    ("table", "kept"),
+    [
+        ({"type": "ekf", "parameters": {"gate": 2.5, "lag": 2.0}}, {"gate": 2.5}),
+        ({"fmu": "ekf.fmu", "parameters": {"gate": 2.5}}, None),
+    ],
+    ids=["of ours", "of a file"],
+)
+def test_an_fmu_gets_further_parameters_of_a_receiver_of_ours_only(table: Any, kept: Any) -> None:
+    """Those that it has, though another beside it has more, and none that were for another file."""
+    fmu, other = build("sequential"), build("fixed_lag")
+    if "fmu" in table:
+        table = {**table, "fmu": str(build("ekf"))}
+    scenario = load({**PAPER.given(), "receiver": table})
+    changed = applied(scenario, [fmu, other])
+    assert (changed.receiver.fmu, changed.receiver.parameters) == (str(fmu), kept)
+    ours, theirs = connect(changed).components, connect(scenario, [fmu, other]).components
+    assert ours["sequential"] == theirs["sequential"]
+    assert ours["sequential"].parameters.get("gate") == (kept or {}).get("gate")
+
+
+@pytest.mark.parametrize(
     ("components", "message"),
     [
         (5, "components: must be a mapping with target, platform, acoustics, got 5"),
