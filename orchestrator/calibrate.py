@@ -28,13 +28,13 @@ from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, BEACONS, MOTION
 
 from . import artifacts, style
+from .data.estimates import Floats
+from .data.record import Record
 from .errors import ConfigurationError, check_choice
 from .results import figures
 from .results.catalogue import Figure, by_name, jobs
-from .results.definitions import Floats
 from .shown import Picture, Shown, verbatim
 from .simulation.masters.python import execute
-from .simulation.record import Record
 from .simulation.resolve import resolve
 from .simulation.system import ComponentSpec, Connection, PythonComponent, System
 

@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
+from ..data.estimates import Floats
 from ..layout import meters
-from ..results.definitions import Floats
 from ..results.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
 from .result import MANY_LOST, AreaMap, part, widened

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from ..results.sums import responses
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import SEED
 from ..simulation.children import Children
+from ..simulation.how import How
 from ..study import parts, study
 from ..study.batch import reduced
 from ..study.campaign import Campaign, Run, prepare
@@ -135,8 +136,7 @@ class Simulator:
         self,
         cell: Integers,
         replicate: Integers,
-        workers: int | None,
-        progress: Callable[[float], None],
+        how: How,
         keep: Kept | None = None,
     ) -> Sample:
         """Simulate runs; the result depends neither on their order nor on the workers.
@@ -159,14 +159,15 @@ class Simulator:
         ):
             tables = [] if folder is None else _kept(folder, seeds)
             missing = np.flatnonzero(~np.isin(seeds, tables[0]["seed"] if tables else ()))
-            size = min(_TOGETHER, kept_together(self.campaign, workers))
+            size = min(_TOGETHER, kept_together(self.campaign, how))
             for first in range(0, len(missing), size):
                 some = missing[first : first + size]
 
                 def told(part: float, done: int = first, count: int = len(some)) -> None:
-                    progress((done + part * count) / len(missing))
+                    how.tell((done + part * count) / len(missing))
 
-                rows = self._part(cell[some], replicate[some], workers, told, children)
+                own = replace(how, progress=told)
+                rows = self._part(cell[some], replicate[some], own, children)
                 if folder is not None:
                     parts.write(folder, self.campaign, _runs(seeds[some]), rows)
                 tables.append(rows)
@@ -181,8 +182,7 @@ class Simulator:
         self,
         cell: Integers,
         replicate: Integers,
-        workers: int | None,
-        progress: Callable[[float], None],
+        how: How,
         children: Children,
     ) -> pd.DataFrame:
         """A row for each run."""
@@ -197,7 +197,7 @@ class Simulator:
         campaign: Campaign = replace(self.campaign, points=points, groups=(group,))
         seeds = self.seeds(cell, replicate)
         runs = _runs(seeds)
-        sums, extra, errors = reduced(campaign, group, runs, workers, None, progress, children)
+        sums, extra, errors = reduced(campaign, group, runs, how, children)
         judged = responses(sums[:, 0], group.plan.stop_ns - group.plan.start_ns)
         lost = (judged["lost"] | judged["broken"] | (judged["estimates"] == 0)).to_numpy(bool)
         lengths = np.where(np.isnan(extra[:, 0]), np.inf, extra[:, 0])

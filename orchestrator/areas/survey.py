@@ -20,6 +20,7 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source, load
 from ..scenario.schema import CORE_COMPONENTS
 from ..scenario.tracks import origin_of
+from ..simulation.how import How
 from ..simulation.masters.lanes_driver import LENGTHS
 from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
@@ -170,7 +171,8 @@ def _surveyed(
 
     every = np.arange(first)
     sample = simulator.run(
-        every % grid.count, every // grid.count, workers, lambda share: part(share, first), keep
+        every % grid.count, every // grid.count,
+        How(workers=workers, progress=lambda share: part(share, first)), keep,
     )
     found = pooled(sample, best.percentile, grid.shape, seed, workers)
     if limit_m is not None:
@@ -178,7 +180,8 @@ def _surveyed(
         if len(cell):
             done = first
             more = simulator.run(
-                cell, replicate, workers, lambda share: part(share, len(cell)), keep
+                cell, replicate,
+                How(workers=workers, progress=lambda share: part(share, len(cell))), keep,
             )
             sample += more
             found = pooled(sample, best.percentile, grid.shape, seed, workers)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from ..errors import ConfigurationError, check_choice
+from ..simulation.how import How
 from . import completion
 from .base import (
     ForceOption,
@@ -155,13 +156,11 @@ def study(
             settled = settled.with_replicates(replicates)
         out = out or Path("studies", settled.name)
         if dry_run:
-            told = _what_would_run(settled, out, workers, master, step_timeout)
+            told = _what_would_run(settled, out, How(master, step_timeout, workers))
         else:
             try:
-                there = runner.carry_out(
-                    settled, out, workers=workers, executor=executor, scheduler=scheduler,
-                    master=master, step_timeout=step_timeout, progress=progress,
-                )  # fmt: skip
+                how = How(master, step_timeout, workers, executor, scheduler, progress)
+                there = runner.carry_out(settled, out, how)
             except KeyboardInterrupt as stop:
                 from ..study import store
 
@@ -182,15 +181,13 @@ def study(
         raise typer.Exit(1)
 
 
-def _what_would_run(
-    definition: Study, out: Path, workers: int | None, master: str | None, timeout: float | None
-) -> StudyDocument:
+def _what_would_run(definition: Study, out: Path, how: How) -> StudyDocument:
     from ..study import campaign, runner, store
     from . import contents
 
-    prepared = campaign.prepare(store.as_begun(definition, out), master, timeout)
+    prepared = campaign.prepare(store.as_begun(definition, out), how)
     missing = runner.missing(prepared, out, tell=True)
-    seconds = runner.estimate(prepared, missing, workers, master) if missing.runs else (None, None)
+    seconds = runner.estimate(prepared, missing, how) if missing.runs else (None, None)
     return contents.study(
         definition,
         out,

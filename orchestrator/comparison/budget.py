@@ -8,7 +8,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source
 from ..scenario.schema import default
+from ..simulation.how import How
 from ..study import runner, study
 from ..study.kept import Kept
 from . import sources
@@ -129,7 +129,9 @@ def budget(
             progress(0.9 * share)
 
     chosen = () if receiver is None else (receiver,)
-    simulated = partial(runner.simulated, workers=workers, keep=keep)
+    def simulated(definition: study.Study, progress: Callable[[float], None]) -> pd.DataFrame:
+        return runner.simulated(definition, How(workers=workers, progress=progress), keep)
+
     label, squares, lost, dropped = _simulated(base, chosen, told, runs, seed, simulated, done)
     if acceleration_psd is None and "acceleration_psd_m2_s3" in base.receiver.model_fields_set:
         acceleration_psd = base.receiver.acceleration_psd_m2_s3
@@ -218,7 +220,7 @@ def _simulated(
         with warnings.catch_warnings():
             if overrides:  # what it says of the scenario has been said
                 warnings.simplefilter("ignore")
-            known[key] = simulated(definition, progress=part)
+            known[key] = simulated(definition, part)
         if not label:
             column = next(c for c in known[key].columns if c.endswith(f".absolute{_RMS}"))
             label = column.partition(".")[0]

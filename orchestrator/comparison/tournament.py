@@ -31,6 +31,7 @@ from ..scenario.scenario import Receivers, Scenario
 from ..scenario.scenario import load as load_scenario
 from ..scenario.sources import known_source
 from ..shown import Picture, Shown, page, verbatim
+from ..simulation.how import How
 from ..simulation.process import patience
 from ..study import runner
 from ..study.kept import Kept
@@ -281,10 +282,8 @@ def compare(
             if progress is not None:
                 progress((i + share) / len(studies), f"simulating {names[i]}")
 
-        tables.append(runner.simulated(
-            study, workers=workers, master=master, step_timeout=step_timeout, progress=told,
-            keep=keep,
-        ))  # fmt: skip
+        how = How(master, step_timeout, workers, progress=told)
+        tables.append(runner.simulated(study, how, keep))
     settings = {
         "scenarios": [study.base.given() for study in studies],
         "receivers": [alike.origin(known_source(it)) for it in studies[0].receivers],

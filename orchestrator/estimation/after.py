@@ -13,17 +13,20 @@ from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
 
 from ..artifacts import Other, plain
+from ..data import samples
+from ..data.estimates import Estimates
+from ..data.samples import Samples
 from ..errors import ConfigurationError, ConfigurationWarning, instance, nearest, shortened
 from ..layout import fitted
 from ..results.result import Result
 from ..scenario.arrangement import has_own_errors
 from ..scenario.overrides import Changes, pairs
 from ..scenario.scenario import Scenario, load
+from ..scenario.sources import choice_of
 from ..scenario.wiring import applied
 from ..shown import Picture, Shown
-from . import model, outcome, samples, smoother, start
+from . import model, outcome, smoother, start
 from .folder import read_run
-from .samples import Samples
 from .smoother import PASSES, Track
 
 if TYPE_CHECKING:
@@ -54,7 +57,7 @@ class Smoothed(Shown):
 
     result: Result
     track: Track
-    estimates: outcome.Estimates
+    estimates: Estimates
 
     @property
     def errors(self) -> pd.DataFrame:
@@ -193,4 +196,4 @@ def assumed(scenario: Scenario, overrides: Changes) -> Scenario:
                 f"run is over{nearest(name, [f'receiver.{key}' for key in known])}"
             )
     keys = {".".join(path): value for path, value in batch}
-    return load(applied(scenario, COUPLED), keys.items())
+    return load(applied(scenario, choice_of(scenario, COUPLED)), keys.items())

@@ -6,6 +6,7 @@ import re
 import tomllib
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -17,21 +18,24 @@ from sblcosim.fmus import files
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 
 from .. import manifests
+from ..data.estimates import Estimates, Integers
+from ..data.record import Record
+from ..data.truth import TRUTH
 from ..errors import ConfigurationError, ConfigurationWarning, one_line, shortened
 from ..manifests import HASHES, MANIFEST, OTHER
-from ..results.definitions import TRUTH
 from ..results.description import RunDescription
-from ..results.result import Result
+from ..results.result import MADE, Result
 from ..scenario.reading import shown
 from ..scenario.scenario import Scenario, load
 from ..scenario.schema import CORE_COMPONENTS
-from ..simulation.record import Record
 
 RECORD = "record.parquet"
 SCENARIO = "scenario.toml"
 _LONGEST = 300
 """Characters of what is said of a scenario that was edited."""
-_COLUMN = re.compile(r"([^.\[\]]+\.[^\[\]]+)(?:\[(\d{1,3}(?:,\d{1,3})*)\])?")
+_INDEX = r"(?:\[(\d{1,3}(?:,\d{1,3})*)\])?"
+_OUTPUT = re.compile(rf"([^.\[\]]+\.[^\[\]]+){_INDEX}")
+_FIELD = re.compile(rf"([^.\[\]]+){_INDEX}")
 
 
 def read_run(folder: str | Path) -> Result:
@@ -58,11 +62,12 @@ def read_run(folder: str | Path) -> Result:
     about = _manifest(path)
     changed = _changed(path, about)
     scenario = _scenario(path / SCENARIO, about["scenario"], SCENARIO in changed)
-    time_ns, values = _columns(path / RECORD)
+    time_ns, values = _record(path / RECORD)
     labels = [str(receiver["label"]) for receiver in about["receivers"]]
+    made = {n: _made(file) for n in labels if (file := path / f"{MADE}{n}.parquet").is_file()}
     missing = [name for name in TRUTH if name not in values]
     missing += [f"{n}.update_count" for n in labels if f"{n}.update_count" not in values
-                and n not in about.get("failures", {})]
+                and n not in {*about.get("failures", {}), *made}]
     if missing:
         raise ConfigurationError(
             f"{shown(path / RECORD)}: must have all outputs of the run, got no {', '.join(missing)}"
@@ -79,9 +84,10 @@ def read_run(folder: str | Path) -> Result:
         },
         remarks=about["remarks"],
     )
-    record = Record(time_ns, values, _intervals(scenario, labels))
+    ran = [label for label in labels if label not in made]
+    record = Record(time_ns, values, _intervals(scenario, ran))
     interval_ns = nanoseconds(scenario.receiver.update_interval_s)
-    return Result(description, record, interval_ns, about.get("failures"))
+    return Result(description, record, interval_ns, about.get("failures"), made=made)
 
 
 def _intervals(scenario: Scenario, labels: list[str]) -> dict[str, int]:
@@ -119,10 +125,11 @@ def _changed(path: Path, about: Mapping[str, Any]) -> list[str]:
             "of earlier versions; damaged files go unnoticed", ConfigurationWarning, stacklevel=4
         )
     changed = manifests.changed(path, about)
-    if RECORD in changed:
-        raise ConfigurationError(
-            f"{shown(path / RECORD)}: {OTHER}; do the run again, into another folder"
-        )
+    for name in changed:
+        if name == RECORD or name.startswith(MADE):
+            raise ConfigurationError(
+                f"{shown(path / name)}: {OTHER}; do the run again, into another folder"
+            )
     for name in changed:
         if name != SCENARIO:
             manifests.warn(path, name, "the smoother does not need it")
@@ -166,25 +173,50 @@ def _is_file(value: object) -> bool:
     return isinstance(value, str) and bool(Path(value).suffix)
 
 
-def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generic]]]:
+def _record(path: Path) -> tuple[Integers, dict[str, NDArray[np.generic]]]:
     """Instants [ns], and the outputs in their shapes."""
-    where = shown(path)
+    columns = _read(path)
+    time_s = columns.pop("time_s", np.zeros(0))
+    if time_s.dtype != np.float64 or not len(time_s) or not np.all(np.diff(time_s) > 0):
+        raise _refusal(path, "no time_s that increases")
+    return np.rint(time_s * 1e9).astype(np.int64), _shaped(path, columns, _OUTPUT)
+
+
+def _made(path: Path) -> Estimates:
+    """Estimates that were made after the run."""
+    values = _shaped(path, _read(path), _FIELD)
+    known = {f.name for f in fields(Estimates)}
+    missing = [*({"epoch_ns", "position"} - values.keys()), *(values.keys() - known)]
+    if missing:
+        raise _refusal(path, missing[0])
+    return Estimates(**values)
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
     try:
         table = parquet.read_table(files.regular(path))
-        found = {name: table[name].to_numpy() for name in table.column_names}
+        return {name: table[name].to_numpy() for name in table.column_names}
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         got = shortened(one_line(error))
-        raise ConfigurationError(f"{where}: must be a table of Parquet, got {got}") from None
-    time_s = found.pop("time_s", np.zeros(0))
-    wrong = ""
-    if time_s.dtype != np.float64 or not len(time_s) or not np.all(np.diff(time_s) > 0):
-        wrong = "no time_s that increases"
-    wrong = wrong or next((n for n, v in found.items() if v.dtype.kind not in "fiub"), "")
-    elements: dict[str, dict[tuple[int, ...], NDArray[np.generic]]] = {}
-    for name, column in found.items():
-        match = _COLUMN.fullmatch(name)
+        raise ConfigurationError(f"{shown(path)}: must be a table of Parquet, got {got}") from None
+
+
+def _refusal(path: Path, got: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"{shown(path)}: must be the record of a run, got {shortened(got)}"
+    )
+
+
+def _shaped(
+    path: Path, columns: Mapping[str, NDArray[Any]], pattern: re.Pattern[str]
+) -> dict[str, NDArray[Any]]:
+    """The arrays of which `frame_of` has made columns."""
+    wrong = [name for name, values in columns.items() if values.dtype.kind not in "fiub"]
+    elements: dict[str, dict[tuple[int, ...], NDArray[Any]]] = {}
+    for name, column in columns.items():
+        match = pattern.fullmatch(name)
         if match is None:
-            wrong = wrong or name
+            wrong.append(name)
         else:
             index = tuple(int(i) - 1 for i in match[2].split(",")) if match[2] else ()
             elements.setdefault(match[1], {})[index] = column
@@ -192,10 +224,10 @@ def _columns(path: Path) -> tuple[NDArray[np.int64], dict[str, NDArray[np.generi
     for name, parts in elements.items():
         shape = tuple(np.max(list(parts), axis=0) + 1) if () not in parts else ()
         if len(parts) != np.prod(shape, dtype=int) or {*parts} != {*np.ndindex(shape)}:
-            wrong = wrong or name
+            wrong.append(name)
         else:
             rows = np.stack([parts[index] for index in np.ndindex(shape)], axis=1)
-            values[name] = rows.reshape(len(time_s), *shape)
+            values[name] = rows.reshape(len(rows), *shape)
     if wrong:
-        raise ConfigurationError(f"{where}: must be the record of a run, got {shortened(wrong)}")
-    return np.rint(time_s * 1e9).astype(np.int64), values
+        raise _refusal(path, wrong[0])
+    return values

@@ -24,11 +24,11 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
 
+from ..data.estimates import Integers
+from ..data.samples import Samples
 from ..scenario.scenario import Scenario
 from ..scenario.schema import in_si
-from ..simulation.record import Integers
 from .linear import Floats, Problem
-from .samples import Samples
 
 Indices = NDArray[np.intp]
 PRIOR = number_of(INITIALISATION, "prior")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     NEAREST,
@@ -21,48 +20,15 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED
 
+from ..data.estimates import Estimates
+from ..data.samples import Samples
 from ..results.result import Result
 from ..scenario.labels import RAW
-from ..shown import Shown
-from ..simulation.record import Integers, Record
 from . import model
 from .linear import Floats
-from .samples import Samples
 
 ORDER = [i for pair in zip(POSITION, VELOCITY, strict=True) for i in pair]
 """The paper's order of position and velocity, among the states."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Estimates(Shown):
-    """Estimates at the epochs of the samples, of shape (n, …), as the outputs of `coupled`.
-
-    Attributes
-    ----------
-    epochs_ns
-        Epochs [ns].
-    position, velocity, covariance
-        NED [m], [m/s], and the covariance of (x, vx, y, vy, z, vz), SI units.
-    relative_position, relative_covariance
-        Of the diver less the platform [m], [m²].
-    platform_position
-        NED [m].
-    clock_offset, sound_speed
-        [s], [m/s].
-    """
-
-    epochs_ns: Integers
-    position: Floats
-    velocity: Floats
-    covariance: Floats
-    relative_position: Floats
-    relative_covariance: Floats
-    platform_position: Floats
-    clock_offset: Floats
-    sound_speed: Floats
-
-    def __len__(self) -> int:
-        return len(self.epochs_ns)
 
 
 def of_states(
@@ -93,13 +59,19 @@ def of_states(
     own[:, ::2, ::2][:, :2, :2] += bent
     own[:, [0, 2], [0, 2]] += p.gps_bias_std**2
     c = p.assumed_sound_speed
-    there = epochs >= first_ns(p, samples)
     return Estimates(
-        epochs[there], mean[there][:, list(POSITION)], mean[there][:, list(VELOCITY)], own[there],
-        relative[there], relative_covariance[there],
-        np.column_stack([mean[:, list(PLATFORM)], down - mean[:, VERTICAL_ERROR]])[there],
-        mean[there, CLOCK] / c, c / (1 + mean[there, SPEED]),
-    )
+        epoch_ns=epochs,
+        position=mean[:, list(POSITION)],
+        velocity=mean[:, list(VELOCITY)],
+        covariance=own,
+        relative_position=relative,
+        relative_covariance=relative_covariance,
+        platform_position=np.column_stack(
+            [mean[:, list(PLATFORM)], down - mean[:, VERTICAL_ERROR]]
+        ),
+        clock_offset=mean[:, CLOCK] / c,
+        sound_speed=c / (1 + mean[:, SPEED]),
+    ).chosen(epochs >= first_ns(p, samples))
 
 
 def _bent(y: Floats, P: Floats) -> Floats:
@@ -134,9 +106,6 @@ def beside(
 ) -> Result:
     """The result with another receiver: estimates that were made after the run.
 
-    In the record an estimate is there from the first update of the receivers after its epoch on, as
-    if it had been made then; of several at one update the last.
-
     Parameters
     ----------
     label
@@ -144,23 +113,6 @@ def beside(
     origin
         What the manifest says of it.
     """
-    record = result.record
-    values: dict[str, NDArray[np.generic]] = {
-        name: value for name, value in record.values.items()
-        if name.partition(".")[0] != label
-    }
-    start_ns, interval_ns = record.time_ns[0], result.update_interval_ns or 1
-    update_ns = start_ns + ((estimates.epochs_ns - start_ns) // interval_ns + 1) * interval_ns
-    newest = np.searchsorted(update_ns, record.time_ns, side="right") - 1
-    fixed, row = newest >= 0, np.maximum(newest, 0)
-    there = np.diff(np.where(fixed, update_ns[row], start_ns), prepend=start_ns) > 0
-    values[f"{label}.valid"] = fixed
-    values[f"{label}.update_count"] = np.cumsum(there).astype(np.int32)
-    for name, column in _columns(estimates).items():
-        some = column[row]
-        values[f"{label}.{name}"] = np.where(
-            fixed.reshape(-1, *(1 for _ in some.shape[1:])), some, some.dtype.type(0)
-        )
     before = [name for name in result.description.receivers if name not in (label, RAW)]
     last = [name for name in result.description.receivers if name == RAW]
     description = replace(
@@ -168,25 +120,10 @@ def beside(
         receivers=[*before, label, *last],
         origins={**result.origins, label: dict(origin)},
     )
-    intervals = {k: v for k, v in record.intervals_ns.items() if k != label}
     return Result(
-        description,
-        Record(record.time_ns, values, intervals, record.failures),
-        result.update_interval_ns,
-        result.failures,
+        description, result.record, result.update_interval_ns, result.failures,
+        made={**result.made, label: estimates},
     )
-
-
-def _columns(estimates: Estimates) -> dict[str, Floats]:
-    names = (
-        "position", "velocity", "covariance", "relative_position", "relative_covariance",
-        "platform_position", "clock_offset", "sound_speed",
-    )
-    return {
-        "epoch": estimates.epochs_ns / 1e9,
-        **{name: getattr(estimates, name) for name in names},
-        "position_std": np.sqrt(np.diagonal(estimates.covariance, axis1=1, axis2=2)[:, ::2]),
-    }
 
 
 def origin_of(p: Any, kind: str, **facts: Any) -> dict[str, Any]:

@@ -47,14 +47,14 @@ from sblcosim.models.receiver.surroundings import (
     Pose,
 )
 
+from ..data.estimates import Estimates
+from ..data.samples import Samples
 from ..errors import ConfigurationError, shortened
 from ..results.result import Result
 from ..scenario.overrides import Changes
 from . import late, model, outcome
 from .after import prepared
 from .linear import Floats
-from .outcome import Estimates
-from .samples import Samples
 
 LABEL = "particle_filter"
 _REACH = 4.0
@@ -69,6 +69,10 @@ _SEEN[0, 3] = -1.0
 """From (x, v, w, p, g) to (y, v, w, p, g)."""
 _PLACE = np.array([0.0, 0.0, 0.0, 1.0, 1.0])
 _READING = np.array([1.0, 0.0, 1.0])
+_MOMENTS = (
+    "position", "velocity", "covariance", "relative_position", "relative_covariance",
+    "platform_position", "clock_offset", "sound_speed",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +199,8 @@ def filtered(p: Any, samples: Samples, particles: int, seed: int) -> Estimates:
             rows.append((epoch, *moments(p, cloud, down)))
     if not rows:
         raise ConfigurationError("record: must have ranges and depths, for a first fix, got none")
-    return Estimates(*(np.array(column) for column in zip(*rows, strict=True)))
+    columns = map(np.array, zip(*rows, strict=True))
+    return Estimates(**dict(zip(("epoch_ns", *_MOMENTS), columns, strict=True)))
 
 
 def _poses(p: Any, samples: Samples) -> list[Pose]:
@@ -380,7 +385,7 @@ def resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
 
 
 def moments(p: Any, cloud: Cloud, down: float) -> tuple[Any, ...]:
-    """The fields of `Estimates` beside the epoch."""
+    """The posterior as a Gaussian: the fields `_MOMENTS` of `Estimates`."""
     weight, n = cloud.weight, len(cloud.log_weight)
     y, v, place = cloud.flat[:, :, 0], cloud.flat[:, :, 1], cloud.flat[:, :, 3]
     z, rate = cloud.down[:, :1], cloud.down[:, 1:2]

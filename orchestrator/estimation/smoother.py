@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from sblcosim.models.receiver.surroundings import POSITION
 
+from ..data.estimates import Integers
+from ..data.samples import Samples
 from ..shown import Shown
-from ..simulation.record import Integers
 from . import late, linear, model
 from .linear import Floats, Moments, Problem
-from .samples import Samples
 
 PASSES = 20
 """At most this many passes."""

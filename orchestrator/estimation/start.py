@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,15 +19,16 @@ from sblcosim.models.receiver.surroundings import (
 )
 from sblcosim.models.receiver.variables import COUPLED
 
+from ..data.record import Record
+from ..data.samples import Samples
 from ..errors import ConfigurationError
 from ..scenario.scenario import Scenario
 from ..simulation.execution import execute
-from ..simulation.record import Record
+from ..simulation.player import Player
 from ..simulation.resolve import resolve
 from ..simulation.system import ComponentSpec, Connection, System
 from . import model
 from .linear import Floats
-from .samples import Samples
 
 _WINDOW = 20
 """Packets that make a heading together, where each has but its own beacon's position."""
@@ -44,46 +43,24 @@ def ran(record: Record) -> str | None:
     return None
 
 
-class _Replay:
-    """Gives out what a record has, instant by instant."""
-
-    def __init__(self, record: Record, names: Mapping[str, str]) -> None:
-        values = {v.name: v for v in (*RECEPTION, *PING_POSE, *DEPTH)}
-        self.variables = tuple(  # as many rows as the record has beacons
-            replace(values[name], shape=record.values[column].shape[1:])
-            for name, column in names.items()
-        )
-        self._time_ns = record.time_ns
-        self._columns = {name: record.values[column] for name, column in names.items()}
-
-    def initialise(self, start_ns: int, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
-        return self._at(start_ns)
-
-    def do_step(
-        self, time_ns: int, step_ns: int, inputs: Mapping[str, Any]
-    ) -> Mapping[str, Any]:
-        return self._at(time_ns + step_ns)
-
-    def _at(self, time_ns: int) -> Mapping[str, Any]:
-        i = int(np.searchsorted(self._time_ns, time_ns, side="right")) - 1
-        return {name: column[i] for name, column in self._columns.items()}
-
-
 def run_coupled(record: Record, p: Any, scenario: Scenario) -> Record:
     """Run `coupled` on the samples of a record; its estimates as a record of its own."""
     from sblcosim.fmus.build.factory import build
 
-    columns = {
-        v.name: f"{owner}.{v.name}"
+    played = {
+        v: record.values[name]
         for owner, variables in (("acoustics", (*RECEPTION, *PING_POSE)), ("target", DEPTH))
         for v in variables
-        if f"{owner}.{v.name}" in record.values
+        if (name := f"{owner}.{v.name}") in record.values
     }
+    columns = {v.name: values for v, values in played.items()}
     interval_ns = nanoseconds(scenario.receiver.update_interval_s)
     values = {v.name: getattr(p, v.name) for v in COUPLED.of("parameter")}
     system = System(
         {
-            "record": ComponentSpec(lambda: _Replay(record, columns), interval_ns),
+            "record": ComponentSpec(
+                lambda: Player(played, record.time_ns, columns), interval_ns
+            ),
             "coupled": ComponentSpec(
                 build("coupled", scenario.fmi, beacons=scenario.beacons),
                 interval_ns,
@@ -115,7 +92,9 @@ def trajectory(record: Record, label: str, p: Any, samples: Samples) -> Floats:
             "record: must have ranges to three beacons and a depth, for a first estimate, got "
             f"ranges to {len(set(samples.beacon))} and {len(samples.depth)} depths"
         )
-    row = np.searchsorted(record.time_ns, estimates.available_ns)
+    available_ns = estimates.available_ns
+    assert available_ns is not None, "these were made in a run"
+    row = np.searchsorted(record.time_ns, available_ns)
     epochs = samples.epochs_ns
 
     def at_epochs(values: Any) -> Floats:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 
-from ..results.definitions import held_at, recorded, state_at
+from ..data.record import Record, epochs_ns
+from ..data.truth import held_at, recorded, state_at
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
-from ..simulation.record import Record, epochs_ns
 from .parameters import STOCHASTIC, beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
 from .recursion import Epochs, Model, covariances

@@ -13,6 +13,7 @@ from typing import Any
 from ..comparison import sources
 from ..errors import NoEffectWarning
 from ..scenario.scenario import Scenario, Source
+from ..simulation.how import How
 from ..study import runner
 from ..study.definition import value_of
 from ..study.study import load
@@ -111,7 +112,7 @@ def _percentiles(
                 "factors": {"without": {"levels": levels}},
             }
         )
-        table = runner.simulated(study, workers=workers)
+        table = runner.simulated(study, How(workers=workers))
     label = next(c.partition(".")[0] for c in table.columns if c.endswith(".lost"))
     groups = table.groupby("without", sort=False)
     return {str(name): percentile(runs, label) for name, runs in groups}

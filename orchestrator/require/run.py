@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -17,6 +16,7 @@ from .. import artifacts
 from ..errors import ConfigurationError, resolved
 from ..results.responses import RESPONSES
 from ..scenario.files import naming_files
+from ..simulation.how import HOW, How
 from ..study import executors, parts, runner, store
 from ..study.campaign import Campaign, Run, prepare
 from .answer import Answer
@@ -76,9 +76,8 @@ def decide(
     out = Path(out)
     artifacts.check(out / ANSWER)
     elimination, values = decided(
-        asked, out / RUNS, until_sure=until_sure, workers=workers, executor=executor,
-        scheduler=scheduler, progress=progress,
-    )  # fmt: skip
+        asked, out / RUNS, How(None, None, workers, executor, scheduler, progress), until_sure
+    )
     found = answered(asked, elimination, values, workers)
     from .report import save
 
@@ -87,14 +86,7 @@ def decide(
 
 
 def decided(
-    question: Question,
-    folder: Path,
-    *,
-    until_sure: bool = False,
-    workers: int | None = None,
-    executor: str | Executor = "threads",
-    scheduler: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    question: Question, folder: Path, how: How = HOW, until_sure: bool = False
 ) -> tuple[Elimination, dict[tuple[int, int], Floats]]:
     """Run until all is decided; return what is, and the responses by design and condition."""
     folder = resolved(folder)
@@ -105,12 +97,7 @@ def decided(
         raise ConfigurationError(
             f"{error}; answer into another folder (--out), or delete {folder.parent}"
         ) from None
-    with (
-        executors.ready(
-            campaign, executor=executor, scheduler=scheduler, workers=workers
-        ) as simulated,
-        store.at_work(folder),
-    ):
+    with executors.ready(campaign, how) as simulated, store.at_work(folder):
         there = store.open_folder(folder, campaign)
         known: dict[str, Floats] = {}
         if there.paths:
@@ -118,12 +105,12 @@ def decided(
 
         def carried_out(runs: Sequence[Run]) -> None:
             missing = [run for run in runs if run.run_id not in known]
-            for part, rows in simulated(_parts(campaign, missing, workers), _silent):
+            for part, rows in simulated(_parts(campaign, missing, how), _silent):
                 parts.write(folder, campaign, part, rows)
                 known.update(_responses(question, rows))
 
         prices = [design.cost for design in question.designs] if until_sure else None
-        return _eliminated(question, campaign, known, carried_out, progress, prices)
+        return _eliminated(question, campaign, known, carried_out, how.progress, prices)
 
 
 def _eliminated(
@@ -173,14 +160,12 @@ def _runs(question: Question, campaign: Campaign, batch: Batch) -> list[Run]:
     return runs
 
 
-def _parts(
-    campaign: Campaign, runs: Sequence[Run], workers: int | None
-) -> Iterator[Sequence[Run]]:
+def _parts(campaign: Campaign, runs: Sequence[Run], how: How) -> Iterator[Sequence[Run]]:
     """Runs in the parts that are stored together: what a kill can cost."""
     longest = max(group.steps for group in campaign.groups)
     size = max(1, min(runner.BATCH, runner.BATCH_STEPS // longest))
     if not all(group.in_lanes for group in campaign.groups):
-        size = runner.ALONE * (workers or os.cpu_count() or 1)
+        size = runner.ALONE * how.threads
     for i in range(0, len(runs), size):
         yield runs[i : i + size]
 

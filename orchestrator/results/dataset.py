@@ -38,7 +38,7 @@ from .description import RunDescription
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ..simulation.record import Record
+    from ..data.record import Record
 
 Array = NDArray[Any]
 Parts = Iterator[tuple[str, tuple[tuple[str, ...], Array, dict[str, str]]]]

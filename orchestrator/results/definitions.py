@@ -46,16 +46,14 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..data.estimates import Estimates, Flags, Floats
+from ..data.record import Record
+from ..data.truth import Truth, of_record
 from ..lazy import Module
 from ..shown import Shown
-from ..simulation.record import Estimates, Record
 
 special = Module("scipy.special")
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Nanoseconds = NDArray[np.int64]
 
 LOST = (
     "Lost is judged in the last quarter of a run alone: off by more than the diver is from the "
@@ -81,11 +79,6 @@ PIVOT = 1e-14
 """Smallest usable pivot, as a share of its diagonal element; as ``PIVOT`` in the C code."""
 PERCENTAGES = (50, 67, 95, 100)
 """Percentages of the order statistics; 100 is the largest error."""
-TRUTH = (
-    "target.position", "target.velocity", "platform.position", "platform.beacon_position",
-    "platform.reported_beacon_position",
-)
-"""Outputs that `judge` needs, in addition to the receiver's ports."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +101,7 @@ class Judged(Shown):
         Errors in the absolute and the relative frame [m]; shape (m, 3).
     square, relative_square, distance_square
         Squared lengths of the errors, and squared true distance to the platform [m²]; shape (m,).
+        What is relative to the platform is None where its true motion is not known.
     nees
         NEES of the absolute position; shape (m,); NaN without a positive definite covariance.
     own_relative, own_relative_square, own_relative_nees
@@ -121,12 +115,12 @@ class Judged(Shown):
     late: Flags
     true_position: Floats
     true_velocity: Floats
-    platform_error: Floats
+    platform_error: Floats | None
     error: Floats
-    relative: Floats
+    relative: Floats | None
     square: Floats
-    relative_square: Floats
-    distance_square: Floats
+    relative_square: Floats | None
+    distance_square: Floats | None
     nees: Floats
     own_relative: Floats | None = None
     own_relative_square: Floats | None = None
@@ -137,17 +131,14 @@ class Judged(Shown):
 
 
 def judge(record: Record, receiver: str) -> Judged:
-    """Compare a receiver's estimates with the truth; see the definitions above.
+    """Compare a receiver's estimates in a record, which contains `TRUTH`, with the truth there."""
+    return judged_by(record.estimates(receiver), of_record(record))
 
-    Parameters
-    ----------
-    record
-        Record that contains `TRUTH` and the receiver's ports.
-    """
-    estimates = record.estimates(receiver)
-    time, epoch = record.time_ns, estimates.epoch_ns
-    inside = (time[0] <= epoch) & (epoch <= time[-1])
-    own = record.own("target")
+
+def judged_by(estimates: Estimates, truth: Truth) -> Judged:
+    """Compare estimates with the truth; see the definitions above."""
+    epoch = estimates.epoch_ns
+    inside = (truth.start_ns <= epoch) & (epoch <= truth.stop_ns)
     known = epoch[inside]
 
     def of_run(values: Floats) -> Floats:
@@ -156,28 +147,26 @@ def judge(record: Record, receiver: str) -> Judged:
         everywhere[inside] = values
         return everywhere
 
-    position, velocity = map(of_run, state_at(
-        time[own], recorded(record, "target.position")[own],
-        recorded(record, "target.velocity")[own], known,
-    ))  # fmt: skip
-    off = of_run(held_at(time, platform_errors(record), known))
-    platform = of_run(held_at(time, recorded(record, "platform.position"), known))
+    position, velocity = map(of_run, truth.state_at(known))
+    about = truth.platform_at(known)
+    platform, off = (None, None) if about is None else map(of_run, about)
     epoch_s = epoch / 1e9
     with np.errstate(invalid="ignore", over="ignore"):
         error = estimates.position - position
-        relative = error - off
-        square, relative_square = square_of(error), square_of(relative)
+        square = square_of(error)
+        relative = None if off is None else error - off
+        relative_square = None if relative is None else square_of(relative)
         P = estimates.covariance
-        away = position - platform
+        away = None if platform is None else position - platform
         own_error, own_square, own_nees = _own_relative(estimates, away)
-        finite = square + relative_square < np.inf
+        finite = (square if relative_square is None else square + relative_square) < np.inf
         if own_square is not None:
             finite &= own_square < np.inf
         return Judged(
             estimates,
             epoch_s,
             broken=~finite,
-            late=late_from_ns(int(time[0]), int(time[-1])) / 1e9 <= epoch_s,
+            late=late_from_ns(truth.start_ns, truth.stop_ns) / 1e9 <= epoch_s,
             true_position=position,
             true_velocity=velocity,
             platform_error=off,
@@ -185,7 +174,7 @@ def judge(record: Record, receiver: str) -> Judged:
             relative=relative,
             square=square,
             relative_square=relative_square,
-            distance_square=square_of(away),
+            distance_square=None if away is None else square_of(away),
             nees=np.full(len(epoch), np.nan) if P is None else nees(error, of_position(P)),
             own_relative=own_error,
             own_relative_square=own_square,
@@ -194,16 +183,16 @@ def judge(record: Record, receiver: str) -> Judged:
 
 
 def _own_relative(
-    estimates: Estimates, away: Floats
+    estimates: Estimates, away: Floats | None
 ) -> tuple[Floats, Floats, Floats] | tuple[None, None, None]:
-    """Own relative errors [m], their squared lengths [m²] and NEES; None without the output.
+    """Own relative errors [m], their squared lengths [m²] and NEES; None where not known.
 
     Parameters
     ----------
     away
         True position minus that of the platform [m]; shape (m, 3).
     """
-    if estimates.relative_position is None:
+    if estimates.relative_position is None or away is None:
         return None, None, None
     error = estimates.relative_position - away
     P = estimates.relative_covariance
@@ -213,14 +202,9 @@ def _own_relative(
 
 def chosen(judged: Judged, which: Flags) -> Judged:
     """The selected estimates."""
-
-    def some(thing: Any) -> Any:
-        return None if thing is None else thing[which]
-
-    estimates = judged.estimates
-    kept = Estimates(**{f.name: some(getattr(estimates, f.name)) for f in fields(estimates)})
-    own = {f.name: some(getattr(judged, f.name)) for f in fields(judged) if f.name != "estimates"}
-    return Judged(kept, **own)
+    values = {f.name: getattr(judged, f.name) for f in fields(judged) if f.name != "estimates"}
+    own: dict[str, Any] = {n: None if v is None else v[which] for n, v in values.items()}
+    return Judged(judged.estimates.chosen(which), **own)
 
 
 def horizontal_square(x: Floats, y: Floats) -> Floats:
@@ -230,10 +214,9 @@ def horizontal_square(x: Floats, y: Floats) -> Floats:
 
 def errors_of(judged: Judged) -> dict[str, tuple[Floats, Floats]]:
     """Errors [m], shape (m, 3), and their squared lengths [m²], by the frames that there are."""
-    errors = {
-        "absolute": (judged.error, judged.square),
-        "relative": (judged.relative, judged.relative_square),
-    }
+    errors = {"absolute": (judged.error, judged.square)}
+    if judged.relative is not None and judged.relative_square is not None:
+        errors["relative"] = (judged.relative, judged.relative_square)
     if judged.own_relative is not None and judged.own_relative_square is not None:
         errors["own_relative"] = (judged.own_relative, judged.own_relative_square)
     return errors
@@ -274,76 +257,6 @@ def order_statistics(values: Floats, percentages: Sequence[int]) -> Floats:
     ranks = -(-n * np.array(percentages, np.int64) // 100)
     statistics: Floats = np.sort(values)[ranks - 1]
     return statistics
-
-
-def state_at(
-    time_ns: Nanoseconds, position: Floats, velocity: Floats, epoch_ns: Nanoseconds
-) -> tuple[Floats, Floats]:
-    """True position and velocity at the given epochs.
-
-    At a recorded instant these are the recorded values, bit by bit; between instants, those of the
-    cubic Hermite polynomial through the recorded positions and velocities at both ends.
-
-    Parameters
-    ----------
-    time_ns
-        Recorded instants [ns], increasing; shape (n,).
-    position, velocity
-        Recorded motion [m], [m/s]; shape (n, 3).
-    epoch_ns
-        Epochs within the recorded time [ns]; shape (m,).
-
-    Returns
-    -------
-    position, velocity
-        [m], [m/s]; shape (m, 3).
-
-    Raises
-    ------
-    ValueError
-        An epoch lies outside the recorded time.
-    """
-    if epoch_ns.size and not (time_ns[0] <= epoch_ns.min() and epoch_ns.max() <= time_ns[-1]):
-        raise ValueError("epochs must lie within the recorded time")
-    right = np.searchsorted(time_ns, epoch_ns)
-    exact = time_ns[right] == epoch_ns
-    left = np.where(exact, right, right - 1)
-    step = np.where(exact, 1, time_ns[right] - time_ns[left])
-    h = (step * 1e-9)[:, None]
-    u = ((epoch_ns - time_ns[left]) / step)[:, None]
-    p0, p1, v0, v1 = position[left], position[right], velocity[left], velocity[right]
-    secant = (p1 - p0) / h
-    # p = p0 + h (v0 u + b u² + a u³), with a and b from p(1) = p1 and dp/du(1) = h v1
-    b = 3 * secant - 2 * v0 - v1
-    a = v0 + v1 - 2 * secant
-    between = p0 + h * u * (v0 + u * (b + u * a))
-    return (
-        np.where(exact[:, None], p0, between),
-        np.where(exact[:, None], v0, v0 + u * (2 * b + u * 3 * a)),
-    )
-
-
-def held_at(time_ns: Nanoseconds, values: Floats, epoch_ns: Nanoseconds) -> Floats:
-    """Recorded values at the last instant not after each epoch; shape (m, …)."""
-    held: Floats = values[np.searchsorted(time_ns, epoch_ns, side="right") - 1]
-    return held
-
-
-def recorded(record: Record, name: str) -> Floats:
-    """Recorded values of ``"component.variable"`` as floats; shape (n, …)."""
-    return record.values[name].astype(np.float64, copy=False)
-
-
-def platform_errors(record: Record) -> Floats:
-    """Mean over the beacons of reported minus true position at all instants [m]; shape (n, 3)."""
-    reported = recorded(record, "platform.reported_beacon_position")
-    beacon = recorded(record, "platform.beacon_position")
-    beacons = beacon.shape[1]
-    error = np.zeros((len(record), 3))
-    for j in range(beacons):  # in the same order as the C code, for equal bits
-        error += reported[:, j] - beacon[:, j]
-    error *= 1.0 / beacons
-    return error
 
 
 def square_of(v: Floats) -> Floats:

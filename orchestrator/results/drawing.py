@@ -23,9 +23,9 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform, ScaledTranslation
 
+from ..data.estimates import Floats
 from ..scenario.labels import RAW
 from ..style import LINES, MARKERS, SIZE, SMALL, Theme, new_figure
-from .definitions import Floats
 
 Tracks = Mapping[str, pd.DataFrame]
 

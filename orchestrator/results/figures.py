@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..data.estimates import Floats
+from ..data.truth import recorded
 from ..style import LINES, ThemeName, use
 from . import drawing, possible
-from .definitions import AXES, FRAME_WORDS, Floats, recorded
+from .definitions import AXES, FRAME_WORDS
 from .drawing import Tracks
 from .maps import plot_path as plot_path
 from .maps import plot_path_3d as plot_path_3d
 from .metrics import REPORTED, error_column, with_errors
 
 if TYPE_CHECKING:
+    from ..data.record import Record
     from ..limits.verdict import Limits
-    from ..simulation.record import Record
 
 NAMES = {"x": "North x", "y": "East y", "z": "Depth z"}
 INCLINATION_WINDOW_S = 60.0

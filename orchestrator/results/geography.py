@@ -15,7 +15,7 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from ..tracks.place import Floats, Origin
 
 if TYPE_CHECKING:
-    from ..simulation.record import Record
+    from ..data.record import Record
 
 GEOJSON, GPX = "path.geojson", "path.gpx"
 MOST_POINTS = 10_000

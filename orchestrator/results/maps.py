@@ -16,15 +16,17 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
+from ..data.estimates import Floats
+from ..data.truth import recorded
 from ..style import SMALL, Theme, ThemeName, new_figure, use
 from . import drawing
-from .definitions import AXES, Floats, recorded
+from .definitions import AXES
 from .drawing import BOTTOM, GAP, LEFT, RIGHT, Tracks
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
-    from ..simulation.record import Record
+    from ..data.record import Record
 
 MOST_TOGETHER = 3
 """Filters on one map; more of them get a map each."""

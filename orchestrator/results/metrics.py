@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..data.record import NEVER
 from ..errors import ConfigurationError, FmuError, check_choice
-from ..simulation.record import NEVER
 from .definitions import (
     AXES,
     FRAMES,
@@ -23,13 +23,12 @@ from .definitions import (
     POSITION_STATES,
     PREFIXES,
     Judged,
-    Nanoseconds,
     chi_square_band,
     errors_of,
     horizontal_square,
     in_order,
     inconsistent,
-    judge,
+    judged_by,
     nees,
     of_position,
     order_statistics,
@@ -38,7 +37,9 @@ from .definitions import (
 from .definitions import lost as lost_by
 
 if TYPE_CHECKING:
-    from ..simulation.record import Record
+    from ..data.estimates import Estimates, Floats, Integers
+    from ..data.record import Record
+    from ..data.truth import Truth
 
 REPORTED = "platform.reported_attitude"
 """An output of our own platform: what its IMU says."""
@@ -60,7 +61,7 @@ def verdict(mean: float, band: tuple[float, float]) -> str:
     return "pessimistic" if mean < band[0] else "consistent"
 
 
-def track(record: Record, receiver: str) -> pd.DataFrame:
+def track(judged: Judged) -> pd.DataFrame:
     """A receiver's valid estimates with the truth, one row per estimate.
 
     Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
@@ -68,13 +69,8 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     ``own_relative_error_{x,y,z,total}_m``, ``std_{x,y,z}_m`` and ``own_relative_std_{x,y,z}_m``,
     ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
     ``relative_nees_position`` and ``own_relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
-
-    Raises
-    ------
-    FmuError
-        An estimate's epoch lies outside the run, or its position is not finite.
+    What is relative is left out where the platform's true motion is not known.
     """
-    judged = _intact(record, receiver)
     estimates = judged.estimates
     columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
     columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
@@ -89,7 +85,8 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
         columns |= {f"std_{axis}_m": std[:, i] for i, axis in enumerate(AXES)}
     if P is not None:
         columns["nees_position"] = judged.nees
-        columns["relative_nees_position"] = nees(judged.relative, of_position(P))
+        if judged.relative is not None:
+            columns["relative_nees_position"] = nees(judged.relative, of_position(P))
         if estimates.velocity is not None:
             # the paper's order: position, then velocity, of each axis
             pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
@@ -106,46 +103,43 @@ def track(record: Record, receiver: str) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def check(record: Record, receiver: str) -> None:
-    """Refuse estimates whose epoch lies outside of the run, or whose position is not finite.
+def intact(receiver: str, estimates: Estimates, truth: Truth) -> Judged:
+    """Estimates with the truth, none of them broken.
 
     Raises
     ------
     FmuError
-        There is such a one; ``component`` is the one to blame.
+        An estimate's epoch lies outside of the run, or its position is not finite; ``component`` is
+        the one to blame.
     """
-    _intact(record, receiver)
-
-
-def _intact(record: Record, receiver: str) -> Judged:
-    judged = judge(record, receiver)
+    judged = judged_by(estimates, truth)
     if judged.broken.any():
-        error = _problem(record, receiver, judged)
+        error = _problem(receiver, judged, truth)
         error.component = str(error).partition(".")[0]
         raise error
     return judged
 
 
-def _problem(record: Record, receiver: str, judged: Judged) -> FmuError:
+def _problem(receiver: str, judged: Judged, truth: Truth) -> FmuError:
     """The error that describes the first broken estimate."""
     i = int(judged.broken.argmax())
-    start, stop, epoch = record.time_ns[0], record.time_ns[-1], judged.estimates.epoch_ns[i]
+    start, stop, epoch = truth.start_ns, truth.stop_ns, judged.estimates.epoch_ns[i]
     if not start <= epoch <= stop:
         got = "no time" if epoch == NEVER else f"{judged.epoch_s[i]:g} s"
         return FmuError(
             f"{receiver}.epoch: must lie within the run, {start / 1e9:g} to {stop / 1e9:g} s, "
             f"got {got}"
         )
-    own = judged.estimates.relative_position
-    named = (
-        (f"{receiver}.position", judged.estimates.position[i]),
-        ("target.position", judged.true_position[i]),
-        ("platform.reported_beacon_position", judged.platform_error[i]),
-        *(() if own is None else ((f"{receiver}.{OWN_PORT}", own[i]),)),
-    )
+    named = {
+        f"{receiver}.position": judged.estimates.position,
+        "target.position": judged.true_position,
+        "platform.reported_beacon_position": judged.platform_error,
+        f"{receiver}.{OWN_PORT}": judged.estimates.relative_position,
+    }
+    known = [(name, values[i]) for name, values in named.items() if values is not None]
     # If all are finite, the square of an error overflows.
-    overflowing = named[0] if not judged.square[i] < np.inf else named[-1]
-    name, values = next((n for n in named if not np.isfinite(n[1]).all()), overflowing)
+    overflowing = known[0] if not judged.square[i] < np.inf else known[-1]
+    name, values = next((n for n in known if not np.isfinite(n[1]).all()), overflowing)
     return FmuError(
         f"{name}: must be finite and its square, too, in a valid estimate, got {values.tolist()} "
         f"at epoch {judged.epoch_s[i]:g} s"
@@ -253,7 +247,7 @@ def with_errors(
     return some
 
 
-def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:
+def availability(time_ns: Integers, valid: NDArray[np.bool_]) -> float:
     """Share of the time of a run during which a fix was available.
 
     The value of ``valid`` at an instant holds until the next recorded instant.
@@ -263,7 +257,7 @@ def availability(time_ns: Nanoseconds, valid: NDArray[np.bool_]) -> float:
 
 
 def update_share(
-    time_ns: Nanoseconds, update_count: NDArray[np.int64], update_interval_ns: int
+    time_ns: Integers, update_count: NDArray[np.int64], update_interval_ns: int
 ) -> float:
     """Share of a receiver's updates that gave a new estimate.
 
@@ -274,13 +268,14 @@ def update_share(
     return float((update_count[-1] - update_count[0]) / due) if due > 0 else np.nan
 
 
-def lost(record: Record, receiver: str) -> bool:
+def lost(judged: Judged) -> bool | None:
     """Whether the RMS error in the last quarter of the run exceeds the distance to the platform.
 
     The distance is the RMS true distance at the same epochs. A receiver without an estimate in the
-    last quarter is lost too.
+    last quarter is lost too. None where the platform's true motion is not known.
     """
-    judged = judge(record, receiver)
+    if judged.distance_square is None:
+        return None
     late = judged.late & ~judged.broken
     return bool(
         lost_by(
@@ -289,63 +284,104 @@ def lost(record: Record, receiver: str) -> bool:
     )
 
 
+def _fixes(
+    receiver: str,
+    judged: Judged,
+    truth: Truth,
+    record: Record | None,
+    update_interval_ns: int | None,
+) -> tuple[float, float]:
+    """Availability and share of updates.
+
+    Of estimates that were made after the run, availability counts from the first epoch on, and
+    there are no updates.
+    """
+    if record is None or f"{receiver}.update_count" not in record.values:
+        length, epochs = truth.stop_ns - truth.start_ns, judged.estimates.epoch_ns
+        known = truth.stop_ns - int(epochs.min()) if len(epochs) else 0
+        return (known / length if length else float(len(epochs) > 0)), np.nan
+    share = np.nan
+    if update_interval_ns is not None:
+        count = record.values[f"{receiver}.update_count"].astype(np.int64)
+        share = update_share(record.time_ns, count, update_interval_ns)
+    return availability(record.time_ns, record.valid(receiver)), share
+
+
+def _consistency(estimates: pd.DataFrame) -> dict[str, Any]:
+    """Means of NEES and NIS, with their bands and verdicts; of a `track`."""
+    row: dict[str, Any] = {}
+    n = len(estimates)
+    degrees = {
+        "nees_position": np.full(n, 3),
+        "relative_nees_position": np.full(n, 3),
+        "own_relative_nees_position": np.full(n, 3),
+        "nees_state": np.full(n, 6),
+        "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
+    }
+    for name, dof in degrees.items():
+        values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
+        used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
+        row |= of_chi_square(name, values[used], dof[used])
+    return row
+
+
+def of_chi_square(name: str, values: Floats, degrees: NDArray[Any]) -> dict[str, Any]:
+    """Columns of NEES or NIS: the mean, ``_expected``, ``_low`` and ``_high``, and ``_verdict``.
+
+    Parameters
+    ----------
+    values, degrees
+        Values, and degrees of freedom of each; shape (m,).
+    """
+    mean = float(values.mean()) if len(values) else np.nan
+    band = chi_square_band(float(degrees.sum()), len(values))
+    return {
+        name: mean,
+        f"{name}_expected": float(degrees.mean()) if np.isfinite(band).all() else np.nan,
+        f"{name}_low": band[0],
+        f"{name}_high": band[1],
+        f"{name}_verdict": verdict(mean, band),
+    }
+
+
 def summary(
-    record: Record,
+    judged: Mapping[str, Judged],
     tracks: Mapping[str, pd.DataFrame],
+    truth: Truth,
+    record: Record | None = None,
     update_interval_ns: int | None = None,
 ) -> pd.DataFrame:
     """Availability and consistency of each receiver; one row per receiver.
 
     Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
-    ``update_share`` (NaN if the update interval is not given); for each of ``nees_position``,
-    ``relative_nees_position``, ``own_relative_nees_position``, ``nees_state`` and ``nis`` (NaN
+    ``update_share`` (NaN if the update interval is not given, and for estimates that were made
+    after the run); for each of ``nees_position``, ``relative_nees_position``,
+    ``own_relative_nees_position``, ``nees_state`` and ``nis`` (NaN
     without the outputs for it), the time mean, ``…_expected`` (the mean
     degrees of freedom), ``…_low`` and ``…_high`` of its band (`definitions.chi_square_band`) and
     ``…_verdict``; ``inconsistent`` (time-mean position NEES above its band; missing without any
-    NEES) and ``lost``.
+    NEES) and ``lost`` (missing where the platform's true motion is not known).
     """
     rows = {}
-    for receiver, estimates in tracks.items():
-        count = record.values[f"{receiver}.update_count"].astype(np.int64)
+    for receiver, own in judged.items():
+        estimates = tracks[receiver]
+        available, share = _fixes(receiver, own, truth, record, update_interval_ns)
         row: dict[str, Any] = {
             "estimates": len(estimates),
             "first_fix_s": estimates["epoch_s"].iloc[0] if len(estimates) else np.nan,
-            "availability": availability(record.time_ns, record.valid(receiver)),
-            "update_share": (
-                np.nan if update_interval_ns is None
-                else update_share(record.time_ns, count, update_interval_ns)
-            ),
+            "availability": available,
+            "update_share": share,
         }
-        n = len(estimates)
-        degrees = {
-            "nees_position": np.full(n, 3),
-            "relative_nees_position": np.full(n, 3),
-            "own_relative_nees_position": np.full(n, 3),
-            "nees_state": np.full(n, 6),
-            "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
-        }
-        for name, dof in degrees.items():
-            values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
-            used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
-            mean = float(values[used].mean()) if used.any() else np.nan
-            band = chi_square_band(float(dof[used].sum()), int(used.sum()))
-            row |= {
-                name: mean,
-                f"{name}_expected": (
-                    float(dof[used].mean()) if np.isfinite(band).all() else np.nan
-                ),
-                f"{name}_low": band[0],
-                f"{name}_high": band[1],
-                f"{name}_verdict": verdict(mean, band),
-            }
+        row |= _consistency(estimates)
         claims = estimates.get("nees_position", pd.Series(dtype=float)).dropna().to_numpy()
         flag, known = inconsistent(in_order(claims) / max(len(claims), 1), len(claims))
         row["inconsistent"] = bool(flag) if known else pd.NA
-        row["lost"] = lost(record, receiver)
+        row["lost"] = pd.NA if (is_lost := lost(own)) is None else is_lost
         rows[receiver] = row
     table = pd.DataFrame.from_dict(rows, orient="index")
-    if table["inconsistent"].isna().any():
-        table = table.astype({"inconsistent": "boolean"})
+    for flags in ("inconsistent", "lost"):
+        if table[flags].isna().any():
+            table = table.astype({flags: "boolean"})
     table.index.name = "receiver"
     return table
 

@@ -10,8 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ..data.estimates import Integers
+    from ..data.record import Record
     from ..limits.verdict import Limits, Possible
-    from ..simulation.record import Record
     from ..style import Theme
     from .description import RunDescription
 
@@ -36,24 +37,29 @@ FILL_ALPHA = 0.1
 
 
 def limits_of(
-    description: RunDescription, record: Record, receivers: Sequence[str]
+    description: RunDescription, record: Record, epochs_ns: Mapping[str, Integers]
 ) -> Limits | None:
-    """What was possible in a run; None if its surroundings are not all our own."""
+    """What was possible in a run; None if its surroundings are not all our own.
+
+    Parameters
+    ----------
+    epochs_ns
+        Of the estimates of each receiver [ns].
+    """
     from ..limits.run import of_run  # it takes long, and who only draws has its result
 
-    epochs = [record.estimates(name).epoch_ns for name in receivers]
-    at = np.concatenate([np.zeros(0, np.int64), *epochs])
+    at = np.concatenate([np.zeros(0, np.int64), *epochs_ns.values()])
     return of_run(record, description.scenario, description.fmus, at)
 
 
 def verdicts(
-    limits: Limits | None, record: Record, receivers: Sequence[str]
+    limits: Limits | None, epochs_ns: Mapping[str, Integers]
 ) -> dict[str, Possible]:
     """What was possible at the epochs of each receiver's estimates."""
     if limits is None:
         return {}
-    found = {name: limits.verdict(record.estimates(name).epoch_ns) for name in receivers}
-    return {name: verdict for name, verdict in found.items() if verdict is not None}
+    every = {name: limits.verdict(epochs) for name, epochs in epochs_ns.items()}
+    return {name: verdict for name, verdict in every.items() if verdict is not None}
 
 
 def lines(possible: Mapping[str, Possible]) -> Iterator[str]:

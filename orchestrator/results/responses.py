@@ -24,10 +24,10 @@ import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
+from ..data.record import Record
 from ..errors import ConfigurationError, instance, shortened
 from ..shown import Shown
 from ..simulation.masters.lanes_driver import LENGTHS
-from ..simulation.record import Record
 from ..simulation.user_code import InFile, by_value, foreseen, said
 from .definitions import (
     AXES,
@@ -307,7 +307,7 @@ def _shipped() -> Iterator[Response]:
     yield Response(
         "inconsistent", "share of inconsistent runs", _inconsistent, needs="covariance"
     )
-    yield Response("lost", "share of lost runs", lambda run: lost(run.record, run.receiver))
+    yield Response("lost", "share of lost runs", lambda run: lost(run.judged))
     yield Response("broken", "share of broken runs", lambda run: run.judged.broken.any())
     yield Response(
         "own_relative_nees_position", f"NEES of the position{_BESIDE['own_relative']}",

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from .. import artifacts, style
+from ..data.record import frame_of
+from ..data.truth import of_record
 from ..lazy import Module
 from ..scenario.labels import RAW
 from ..shown import Picture, Shown
@@ -24,11 +26,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
+    from ..data.estimates import Estimates, Integers
+    from ..data.record import Record
+    from ..data.truth import Truth
     from ..limits.verdict import Limits, Possible
-    from ..simulation.record import Record
     from .artist import Artist
+    from .definitions import Judged
 
 plots = Module("sblcosim.results.figures")
+MADE = "estimates-"
+"""What names of files with estimates that were made after the run begin with."""
 
 FIGURES: Mapping[str, Figure[Result]] = by_name(
     Figure("path_xy", plots.later("plot_path"), lambda run: (run.record, run.estimates)),
@@ -56,13 +63,17 @@ class Result(Shown):
     failures
         Messages of receivers that have failed, by label. Those without a record failed before the
         end, and are not in `receivers`; the others failed after it.
+    made
+        Estimates that were made after the run, by label.
+    judged
+        The estimates with the truth, where they have been compared with it already.
 
     Attributes
     ----------
     record
         All recorded outputs, as arrays (see `Record`); `table` is the DataFrame.
     receivers
-        Labels of the receivers that have a record, the main one first.
+        Labels of the receivers that have estimates, the main one first.
 
     Examples
     --------
@@ -77,16 +88,23 @@ class Result(Shown):
         record: Record,
         update_interval_ns: int | None = None,
         failures: Mapping[str, str] | None = None,
+        *,
+        made: Mapping[str, Estimates] | None = None,
+        judged: Mapping[str, Judged] | None = None,
     ) -> None:
         self.description = description
         self.record: Record = record
         self.failures = dict(failures or {})
+        self.made = dict(made or {})
         self.receivers = tuple(
             name
             for name in description.receivers
-            if name not in self.failures or f"{name}.update_count" in record.values
+            if name not in self.failures
+            or name in self.made
+            or f"{name}.update_count" in record.values
         )
         self.update_interval_ns = update_interval_ns
+        self._compared = dict(judged or {})
 
     @property
     def scenario_name(self) -> str:
@@ -124,9 +142,27 @@ class Result(Shown):
         return self.record.to_frame()
 
     @cached_property
+    def truth(self) -> Truth:
+        """The true motion."""
+        return of_record(self.record)
+
+    @cached_property
+    def judged(self) -> dict[str, Judged]:
+        """Estimates of each receiver with the truth, as arrays."""
+        rest = [name for name in self.receivers if name not in self._compared]
+        judged = self._compared | {
+            name: metrics.intact(name, self._given(name), self.truth) for name in rest
+        }
+        return {name: judged[name] for name in self.receivers}
+
+    def _given(self, receiver: str) -> Estimates:
+        made = self.made.get(receiver)
+        return self.record.estimates(receiver) if made is None else made
+
+    @cached_property
     def estimates(self) -> dict[str, pd.DataFrame]:
         """Estimates of each receiver, with the truth (see `metrics.track`)."""
-        return {receiver: metrics.track(self.record, receiver) for receiver in self.receivers}
+        return {receiver: metrics.track(judged) for receiver, judged in self.judged.items()}
 
     @cached_property
     def errors(self) -> pd.DataFrame:
@@ -157,7 +193,9 @@ class Result(Shown):
     @cached_property
     def _judged(self) -> pd.DataFrame:
         """`summary` of the receivers that reached the end."""
-        return metrics.summary(self.record, self.estimates, self.update_interval_ns)
+        return metrics.summary(
+            self.judged, self.estimates, self.truth, self.record, self.update_interval_ns
+        )
 
     @cached_property
     def consistency(self) -> dict[str, dict[str, Verdict]]:
@@ -178,7 +216,7 @@ class Result(Shown):
     @cached_property
     def limits(self) -> Limits | None:
         """What was possible in this run; None unless all but the receivers are our components."""
-        return possible.limits_of(self.description, self.record, self.receivers)
+        return possible.limits_of(self.description, self.record, self._epochs_ns())
 
     @cached_property
     def verdicts(self) -> dict[str, Possible]:
@@ -186,8 +224,12 @@ class Result(Shown):
 
         Not of one that looks back, as a smoother does: it knows more than was received till then.
         """
+        epochs = self._epochs_ns()
         told = [r for r in self.receivers if not self.origins.get(r, {}).get("looks_back")]
-        return possible.verdicts(self.limits, self.record, told)
+        return possible.verdicts(self.limits, {name: epochs[name] for name in told})
+
+    def _epochs_ns(self) -> dict[str, Integers]:
+        return {name: self._given(name).epoch_ns for name in self.receivers}
 
     @property
     def problems(self) -> list[str]:
@@ -283,6 +325,8 @@ class Result(Shown):
         estimates = pd.concat(tables, ignore_index=True)
         estimates.insert(0, "receiver", estimates.pop("receiver"))
         artifacts.write_table(estimates, folder, "estimates")
+        for name, made in self.made.items():
+            artifacts.write_table(frame_of(made.columns()), folder, f"{MADE}{name}")
         artifacts.write_table(self.errors.reset_index(), folder, "errors")
         artifacts.write_table(self.percentiles.reset_index(), folder, "percentiles")
         artifacts.write_table(self.summary.reset_index(), folder, "summary")

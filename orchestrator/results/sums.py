@@ -7,17 +7,15 @@ module turns them into a table. Their terms are defined in `sblcosim.results.def
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..simulation.masters.lanes_driver import SUMS
-from .definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, judge, lost
-
-if TYPE_CHECKING:
-    from ..simulation.record import Record
+from .definitions import AXES, FRAMES, PREFIXES, errors_of, in_order, inconsistent, lost
+from .responses import Run
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +23,7 @@ PORTS = (
     "valid", "update_count", "epoch", "position", "covariance", "nis", "nis_degrees",
     "relative_position", "relative_covariance",
 )
-"""Outputs of a receiver that `sums_of` uses if present, in addition to `definitions.TRUTH`."""
+"""Outputs of a receiver that `sums_of` uses if present, in addition to the record's truth."""
 
 
 def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFrame:
@@ -78,23 +76,21 @@ def responses(sums: Floats, duration_ns: int | NDArray[np.int64]) -> pd.DataFram
     return pd.DataFrame(columns)
 
 
-def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
+def sums_of(run: Run) -> Floats:
     """The sums of a recorded run, equal to those of the lanes master to the last bit.
 
     Parameters
     ----------
-    record
-        Record that contains `definitions.TRUTH` and the receiver's `PORTS`.
-    settling_ns
-        Errors count from this time after the start [ns].
+    run
+        Its record contains `sblcosim.data.truth.TRUTH` and the receiver's `PORTS`.
 
     Returns
     -------
     sums
         Shape (len(SUMS),).
     """
+    record, receiver, judged = run.record, run.receiver, run.judged
     time = record.time_ns
-    judged = judge(record, receiver)
     estimates, good = judged.estimates, ~judged.broken
     s = dict.fromkeys(SUMS, 0.0)
     held = np.append(np.diff(time), 0).astype(np.float64)
@@ -104,9 +100,10 @@ def sums_of(record: Record, receiver: str, settling_ns: int = 0) -> Floats:
     late = good & judged.late
     s["late_estimates"] = float(late.sum())
     s["late_error_square"] = in_order(judged.square[late])
-    s["late_distance_square"] = in_order(judged.distance_square[late])
+    if judged.distance_square is not None:
+        s["late_distance_square"] = in_order(judged.distance_square[late])
 
-    use = good & (float(time[0] + settling_ns) / 1e9 <= judged.epoch_s)
+    use = good & (float(time[0] + run.settling_ns) / 1e9 <= judged.epoch_s)
     s["estimates"] = float(use.sum())
     for frame, (error, square) in errors_of(judged).items():
         prefix = PREFIXES[frame]

@@ -12,11 +12,11 @@ from ..layout import WIDTH, fitted, meters
 from ..scenario.labels import RAW
 from . import possible
 from .consistency import COVARIANCES, Verdict
-from .definitions import AXES, FRAMES, PERCENTAGES, judge
+from .definitions import AXES, FRAMES, PERCENTAGES, Judged
 
 if TYPE_CHECKING:
+    from ..data.record import Record
     from ..limits.verdict import Possible
-    from ..simulation.record import Record
 
 
 class Result(Protocol):
@@ -28,6 +28,9 @@ class Result(Protocol):
 
     @property
     def scenario_name(self) -> str: ...
+
+    @property
+    def judged(self) -> dict[str, Judged]: ...
     @property
     def title(self) -> str: ...
     @property
@@ -183,7 +186,7 @@ def _claim(result: Result, receiver: str) -> str:
 
 
 def _without_covariance(result: Result, receiver: str) -> str:
-    claims = f"{receiver}.covariance" in result.record.values
+    claims = result.judged[receiver].estimates.covariance is not None
     return "its covariance is never positive definite" if claims else "no covariance"
 
 
@@ -287,7 +290,7 @@ def about(result: Result, receiver: str) -> list[str]:
     if pd.isna(row.inconsistent):
         lines.append(f"  consistency unknown: {_without_covariance(result, receiver)}")
     if row.lost:
-        silent = not judge(result.record, receiver).late.any()
+        silent = not result.judged[receiver].late.any()
         lines.append(
             "  lost: no estimate in the last quarter"
             if silent

@@ -5,17 +5,72 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sblcosim.models import RECEIVERS
 
-from ..errors import ConfigurationError, instance, nearest, quoted
+from ..errors import ConfigurationError, check_choice, instance, nearest, quoted
 from ..simulation.user_code import PythonSource, is_python
 from ..simulation.user_files import component_of_file
 from .labels import RAW
 from .reading import shown
 from .scenario import Receivers, Scenario, Source
 from .schema import CORE_COMPONENTS
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What runs with a scenario.
+
+    Attributes
+    ----------
+    receivers
+        By label, the raw fix included.
+    components
+        In place of the scenario's own, by name.
+    fmi
+        FMI version of our own components; None: the scenario's.
+    """
+
+    receivers: Mapping[str, Source]
+    components: Mapping[str, Source]
+    fmi: int | None = None
+
+
+def choice_of(
+    scenario: Scenario,
+    receivers: Receivers = (),
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+) -> Choice:
+    """What a user has chosen to run with a scenario.
+
+    Raises
+    ------
+    ConfigurationError
+        As `choose`; there is no such FMI version, or no such component.
+    """
+    if fmi is not None:
+        check_choice("fmi", fmi, (2, 3))
+    replaced = _replaced(components)
+    return Choice(choose(scenario, receivers), replaced, fmi)
+
+
+def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
+    if components is not None and not isinstance(components, Mapping):
+        raise ConfigurationError(
+            f"components: must be a mapping with {', '.join(CORE_COMPONENTS)}, "
+            f"got {instance(components)}"
+        )
+    replaced = dict(components or {})
+    for name in replaced:
+        if name not in CORE_COMPONENTS:
+            raise ConfigurationError(
+                f"components: must be {', '.join(CORE_COMPONENTS)}, got {quoted(name)}"
+                f"{nearest(str(name), CORE_COMPONENTS)}"
+            )
+    return replaced
 
 
 def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
@@ -26,25 +81,25 @@ def choose(scenario: Scenario, receivers: Receivers) -> dict[str, Source]:
     ConfigurationError
         One of them is unknown, or is given twice without labels.
     """
-    chosen: dict[str, Source] = {}
+    by_label: dict[str, Source] = {}
     if isinstance(receivers, Mapping):
-        chosen = {label: known_source(source) for label, source in receivers.items()}
+        by_label = {label: known_source(source) for label, source in receivers.items()}
     else:
         if isinstance(receivers, str | Path) or not isinstance(receivers, Iterable):
             receivers = () if receivers is None else (receivers,)
         table = scenario.receiver
         own = table.fmu or table.type
         sources = [known_source(source) for source in receivers] or [known_source(own)]
-        chosen = labelled(sources)
-    for label in chosen:
+        by_label = labelled(sources)
+    for label in by_label:
         if not isinstance(label, str) or label in CORE_COMPONENTS or not label or "." in label:
             raise ConfigurationError(
                 "receiver: label must be a name without a dot and not "
                 f"{', '.join(CORE_COMPONENTS)}, got {quoted(label)}"
             )
-    if "multilateration" not in chosen.values() and RAW not in chosen:
-        chosen[RAW] = "multilateration"
-    return chosen
+    if "multilateration" not in by_label.values() and RAW not in by_label:
+        by_label[RAW] = "multilateration"
+    return by_label
 
 
 def labelled(sources: Sequence[Source]) -> dict[str, Source]:
@@ -57,14 +112,14 @@ def labelled(sources: Sequence[Source]) -> dict[str, Source]:
     """
     # Our receivers keep their names, in any position.
     taken = {*CORE_COMPONENTS, RAW, *(source for source in sources if isinstance(source, str))}
-    chosen: dict[str, Source] = {}
+    by_label: dict[str, Source] = {}
     for source in sources:
-        if source in chosen.values():
+        if source in by_label.values():
             raise ConfigurationError(
                 f"receivers: must differ from each other, got {quoted(named(source))} twice"
             )
-        chosen[_label(source, {*chosen, *taken})] = source
-    return chosen
+        by_label[_label(source, {*by_label, *taken})] = source
+    return by_label
 
 
 def known_source(source: Source) -> Source:

@@ -24,10 +24,7 @@ from ..errors import (
     ConfigurationError,
     ConfigurationWarning,
     NoEffectWarning,
-    check_choice,
-    instance,
     nearest,
-    quoted,
     shortened,
 )
 from ..simulation.alike import alike
@@ -40,7 +37,7 @@ from .doubts import doubts
 from .labels import RAW
 from .scenario import Receivers, Scenario, Source, load
 from .schema import CORE_COMPONENTS, PATH, SHARED_PARAMETERS
-from .sources import choose, file_of
+from .sources import Choice, choice_of, file_of
 
 
 def connect(
@@ -78,23 +75,27 @@ def connect(
     ConfigurationWarning
         An input of a third-party component is not connected; a given key has no effect; `doubts`.
     """
-    if fmi is not None:
-        check_choice("fmi", fmi, (2, 3))
-    replaced = _replaced(components)
-    parts = _core(scenario, fmi, replaced)
-    table = scenario.receiver
-    chosen = choose(scenario, receivers)
-    _refuse_idle_keys(scenario, chosen)
-    for label, source in chosen.items():
+    choice = choice_of(scenario, receivers, fmi, components)
+    return connected(scenario, choice, raw=raw, tell_idle=tell_idle)
+
+
+def connected(
+    scenario: Scenario, choice: Choice, *, raw: bool = True, tell_idle: bool = True
+) -> System:
+    """As `connect`, of what has been chosen."""
+    table, fmi = scenario.receiver, choice.fmi
+    parts = _core(scenario, fmi, choice.components)
+    _refuse_idle_keys(scenario, choice.receivers)
+    for label, source in choice.receivers.items():
         if raw or label != RAW:
             parts[label] = receiver_of(scenario, label, source, fmi or table.fmi or scenario.fmi)
     if scenario.true_prior:
-        _hand_over_start(parts, chosen)
+        _hand_over_start(parts, choice.receivers)
     connections = _connections(tuple((name, part.names) for name, part in parts.items()))
     _warn_of_idle_inputs(parts, {connection.target for connection in connections})
     if tell_idle:
-        _warn_of_idle_keys(scenario, ours(scenario, chosen, replaced))
-    _warn_of_doubts(scenario, chosen)
+        _warn_of_idle_keys(scenario, ours(scenario, choice.receivers, choice.components))
+    _warn_of_doubts(scenario, choice.receivers)
     return System(
         components={name: part.spec for name, part in parts.items()},
         connections=connections,
@@ -117,24 +118,18 @@ def _core(
     return parts
 
 
-def applied(
-    scenario: Scenario,
-    receivers: Receivers = (),
-    fmi: int | None = None,
-    components: Mapping[str, Source] | None = None,
-) -> Scenario:
-    """The scenario with the arguments of `connect` merged into it, as far as a file can hold them.
+def applied(scenario: Scenario, choice: Choice) -> Scenario:
+    """The scenario with what was chosen merged into it, as far as a file can hold that.
 
     It gets the first of several receivers, without keys that this receiver does not have. A Python
     component that is not from a file leaves the scenario's own choice in place.
     """
     tables = scenario.given()
-    if fmi is not None:
-        tables["fmi"] = fmi
+    if choice.fmi is not None:
+        tables["fmi"] = choice.fmi
         for name in (*CORE_COMPONENTS, "receiver"):
             tables.get(name, {}).pop("fmi", None)
-    sources = _replaced(components)
-    sources["receiver"] = next(iter(choose(scenario, receivers).values()))
+    sources = {**choice.components, "receiver": next(iter(choice.receivers.values()))}
     for name, source in sources.items():
         file = file_of(source)
         if file is None and not isinstance(source, str):
@@ -144,39 +139,23 @@ def applied(
         if file is None:
             assert isinstance(source, str)
             known = {v.name for v in RECEIVERS[source].of("parameter")}
-            choice = {"type": source}
+            own = {"type": source}
         else:
             known = {*ports_of_source(name, source), *SHARED_PARAMETERS}
-            choice = {"fmu": file}
+            own = {"fmu": file}
         for key in given.keys() & table.variables.keys():
             if table.variables[key].name not in known:
                 del given[key]
-        if choice.items() <= table.model_dump().items():
+        if own.items() <= table.model_dump().items():
             continue
         further = given.get("parameters") or {} if table.fmu is None else {}
         for key in ("type", "fmu", "parameters"):
             given.pop(key, None)
-        given |= choice
+        given |= own
         further = {k: v for k, v in further.items() if file is not None and k in known}
         if further:
             given["parameters"] = further
     return load(tables)
-
-
-def _replaced(components: Mapping[str, Source] | None) -> dict[str, Source]:
-    if components is not None and not isinstance(components, Mapping):
-        raise ConfigurationError(
-            f"components: must be a mapping with {', '.join(CORE_COMPONENTS)}, "
-            f"got {instance(components)}"
-        )
-    replaced = dict(components or {})
-    for name in replaced:
-        if name not in CORE_COMPONENTS:
-            raise ConfigurationError(
-                f"components: must be {', '.join(CORE_COMPONENTS)}, got {quoted(name)}"
-                f"{nearest(str(name), CORE_COMPONENTS)}"
-            )
-    return replaced
 
 
 def _warn_of_idle_keys(scenario: Scenario, known: effects.Ours) -> None:

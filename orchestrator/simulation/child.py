@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from sblcosim.fmus.host import instances as lending
 from sblcosim.fmus.host.watch import Progress, Watch, install
 
+from ..data.record import Record
 from ..errors import BuildError, ConfigurationError, SblcosimError, one_line
 from . import user_code
 from .masters import native, python
@@ -47,7 +48,6 @@ from .messages import (
     Task,
     read,
 )
-from .record import Record
 from .shared import Shared
 from .state import CALLING, LOOP, OUTSIDE, SIZE, State, receive, send
 from .user_code import PythonSource, raised

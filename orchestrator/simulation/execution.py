@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.read.ports import Fmu
 
+from ..data.record import Record
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, check_choice
 from . import isolation, process
 from .children import Children
 from .masters import lanes, native, python
 from .plan import Plan
-from .record import Record
 from .resolve import resolve
 from .system import ComponentSpec, System
 
@@ -236,7 +236,10 @@ class Outcome:
 
 
 def survive(
-    system: System, receivers: Collection[str], execute: Callable[[Plan], Record]
+    system: System,
+    receivers: Collection[str],
+    execute: Callable[[Plan], Record],
+    plan: Plan | None = None,
 ) -> Outcome:
     """Run a system; if receivers fail, run it again without them.
 
@@ -248,6 +251,8 @@ def survive(
         Components that may fail, as long as one is left.
     execute
         Function that runs a plan.
+    plan
+        Of the whole system, if it has been resolved.
 
     Raises
     ------
@@ -256,7 +261,8 @@ def survive(
     """
     failures: dict[str, SblcosimError] = {}
     while True:
-        plan = resolve(_healthy(system, failures), again=True)
+        if plan is None or failures:
+            plan = resolve(_healthy(system, failures), again=True)
         try:
             record = execute(plan)
         except BuildError:

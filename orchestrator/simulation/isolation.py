@@ -15,6 +15,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from ..data.record import Record
 from ..errors import ConfigurationWarning
 from .children import Children
 from .masters import native
@@ -22,7 +23,6 @@ from .masters.python import alone, chosen
 from .messages import Execute, Here, InitialOutputs
 from .plan import Plan, PlannedComponent
 from .process import PATIENCE, Process, from_files, strangers
-from .record import Record
 from .system import ComponentSpec, PythonComponent
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 from typing import Any
 
+from ..data.record import Record
 from ..errors import ConfigurationError
 from .plan import Plan
-from .record import Record
 from .system import ComponentSpec
 
 

@@ -25,6 +25,7 @@ from sblcosim.fmus.files import scratch
 from sblcosim.fmus.host import libraries
 from sblcosim.fmus.read.ports import Fmu
 
+from ..data.record import Record
 from ..errors import ConfigurationError, FmuError, one_line
 from .memory import Memory
 from .messages import (
@@ -40,7 +41,6 @@ from .messages import (
     read,
 )
 from .plan import PROGRESS_INTERVAL, Plan
-from .record import Record
 from .state import CALLING, LOOP, SIZE, State, receive, send
 from .user_code import PythonSource
 from .watched import Watched, who

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -15,19 +14,20 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping, unchanged
 
+from ..data.record import Record
+from ..data.truth import TRUTH
 from ..errors import BuildError, ConfigurationError, FmuError, SblcosimError, one_line
-from ..results.definitions import TRUTH
 from ..results.responses import Percentile
 from ..results.responses import Run as Observed
 from ..results.sums import PORTS, responses, sums_of
 from ..results.user_responses import values_of
 from ..simulation import execution
 from ..simulation.children import Children
+from ..simulation.how import How
 from ..simulation.masters import lanes
 from ..simulation.masters.lanes_driver import LENGTHS, SUMS
 from ..simulation.plan import Plan
 from ..simulation.process import patience
-from ..simulation.record import Record
 from ..simulation.system import System
 from . import stand_in
 from .campaign import Campaign, Run
@@ -43,12 +43,10 @@ _NEEDED = ("update_count", "epoch", "position")
 def simulate(
     campaign: Campaign,
     runs: Sequence[Run],
-    workers: int | None,
-    master: str | None,
-    progress: Callable[[float], None],
+    how: How,
     children: Children | None = None,
 ) -> pd.DataFrame:
-    """Simulate some runs on a number of threads; the table is that of `sblcosim.study.runner.run`.
+    """Simulate some runs in threads; the table is that of `sblcosim.study.runner.run`.
 
     Third-party FMUs run in ``children``; None: start some for these runs.
     """
@@ -56,7 +54,7 @@ def simulate(
         return _of_function(campaign, runs, campaign.study.model, children)
     if children is None:
         with Children(patience_s=campaign.step_timeout) as children:
-            return simulate(campaign, runs, workers, master, progress, children)
+            return simulate(campaign, runs, how, children)
     sums, extra, errors = _nothing(campaign, len(runs))
     durations = np.zeros(len(runs), np.int64)
     work = sum(steps_of(campaign, runs))
@@ -72,9 +70,9 @@ def simulate(
             share = group.steps * len(rows)
 
             def report(part: float, passed: int = passed, share: int = share) -> None:
-                progress((passed + part * share) / work)
+                how.tell((passed + part * share) / work)
 
-            results = reduced(campaign, group, mine, workers, master, report, children)
+            results = reduced(campaign, group, mine, replace(how, progress=report), children)
             sums[rows], extra[rows] = results[:2]
             durations[rows] = group.plan.stop_ns - group.plan.start_ns
             for i, error in zip(rows, results[2], strict=True):
@@ -107,15 +105,13 @@ def reduced(
     campaign: Campaign,
     group: Group,
     runs: Sequence[Run],
-    workers: int | None,
-    master: str | None,
-    progress: Callable[[float], None],
+    how: How,
     children: Children,
 ) -> Reduced:
     """Simulate some runs of one group."""
     if group.in_lanes:
-        return _side_by_side(campaign, group, runs, workers, progress, children)
-    return _one_by_one(campaign, group, runs, workers, master, progress, children)
+        return _side_by_side(campaign, group, runs, how, children)
+    return _one_by_one(campaign, group, runs, how, children)
 
 
 def _nothing(campaign: Campaign, runs: int) -> Reduced:
@@ -133,8 +129,7 @@ def _side_by_side(
     campaign: Campaign,
     group: Group,
     runs: Sequence[Run],
-    workers: int | None,
-    progress: Callable[[float], None] | None,
+    how: How,
     children: Children,
 ) -> Reduced:
     places = np.array([group.places[r.place] for r in runs])
@@ -152,8 +147,8 @@ def _side_by_side(
             settling_ns=campaign.study.settling_ns,
             percentages=percentages,
             lengths=lengths,
-            threads=workers,
-            progress=progress,
+            threads=how.workers,
+            progress=how.progress,
         )
     except BuildError:
         raise
@@ -161,7 +156,7 @@ def _side_by_side(
         if len(runs) == 1:
             return *_nothing(campaign, 1)[:2], [one_line(error)]
         # One failing run must not end the others: find it by running each one alone.
-        alone = [_side_by_side(campaign, group, [r], 1, None, children) for r in runs]
+        alone = [_side_by_side(campaign, group, [r], How(workers=1), children) for r in runs]
         sums, extra = (np.concatenate([a[i] for a in alone]) for i in (0, 1))
         return sums, extra, [e for a in alone for e in a[2]]
     _, extra, errors = _nothing(campaign, len(runs))
@@ -177,24 +172,18 @@ def _side_by_side(
     if bad.any():
         rows: list[int] = np.flatnonzero(bad).tolist()
         mine = [runs[i] for i in rows]
-        again = _one_by_one(campaign, group, mine, workers, None, silent, children)
+        again = _one_by_one(campaign, group, mine, How(workers=how.workers), children)
         sums[rows], extra[rows] = again[:2]
         for i, problem in zip(rows, again[2], strict=True):
             errors[i] = problem
     return sums, extra, errors
 
 
-def silent(share: float) -> None:
-    """Ignore progress."""
-
-
 def _one_by_one(
     campaign: Campaign,
     group: Group,
     runs: Sequence[Run],
-    workers: int | None,
-    master: str | None,
-    progress: Callable[[float], None],
+    how: How,
     children: Children,
 ) -> Reduced:
     """As `_side_by_side`, but computed from records."""
@@ -206,7 +195,7 @@ def _one_by_one(
             raise FmuError("the study was stopped")
         names = {c.name for c in plan.columns}
         wanted = [name for name in record if name in names]
-        return execution.execute(plan, record=wanted, master=master, children=children)
+        return execution.execute(plan, record=wanted, master=how.master, children=children)
 
     def one(run: Run) -> tuple[Floats, Floats, str | None]:
         (sums,), (extra,), _ = _nothing(campaign, 1)
@@ -230,12 +219,12 @@ def _one_by_one(
 
     results = []
     # Python in this process holds the interpreter's lock, and may not be thread-safe.
-    alone = execution.is_here(group.plan, master)
-    with ThreadPoolExecutor(1 if alone else workers or os.cpu_count() or 1) as pool:
+    alone = execution.is_here(group.plan, how.master)
+    with ThreadPoolExecutor(1 if alone else how.threads) as pool:
         try:
             for i, result in enumerate(stopping.results([pool.submit(one, r) for r in runs]), 1):
                 results.append(result)
-                progress(i / len(runs))
+                how.tell(i / len(runs))
         except BaseException:
             stopped.set()
             pool.shutdown(wait=False, cancel_futures=True)
@@ -251,7 +240,7 @@ def _judged(
     """Sums and extra responses of some receivers."""
     study = campaign.study
     seen = [Observed(record, campaign.receivers[i], study.settling_ns) for i in receivers]
-    sums = np.array([sums_of(record, run.receiver, study.settling_ns) for run in seen])
+    sums = np.array([sums_of(run) for run in seen])
     with patience(campaign.step_timeout):
         extra = values_of(study.asked, seen, children)
     return sums, np.array(extra).reshape(len(seen), len(study.asked))

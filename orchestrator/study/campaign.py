@@ -37,6 +37,7 @@ from ..scenario.sources import choose
 from ..scenario.wiring import connect, no_effect
 from ..simulation import execution
 from ..simulation.alike import alike
+from ..simulation.how import HOW, How
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.process import check_patience, patience
 from ..simulation.resolve import resolve
@@ -158,29 +159,22 @@ class Run:
     run_id: str
 
 
-def prepare(
-    study: Definition, master: str | None = None, step_timeout: float | None = None
-) -> Campaign:
+def prepare(study: Definition, how: How = HOW) -> Campaign:
     """Resolve and check all points.
-
-    Parameters
-    ----------
-    master, step_timeout
-        As in `sblcosim.study.runner.run`.
 
     Raises
     ------
     ConfigurationError, FmuError
         A point cannot be run; the message names it.
     """
-    if master is not None:
-        check_choice("master", master, execution.MASTERS)
+    if how.master is not None:
+        check_choice("master", how.master, execution.MASTERS)
     study.check_code()
     if study.model is not None:
-        return _of_function(study, study.model, step_timeout)
-    check_patience(step_timeout)
+        return _of_function(study, study.model, how.step_timeout)
+    check_patience(how.step_timeout)
     with about(study.__dict__.get("_file", "")), _uncollected():
-        return _prepared(study, master, step_timeout)
+        return _prepared(study, how)
 
 
 @contextmanager
@@ -195,9 +189,9 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _prepared(study: Definition, master: str | None, step_timeout: float | None) -> Campaign:
+def _prepared(study: Definition, how: How) -> Campaign:
     labels = tuple(label for label in choose(study.base, receivers_of(study)) if label != RAW)
-    with patience(step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
+    with patience(how.step_timeout), _warnings_once(len(study.points.values)), unchanged.assumed():
         keys: Mapping[effects.Key, str] = dict.fromkeys(effects.given(study.base), "")
         points, plans, texts = [], [], _Texts()
         for number, values in enumerate(study.points.values, 1):
@@ -215,14 +209,14 @@ def _prepared(study: Definition, master: str | None, step_timeout: float | None)
         warnings.warn(line, NoEffectWarning, stacklevel=2)
     _check_effects(study, points)
     alone = [r.name for r in study.asked if not r.in_lanes]
-    if alone and master == "lanes":
+    if alone and how.master == "lanes":
         raise ConfigurationError(
             f"master: must not be lanes with a response that needs a record, got {alone[0]}"
         )
     fmus = {c.name: c.sha256 for c in plans[0].components if c.sha256}
-    groups = grouped(points, plans, free, master, bool(alone))
+    groups = grouped(points, plans, free, how.master, bool(alone))
     return Campaign(
-        study, tuple(points), groups, labels, seeded, handovers, fmus, step_timeout
+        study, tuple(points), groups, labels, seeded, handovers, fmus, how.step_timeout
     )
 
 

@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from multiprocessing import resource_tracker
@@ -38,9 +38,10 @@ from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationError, SblcosimError, check_choice, one_line
 from ..simulation.children import Children
+from ..simulation.how import HOW, How
 from ..simulation.user_code import InFile
 from ..simulation.user_files import for_others
-from .batch import silent, simulate
+from .batch import simulate
 from .campaign import Campaign, Run
 
 EXECUTORS = ("threads", "processes")
@@ -59,20 +60,8 @@ Simulate = Callable[[Iterable[Sequence[Run]], Done], Simulated]
 
 
 @contextmanager
-def ready(
-    campaign: Campaign,
-    *,
-    executor: str | Executor = "threads",
-    scheduler: str | None = None,
-    workers: int | None = None,
-    master: str | None = None,
-) -> Iterator[Simulate]:
+def ready(campaign: Campaign, how: How = HOW) -> Iterator[Simulate]:
     """Find or start the workers for a campaign; release them at the end.
-
-    Parameters
-    ----------
-    executor, scheduler, workers, master
-        As in `sblcosim.study.runner.run`.
 
     Raises
     ------
@@ -80,11 +69,12 @@ def ready(
         The executor or scheduler does not exist or has no workers. While simulating: the workers
         have ended too early.
     """
+    executor, scheduler, master = how.executor, how.scheduler, how.master
     if not isinstance(executor, Executor):
         check_choice("executor", executor, EXECUTORS)
     if scheduler is not None and executor != "threads":
         raise ConfigurationError(f"executor: must not be given with a scheduler, got {executor!r}")
-    number = workers or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+    number = how.workers or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     if scheduler is not None:
         with _cluster(scheduler) as client:
             # As a task, the parcel stays with the workers, and is computed again if they are lost.
@@ -93,7 +83,7 @@ def ready(
             yield partial(_spread, client.get_executor(pure=False), parcel, number, master)
     elif executor == "threads":
         with Children(patience_s=campaign.step_timeout) as children:
-            yield partial(_here, campaign, workers, master, children)
+            yield partial(_here, campaign, how, children)
     elif isinstance(executor, Executor):
         yield partial(_spread, executor, pack(campaign), number, master)
     else:
@@ -103,14 +93,14 @@ def ready(
 
 def _here(
     campaign: Campaign,
-    workers: int | None,
-    master: str | None,
+    how: How,
     children: Children,
     parts: Iterable[Sequence[Run]],
     done: Done,
 ) -> Simulated:
     for part in parts:
-        yield part, simulate(campaign, part, workers, master, partial(done, part), children)
+        own = replace(how, progress=partial(done, part))
+        yield part, simulate(campaign, part, own, children)
 
 
 # --- Other processes -----------------------------------------------------------------------------
@@ -426,7 +416,7 @@ def _same(parcel: Parcel) -> Parcel:
 
 def _work(parcel: Parcel, runs: Sequence[Run], master: str | None) -> pd.DataFrame:
     """Task of a worker, in one thread."""
-    return simulate(unpack(parcel), runs, 1, master, silent, _CHILDREN)
+    return simulate(unpack(parcel), runs, How(master, workers=1), _CHILDREN)
 
 
 _CHILDREN = Children(idle_s=30.0)

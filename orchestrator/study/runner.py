@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -18,9 +18,10 @@ from sblcosim.fmus.stopping import interruptible
 from ..errors import resolved
 from ..scenario.files import naming_files
 from ..simulation.children import Children
+from ..simulation.how import HOW, How
 from ..simulation.process import foreign
 from . import executors, parts
-from .batch import silent, simulate, steps_of
+from .batch import simulate, steps_of
 from .campaign import (
     Campaign,
     Run,
@@ -100,8 +101,7 @@ def run(
         workers do not exist.
     """
     there = carry_out(
-        study, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
-        step_timeout=step_timeout, progress=progress,
+        study, out, How(master, step_timeout, workers, executor, scheduler, progress)
     )
     whole = parts.table(there)
     return whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
@@ -109,33 +109,17 @@ def run(
 
 @interruptible
 @naming_files
-def carry_out(
-    study: Definition,
-    out: str | Path,
-    *,
-    workers: int | None = None,
-    executor: str | Executor = "threads",
-    scheduler: str | None = None,
-    master: str | None = None,
-    step_timeout: float | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Parts:
+def carry_out(study: Definition, out: str | Path, how: How = HOW) -> Parts:
     """As `run`, for whoever does not need the whole table; return where it is."""
     folder = resolved(out)
-    campaign = prepare(as_begun(study, folder), master, step_timeout)
+    campaign = prepare(as_begun(study, folder), how)
     check_folder(folder, campaign)
-    with (
-        executors.ready(
-            campaign, executor=executor, scheduler=scheduler, workers=workers, master=master
-        ) as simulated,
-        at_work(folder),
-    ):
+    with executors.ready(campaign, how) as simulated, at_work(folder):
         there = open_folder(folder, campaign)
         what = _missing_of(campaign, parts.finished(there))
-        some = _missing(campaign, what, workers)
-        there = save(_completed(campaign, there, what, simulated, some, progress))
-    if progress is not None:
-        progress(1.0)
+        some = _missing(campaign, what, how)
+        there = save(_completed(campaign, there, what, simulated, some, how))
+    how.tell(1.0)
     return there
 
 
@@ -145,7 +129,7 @@ def _completed(
     what: Missing,
     simulated: executors.Simulate,
     some: Iterable[list[Run]],
-    progress: Callable[[float], None] | None,
+    how: How,
 ) -> Parts:
     """Do the missing runs, and write each part when it is finished."""
     passed = 0
@@ -159,8 +143,7 @@ def _completed(
         return counted[1]
 
     def done(part: Sequence[Run], share: float) -> None:
-        if progress is not None:
-            progress((passed + share * work(part)) / what.steps)
+        how.tell((passed + share * work(part)) / what.steps)
 
     for part, rows in simulated(some, done):
         written.append(parts.write(there.folder, campaign, part, rows))
@@ -169,15 +152,7 @@ def _completed(
 
 
 @interruptible
-def simulated(
-    study: Definition,
-    *,
-    workers: int | None = None,
-    master: str | None = None,
-    step_timeout: float | None = None,
-    progress: Callable[[float], None] | None = None,
-    keep: Kept | None = None,
-) -> pd.DataFrame:
+def simulated(study: Definition, how: How = HOW, keep: Kept | None = None) -> pd.DataFrame:
     """Run all runs of a study and return its table, as `run` does.
 
     Parameters
@@ -185,17 +160,14 @@ def simulated(
     keep
         Where finished runs are kept, which are not done again; None: nothing is written.
     """
-    campaign = prepare(study, master, step_timeout)
-    folder = None if keep is None else keep.of(campaign.digest, master, step_timeout)
+    campaign = prepare(study, how)
+    folder = None if keep is None else keep.of(campaign.digest, how.master, how.step_timeout)
     if folder is not None:
-        with (
-            executors.ready(campaign, workers=workers, master=master) as made, at_work(folder)
-        ):
+        with executors.ready(campaign, how) as made, at_work(folder):
             there = sound(folder)
             what = _missing_of(campaign, parts.finished(there))
-            size = kept_together(campaign, workers)
-            some = _missing(campaign, what, workers, size)
-            whole = parts.table(_completed(campaign, there, what, made, some, progress))
+            some = _missing(campaign, what, how, kept_together(campaign, how))
+            whole = parts.table(_completed(campaign, there, what, made, some, how))
         mine = whole[whole["replicate"] <= study.replicates].reset_index(drop=True)
         if mine["error"].isna().all():  # as it is before it has been in a file
             mine["error"] = np.full(len(mine), None)
@@ -204,24 +176,22 @@ def simulated(
     passed = 0
 
     def told(share: float) -> None:
-        if progress is not None:
-            progress((passed + share * work) / campaign.steps)
+        how.tell((passed + share * work) / campaign.steps)
 
-    with Children(patience_s=step_timeout) as children:
-        for part in _missing(campaign, None, workers):
+    with Children(patience_s=how.step_timeout) as children:
+        for part in _missing(campaign, None, how):
             work = sum(steps_of(campaign, part))
-            tables.append(simulate(campaign, part, workers, master, told, children))
+            tables.append(simulate(campaign, part, replace(how, progress=told), children))
             passed += work
     table = pd.concat(tables, ignore_index=True)
     return table.sort_values(["replicate", "point"], ignore_index=True)
 
 
-def kept_together(campaign: Campaign, workers: int | None) -> int:
+def kept_together(campaign: Campaign, how: How = HOW) -> int:
     """Runs of a single point that are done, and kept, together: what a kill can cost."""
-    threads = workers or os.cpu_count() or 1
     if _alone(campaign):
-        return KEPT_ALONE * threads
-    return max(SIDE_BY_SIDE * threads, KEPT_STEPS // max(campaign.weights.values()))
+        return KEPT_ALONE * how.threads
+    return max(SIDE_BY_SIDE * how.threads, KEPT_STEPS // max(campaign.weights.values()))
 
 
 def _alone(campaign: Campaign) -> bool:
@@ -230,7 +200,7 @@ def _alone(campaign: Campaign) -> bool:
 
 
 def _missing(
-    campaign: Campaign, what: Missing | None, workers: int | None, most: int | None = None
+    campaign: Campaign, what: Missing | None, how: How, most: int | None = None
 ) -> Iterator[list[Run]]:
     """All runs except finished ones, in the parts that are stored together, ``most`` at a time.
 
@@ -247,7 +217,7 @@ def _missing(
         runs = batch(campaign, first, replicates)
         if what is not None:
             runs = [r for r in runs if not what.has(r)]
-        size = ALONE * (workers or os.cpu_count() or 1) if alone else max(BATCH, len(runs) // 8)
+        size = ALONE * how.threads if alone else max(BATCH, len(runs) // 8)
         size = size if most is None else min(most, size)
         for i in range(0, len(runs), max(size, 1)):
             yield runs[i : i + size]
@@ -312,9 +282,7 @@ def _missing_of(campaign: Campaign, there: Finished) -> Missing:
 
 
 @interruptible
-def estimate(
-    campaign: Campaign, what: Missing, workers: int | None = None, master: str | None = None
-) -> tuple[float, float]:
+def estimate(campaign: Campaign, what: Missing, how: How = HOW) -> tuple[float, float]:
     """Estimate the time that the missing runs will take [s]; nothing is written.
 
     Samples of the runs are simulated several times. The first number assumes an otherwise idle
@@ -324,34 +292,31 @@ def estimate(
     """
     if not what.runs:
         return 0.0, 0.0
+    how = replace(how, progress=None)
     if not campaign.groups:  # a function: some of its calls are a sample of all
         runs = batch(campaign, 1, 1)[:SIDE_BY_SIDE]
         wall = time.perf_counter()
-        simulate(campaign, runs, workers, master, silent)
+        simulate(campaign, runs, how)
         each = (time.perf_counter() - wall) / len(runs)
         return each * what.runs / MARGIN, each * what.runs * MARGIN
     with Children(patience_s=campaign.step_timeout) as children:
-        return _estimated(campaign, what, workers, master, children)
+        return _estimated(campaign, what, how, children)
 
 
 def _estimated(
-    campaign: Campaign,
-    what: Missing,
-    workers: int | None,
-    master: str | None,
-    children: Children,
+    campaign: Campaign, what: Missing, how: How, children: Children
 ) -> tuple[float, float]:
-    threads = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
+    threads = min(how.threads, os.cpu_count() or 1)
     size = -(-SIDE_BY_SIDE * threads // len(campaign.groups))  # fills all lanes of all workers
-    simulate(campaign, _sample(campaign, what, 1), workers, master, silent, children)  # warm up
+    simulate(campaign, _sample(campaign, what, 1), how, children)  # warm up
     while True:
         sample = _sample(campaign, what, size)
-        first = _timed(campaign, sample, workers, master, children)
+        first = _timed(campaign, sample, how, children)
         if first[0] > SAMPLE_SECONDS or len(sample) >= what.runs:
             break
         size *= 4
     times = [first]
-    times += [_timed(campaign, sample, workers, master, children) for _ in range(SAMPLES - 1)]
+    times += [_timed(campaign, sample, how, children) for _ in range(SAMPLES - 1)]
     if any(foreign(group.plan) for group in campaign.groups):  # process_time omits children
         times = [(wall, wall * threads) for wall, _ in times]
     share = what.steps / sum(steps_of(campaign, sample))
@@ -361,15 +326,11 @@ def _estimated(
 
 
 def _timed(
-    campaign: Campaign,
-    runs: Sequence[Run],
-    workers: int | None,
-    master: str | None,
-    children: Children,
+    campaign: Campaign, runs: Sequence[Run], how: How, children: Children
 ) -> tuple[float, float]:
     """Wall time and processor time of some runs [s]."""
     wall, processor = time.perf_counter(), time.process_time()
-    simulate(campaign, runs, workers, master, silent, children)
+    simulate(campaign, runs, how, children)
     return time.perf_counter() - wall, time.process_time() - processor
 
 

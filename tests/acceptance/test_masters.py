@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import sblcosim
 from sblcosim.cli import app
+from sblcosim.data.record import Record
 from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from typer.testing import CliRunner

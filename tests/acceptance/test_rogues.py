@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.fmus.build.factory import build
 from sblcosim.fmus.conformance.receiver_contract import check_receiver
@@ -31,7 +32,6 @@ from sblcosim.simulation import execution
 from sblcosim.simulation import process as child_process
 from sblcosim.simulation.memory import Memory
 from sblcosim.simulation.plan import Plan
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import runner
 

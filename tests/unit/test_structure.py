@@ -43,7 +43,6 @@ LONG_FUNCTIONS = {
     "report.study.save": _OPTIONS,
     "require.run.decide": _OPTIONS,
     "simulation.masters.lanes.execute": _OPTIONS,
-    "study.runner.carry_out": _OPTIONS,
     "study.runner.run": _OPTIONS,
 }
 """Functions that are longer, or take more, and why."""

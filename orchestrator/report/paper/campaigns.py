@@ -17,10 +17,10 @@ from sblcosim.fmus.files import is_hidden
 
 from ... import artifacts
 from ...api import run as run_scenario
+from ...data.record import Record
 from ...errors import ConfigurationError, resolved
 from ...results.figures import INCLINATION_WINDOW_S
 from ...scenario.scenario import load as load_scenario
-from ...simulation.record import Record
 from ...study import parts, runner, store
 from ...study import study as studies
 from ...study.study import Study

@@ -23,13 +23,13 @@ from sblcosim.models.platform.beaufort import LEVELS
 from scipy import stats
 
 from ...analysis.ranking import ranking
+from ...data.record import Record
+from ...data.truth import recorded
 from ...results import figures as plots
 from ...results.catalogue import Figure, Job, by_name
 from ...results.catalogue import jobs as jobs_of
-from ...results.definitions import recorded
 from ...results.result import Result
 from ...scenario.scenario import load as load_scenario
-from ...simulation.record import Record
 from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
 from ...study.executors import deferring_signals, processes

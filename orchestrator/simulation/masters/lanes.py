@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
+from ...data.record import Record
 from ...errors import ConfigurationError, FmuError
 from ..plan import Plan
-from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,

@@ -23,10 +23,10 @@ from sblcosim.fmus.host.nanoseconds import SECOND
 from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
+from ...data.record import Record
 from ...errors import ConfigurationError, FmuError
 from .. import c_libraries
 from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Write
-from ..record import Record
 from .python import chosen, initialised
 
 _FAILED = 1

@@ -22,9 +22,9 @@ from sblcosim.fmus.host.watch import watch
 from sblcosim.fmus.read.ports import Fmu
 
 from ... import errors
+from ...data.record import Record
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
 from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent
-from ..record import Record
 from ..resolve import resolve
 from ..system import ComponentSpec, System
 from ..user_code import CONSTRUCTOR, foreseen, raised

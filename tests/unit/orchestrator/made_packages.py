@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import fmpy
-from sblcosim.simulation.record import Record
+from sblcosim.data.record import Record
 
 _SCHEMAS = {
     "ssd": "Description", "ssc": "Common", "ssv": "ParameterValues", "ssm": "ParameterMapping",

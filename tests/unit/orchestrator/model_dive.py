@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from sblcosim.data.samples import Samples
 from sblcosim.estimation import model
 from sblcosim.estimation.after import assumed
-from sblcosim.estimation.samples import Samples
 from sblcosim.models.receiver.surroundings import STATES
 from sblcosim.scenario.scenario import load
 from scipy.spatial.transform import Rotation

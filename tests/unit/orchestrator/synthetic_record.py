@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
-from sblcosim.simulation.record import Record
+import pandas as pd
+from sblcosim.data.record import Record
+from sblcosim.data.truth import of_record
+from sblcosim.results import metrics
+from sblcosim.results.definitions import Judged
 
 STEP_NS = 100_000_000
 BEACONS = np.array([[3.0, 0, 0.5], [0, 3, 0.5], [-3, 0, 0.5], [0, -3, 0.5]])
@@ -67,3 +71,22 @@ def silent(receiver: str) -> Record:
         for name, value in record.values.items()
     }
     return Record(record.time_ns, values)
+
+
+def judged_in(record: Record, receiver: str) -> Judged:
+    """A receiver's estimates in a record, none of them broken, with the truth there."""
+    return metrics.intact(receiver, record.estimates(receiver), of_record(record))
+
+
+def track(record: Record, receiver: str) -> pd.DataFrame:
+    """The table of these."""
+    return metrics.track(judged_in(record, receiver))
+
+
+def summary(
+    record: Record, receivers: Iterable[str], interval_ns: int | None = None
+) -> pd.DataFrame:
+    """The summary of a record."""
+    judged = {name: judged_in(record, name) for name in receivers}
+    tracks = {name: metrics.track(own) for name, own in judged.items()}
+    return metrics.summary(judged, tracks, of_record(record), record, interval_ns)

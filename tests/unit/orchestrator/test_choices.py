@@ -47,11 +47,12 @@ from sblcosim.require import figures as require_figures
 from sblcosim.results import catalogue, figures, metrics, result
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import execution
+from sblcosim.simulation.how import How
 from sblcosim.study import campaign, distributions, executors, space, study
-from synthetic_record import make_record
+from synthetic_record import make_record, track
 
 RECORD = make_record()
-TRACKS = {"ekf": metrics.track(RECORD, "ekf")}
+TRACKS = {"ekf": track(RECORD, "ekf")}
 RUNS = pd.DataFrame(list(product((0.0, 1.0), repeat=2)) * 2, columns=["a", "b"]).assign(
     y=np.arange(1.0, 9) ** 2, replicate=np.repeat([1, 2], 4)
 )
@@ -164,9 +165,9 @@ CALLS: dict[str, Any] = {
     "api.run fmi": partial(sblcosim.run, "paper-scenario-1"),
     "scenario.wiring.connect fmi": partial(connect, sblcosim.load("paper-scenario-1")),
     "simulation.execution.execute master": partial(execution.execute, None),
-    "study.campaign.prepare master": partial(campaign.prepare, STUDY),
+    "study.campaign.prepare master": lambda master: campaign.prepare(STUDY, How(master=master)),
     "study.runner.run executor": lambda executor: executors.ready(
-        None, executor=executor
+        None, How(executor=executor)
     ).__enter__(),
 }
 CALLS |= {

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sblcosim.data import truth
+from sblcosim.data.record import NEVER, Record, epochs_ns
 from sblcosim.results import definitions
-from sblcosim.simulation.record import NEVER, Record, epochs_ns
 from scipy.stats import chi2
 from synthetic_record import make_record
 
@@ -25,7 +26,7 @@ def test_truth_at_a_recorded_instant_is_the_recorded_row_bit_by_bit():
     rng = np.random.default_rng(1)
     time_ns = np.array([0, 3, 7, 20]) * SECOND // 10
     position, velocity = rng.normal(size=(2, 4, 3))
-    p, v = definitions.state_at(time_ns, position, velocity, time_ns[[3, 0, 2]])
+    p, v = truth.state_at(time_ns, position, velocity, time_ns[[3, 0, 2]])
     assert (p == position[[3, 0, 2]]).all()
     assert (v == velocity[[3, 0, 2]]).all()
 
@@ -33,7 +34,7 @@ def test_truth_at_a_recorded_instant_is_the_recorded_row_bit_by_bit():
 def test_truth_between_recorded_instants_is_exact_for_a_cubic():
     time_s = np.array([0.0, 0.4, 1.0, 2.5])
     epoch_s = np.array([0.1, 0.39, 0.7, 2.4999])
-    p, v = definitions.state_at(
+    p, v = truth.state_at(
         (time_s * SECOND).astype(np.int64), *cubic(time_s), np.rint(epoch_s * SECOND).astype(int)
     )
     expected_p, expected_v = cubic(epoch_s)
@@ -44,7 +45,7 @@ def test_truth_between_recorded_instants_is_exact_for_a_cubic():
 @pytest.mark.parametrize("epoch_ns", [-1, SECOND + 1])
 def test_truth_outside_of_the_record_is_refused(epoch_ns):
     with pytest.raises(ValueError, match="recorded time"):
-        definitions.state_at(
+        truth.state_at(
             np.array([0, SECOND]), np.zeros((2, 3)), np.zeros((2, 3)), np.array([epoch_ns])
         )
 
@@ -52,7 +53,7 @@ def test_truth_outside_of_the_record_is_refused(epoch_ns):
 def test_platform_error_is_held_between_instants():
     time_ns = np.array([0, 10, 20])
     values = np.array([[1.0], [2.0], [3.0]])
-    held = definitions.held_at(time_ns, values, np.array([0, 9, 10, 19, 20]))
+    held = truth.held_at(time_ns, values, np.array([0, 9, 10, 19, 20]))
     assert held[:, 0].tolist() == [1, 1, 2, 2, 3]
 
 

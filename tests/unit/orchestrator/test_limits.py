@@ -11,6 +11,7 @@ import direct_bound
 import numpy as np
 import pytest
 from sblcosim import limits
+from sblcosim.data.record import Record
 from sblcosim.limits import parameters, recursion, unknown, verdict
 from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver.surroundings import STATES
@@ -19,7 +20,6 @@ from sblcosim.results import possible
 from sblcosim.scenario.arrangement import has_own_errors
 from sblcosim.scenario.scenario import load
 from sblcosim.scenario.schema import rows
-from sblcosim.simulation.record import Record
 
 NS = 10**9
 DEPTH = 5.0

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from python_components import Clock, Relay
+from sblcosim.data.record import Record
 from sblcosim.errors import BuildError, ConfigurationError, FmuError
 from sblcosim.fmus.build import compiler as compilers
 from sblcosim.fmus.build.factory import Unit, build, compile_shared
@@ -23,7 +24,6 @@ from sblcosim.simulation import c_libraries, execution, isolation
 from sblcosim.simulation.masters import native, python
 from sblcosim.simulation.messages import Begun
 from sblcosim.simulation.process import Process
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.state import LOOP
 from sblcosim.simulation.system import ComponentSpec, Connection, System

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -223,6 +223,9 @@ def plain(value: Any) -> Any:
         return [plain(v) for v in value]
     if isinstance(value, dict):
         return {key: plain(v) for key, v in value.items()}
+    if is_dataclass(value):
+        named = {f.name: getattr(value, f.name) for f in fields(value)}
+        return (type(value).__name__, plain(named))
     if type(value).__eq__ is object.__eq__ and hasattr(value, "__dict__"):
         return (type(value).__name__, plain(vars(value)))
     return value

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from model_dive import START, dive, parameters
+from sblcosim.data.samples import Samples
 from sblcosim.estimation import late, linear, model, particles
 from sblcosim.estimation.linear import Problem
-from sblcosim.estimation.samples import Samples
 from sblcosim.estimation.smoother import linearised
 from sblcosim.models.receiver import surroundings
 from scipy import stats

@@ -12,11 +12,11 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d import proj3d
 from PIL import Image
 from sblcosim import style
+from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
-from sblcosim.results import drawing, metrics
+from sblcosim.results import drawing
 from sblcosim.results import figures as plots
-from sblcosim.simulation.record import Record
-from synthetic_record import make_record, silent
+from synthetic_record import make_record, silent, track
 
 pytestmark = pytest.mark.filterwarnings(
     "error::UserWarning",  # of a failed layout
@@ -39,7 +39,7 @@ SEEN = {
 def run():
     rng = np.random.default_rng(4)
     record = make_record({name: rng.normal(0, 0.2, (99, 3)) for name in RECEIVERS})
-    return record, {name: metrics.track(record, name) for name in RECEIVERS}
+    return record, {name: track(record, name) for name in RECEIVERS}
 
 
 def figures(record, tracks, theme="light"):
@@ -149,7 +149,7 @@ def test_errors_come_with_two_sigma_of_each_filter(run):
 
 def test_errors_relative_to_the_platform_are_drawn_as_such():
     record = make_record(platform_error=(0.25, 0.0, 0.0))
-    tracks = {"ekf": metrics.track(record, "ekf")}
+    tracks = {"ekf": track(record, "ekf")}
     for frame, error in (("absolute", 1.0), ("relative", 0.75)):
         ax = plots.plot_errors(record, tracks, frame=frame)[0]
         line = next(line for line in ax.lines if line.get_label() == "ekf")
@@ -166,7 +166,7 @@ def test_own_relative_errors_are_drawn_of_who_has_them_with_their_own_bands():
         "ekf.relative_covariance": np.tile(np.diag([4.0, 4.0, 4.0]), (101, 1, 1)),
     }
     record = type(record)(record.time_ns, values)
-    tracks = {name: metrics.track(record, name) for name in ("ekf", "other")}
+    tracks = {name: track(record, name) for name in ("ekf", "other")}
     ax = plots.plot_errors(record, tracks, frame="own_relative")[0]
     (line,) = [line for line in ax.lines if not line.get_label().startswith("_")]
     assert line.get_label() == "ekf"
@@ -183,7 +183,7 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
     raw = np.full((99, 3), 0.1)
     raw[50] = 1e4
     record = make_record({"ekf": np.full((99, 3), 0.1), "raw": raw})
-    tracks = {name: metrics.track(record, name) for name in ("ekf", "raw")}
+    tracks = {name: track(record, name) for name in ("ekf", "raw")}
     ax = plots.plot_errors(record, tracks)[0]
     assert ax.get_ylim()[1] < 2
     assert "outside of the figure: raw (1 of 99)" in title_of(ax)
@@ -193,7 +193,7 @@ def test_wild_raw_fixes_do_not_squeeze_the_filter_and_are_admitted_to():
 
 def test_estimate_that_runs_away_leaves_the_figures_and_they_say_so():
     record = make_record({"ekf": np.linspace(0, 1e6, 99)[:, None] * [1, 1, 1]})
-    tracks = {"ekf": metrics.track(record, "ekf")}
+    tracks = {"ekf": track(record, "ekf")}
     path = plots.plot_path(record, tracks)
     assert np.ptp(path.get_xlim()) < 100
     space = plots.plot_path_3d(record, tracks)
@@ -213,7 +213,7 @@ def drawn_inside(legend, figure):
 )
 def test_legend_of_many_receivers_is_inside_of_the_figure(names):
     record = make_record({name: np.zeros((1, 3)) for name in names})
-    for axes in figures(record, {name: metrics.track(record, name) for name in names}).values():
+    for axes in figures(record, {name: track(record, name) for name in names}).values():
         figure = axes[0].figure
         figure.draw_without_rendering()
         for legend in figure.legends:
@@ -223,7 +223,7 @@ def test_legend_of_many_receivers_is_inside_of_the_figure(names):
 def test_long_name_is_shortened_in_the_legend_by_its_middle():
     names = ("first_" * 20 + "v1", "first_" * 20 + "v2")
     record = make_record({name: np.zeros((1, 3)) for name in names})
-    tracks = {name: metrics.track(record, name) for name in names}
+    tracks = {name: track(record, name) for name in names}
     words = legend_of(plots.plot_errors(record, tracks)[0])
     assert len(words) == 2
     for name, word in zip(names, words, strict=True):
@@ -236,7 +236,7 @@ def test_long_name_is_shortened_in_the_legend_by_its_middle():
 def test_no_two_of_many_receivers_look_equal():
     names = [f"filter {i}" for i in range(12)]
     record = make_record({name: np.zeros((1, 3)) for name in names})
-    ax = plots.plot_path_3d(record, {name: metrics.track(record, name) for name in names})
+    ax = plots.plot_path_3d(record, {name: track(record, name) for name in names})
     lines = [line for line in ax.lines if line.get_label() in names]
     looks = [(line.get_color(), line.get_marker()) for line in lines]
     assert len(set(looks)) == 12
@@ -340,7 +340,7 @@ def test_what_the_platform_reports_of_its_angles_is_under_its_motion(run):
 def test_the_platform_as_reported_stands_beside_the_true_one():
     off = np.array([1.0, 2.0, 0.0])
     record = make_record(platform_error=tuple(off))
-    ax = plots.plot_path(record, {"ekf": metrics.track(record, "ekf")})
+    ax = plots.plot_path(record, {"ekf": track(record, "ekf")})
     lines = {line.get_label(): np.array(line.get_xydata()) for line in ax.lines}
     true, reported = lines["beacons"], lines["beacons as reported (mean)"]
     np.testing.assert_allclose(reported - true, [off[[1, 0]]] * 2)
@@ -353,7 +353,7 @@ def test_the_legend_tells_dots_from_a_mark_in_time(run):
     """One large dot would be a mark every so often."""
     record = make_record(platform_error=(1.0, 2.0, 0.0))
     raw = make_record({"raw": np.random.default_rng(1).normal(0, 0.2, (99, 3))})
-    ax = plots.plot_path(record, {"raw": metrics.track(raw, "raw")})
+    ax = plots.plot_path(record, {"raw": track(raw, "raw")})
     mark = next(x for x in ax.lines if x.get_marker() == "o" and len(x.get_xdata()) > 1)
     (legend,) = ax.figure.legends
     names = [text.get_text() for text in legend.get_texts()]
@@ -424,7 +424,7 @@ def test_labels_stand_off_the_curves_and_off_each_other(draw):
     turn = np.linspace(0, 6 * np.pi, 101)
     spiral = np.column_stack([turn * np.sin(turn), turn * np.cos(turn), 2 + turn / 4])
     record = with_path(spiral)
-    ax = draw(record, {"ekf": metrics.track(record, "ekf")})
+    ax = draw(record, {"ekf": track(record, "ekf")})
     ax.figure.draw_without_rendering()
     boxes = [inches_of(text) for text in ax.texts]
     truth = next(line for line in ax.lines if line.get_label() == "true path")
@@ -439,7 +439,7 @@ def test_labels_stand_off_the_curves_and_off_each_other(draw):
 def test_more_than_three_filters_have_a_map_each_on_common_axes():
     names = ("a", "b", "c", "d", "raw")
     record = make_record({name: np.full((99, 3), 0.1) for name in names})
-    tracks = {name: metrics.track(record, name) for name in names}
+    tracks = {name: track(record, name) for name in names}
     first = plots.plot_path(record, tracks)
     maps = [ax for ax in first.figure.axes if ax.axison]
     assert [ax.get_title("left") for ax in maps] == list(names)
@@ -478,7 +478,7 @@ def test_panels_have_their_heights_and_the_figure_its_margins(run):
 def test_maps_beside_and_above_each_other_are_equally_far_apart(count):
     names = "abcdef"[:count]
     record = make_record({name: np.full((99, 3), 0.1) for name in names})
-    tracks = {name: metrics.track(record, name) for name in names}
+    tracks = {name: track(record, name) for name in names}
     axes = plots.plot_path(record, tracks).figure.axes
     rows, columns = axes[0].get_gridspec().get_geometry()
     places = boxes(axes).reshape(rows, columns, 4)
@@ -588,7 +588,7 @@ def test_saved_figures_are_the_same_bytes_each_time(run, tmp_path):
 
 def test_run_without_a_fix_has_its_time_axis_and_says_so():
     record = silent("ekf")
-    drawn = figures(record, {"ekf": metrics.track(record, "ekf")})
+    drawn = figures(record, {"ekf": track(record, "ekf")})
     for axes in drawn.values():
         axes[0].figure.draw_without_rendering()
     for name in ("path", "path_3d", "axes", "errors"):
@@ -607,7 +607,7 @@ def test_raw_dots_stand_out_from_their_paper(run, theme):
 
 def test_a_name_that_begins_with_an_underscore_is_in_the_legend():
     record = make_record({"_mine": np.zeros((1, 3))})
-    ax = plots.plot_errors(record, {"_mine": metrics.track(record, "_mine")})[0]
+    ax = plots.plot_errors(record, {"_mine": track(record, "_mine")})[0]
     assert [word.strip("\u200b") for word in legend_of(ax)] == ["_mine"]
     ax.figure.draw_without_rendering()
 
@@ -616,7 +616,7 @@ def test_a_name_that_begins_with_an_underscore_is_in_the_legend():
 def test_a_name_is_never_read_as_a_formula(own):
     names = (r"$\frac{", r"costs $5$ or \$6", "raw")
     record = make_record({name: np.full((99, 3), 1e3) for name in names})
-    tracks = {name: metrics.track(record, name) for name in names}
+    tracks = {name: track(record, name) for name in names}
     with mpl.rc_context({"axes.formatter.use_mathtext": True}):
         for draw, count in ((plots.plot_path, 1), (plots.plot_axes, 3), (plots.plot_errors, 4)):
             given = list(Figure(figsize=(20, 20)).subplots(count, squeeze=False).flat)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
 from sblcosim.simulation.masters import native, python
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, System
 from stranger import build_stranger

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationError
-from sblcosim.simulation.record import Record
 
 
 def receiver(**changes):

@@ -11,19 +11,20 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from sblcosim.data.record import Record
 from sblcosim.errors import FmuError
 from sblcosim.results import metrics
 from sblcosim.results.definitions import FRAMES
+from sblcosim.results.responses import Run
 from sblcosim.results.sums import SUMS, responses, sums_of
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import MASTERS, execute
 from sblcosim.simulation.masters import lanes, lanes_driver, lanes_layout
 from sblcosim.simulation.plan import Plan, Setting
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from scipy.stats import chi2
-from synthetic_record import make_record, silent
+from synthetic_record import make_record, silent, summary, track
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
 WITH_OWN = (*RECEIVERS, "coupled")
@@ -34,8 +35,8 @@ SEEDED = ("target", "platform", "acoustics")
 def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
     """The tables of a run say what the sums of a study say."""
     row = responses(sums[None], int(record.time_ns[-1] - record.time_ns[0])).iloc[0]
-    track = {receiver: metrics.track(record, receiver)}
-    errors, summary = metrics.error_table(track), metrics.summary(record, track).loc[receiver]
+    errors = metrics.error_table({receiver: track(record, receiver)})
+    judged = summary(record, [receiver]).loc[receiver]
     for frame in FRAMES:
         there = frame != "own_relative" or f"{receiver}.relative_position" in record.values
         assert ((receiver, frame, "x") in errors.index) == there
@@ -48,11 +49,11 @@ def hold_metrics_to(sums: Any, record: Record, receiver: str) -> None:
     for name in (
         "estimates", "nees_position", "nis", "availability", "own_relative_nees_position"
     ):
-        assert row[name] == pytest.approx(summary[name], rel=1e-12, nan_ok=True)
+        assert row[name] == pytest.approx(judged[name], rel=1e-12, nan_ok=True)
     assert not row["broken"]
-    assert row["lost"] == summary["lost"]
-    assert row["inconsistent"] is summary["inconsistent"] or (
-        row["inconsistent"] == summary["inconsistent"]
+    assert row["lost"] == judged["lost"]
+    assert row["inconsistent"] is judged["inconsistent"] or (
+        row["inconsistent"] == judged["inconsistent"]
     )
 
 
@@ -74,9 +75,9 @@ def test_a_record_gives_the_sums_of_the_lanes_to_the_last_bit(
     outcome = lanes.execute(plan, {}, settling_ns=settling, lanes=1)
     record = execute(plan, master="native")
     for receiver in WITH_OWN:
-        hold_metrics_to(sums_of(record, receiver), record, receiver)
+        hold_metrics_to(sums_of(Run(record, receiver)), record, receiver)
         np.testing.assert_array_equal(
-            sums_of(record, receiver, settling), outcome.sums[receiver][0], err_msg=receiver
+            sums_of(Run(record, receiver, settling)), outcome.sums[receiver][0], err_msg=receiver
         )
     assert outcome.sums["ekf"][0][SUMS.index("nees_estimates")] > 0
     own = dict(zip(SUMS, outcome.sums["coupled"][0], strict=True))
@@ -146,8 +147,8 @@ def test_lanes_metrics_and_sums_agree_wherever_epochs_are(
     for receiver in RECEIVERS:
         sums = outcome.sums[receiver][0]
         assert sums[SUMS.index("unjudged")] == sums[SUMS.index("broken")] == 0
-        np.testing.assert_array_equal(sums_of(record, receiver, settling), sums, receiver)
-        hold_metrics_to(sums_of(record, receiver), record, receiver)
+        np.testing.assert_array_equal(sums_of(Run(record, receiver, settling)), sums, receiver)
+        hold_metrics_to(sums_of(Run(record, receiver)), record, receiver)
     epochs = record.estimates("ekf").epoch_ns
     assert len(epochs) > 5
     assert (~np.isin(epochs, record.time_ns[record.own("target")])).any() == off_grid
@@ -220,7 +221,7 @@ def judged_by_both(
         plan, seeds | lags, record=columns, lanes=number, threads=1, settling_ns=2 * SECOND
     )
     records = [outcome.record(run) for run in range(runs)]
-    return outcome.sums[receiver], [sums_of(r, receiver, 2 * SECOND) for r in records], records
+    return outcome.sums[receiver], [sums_of(Run(r, receiver, 2 * SECOND)) for r in records], records
 
 
 def possible(number: int, plan: Plan) -> bool:
@@ -412,7 +413,7 @@ class Elsewhere:
 def test_a_receiver_in_python_with_epochs_between_the_instants_is_judged() -> None:
     scenario = sblcosim.load("harbour-square", {"time.duration_s": 10.0})
     record = execute(resolve(connect(scenario, {"mine": Elsewhere})), master="python")
-    sums = sums_of(record, "mine")
+    sums = sums_of(Run(record, "mine"))
     assert sums[SUMS.index("broken")] == 0
     assert sums[SUMS.index("estimates")] == len(record) - 1
     hold_metrics_to(sums, record, "mine")
@@ -425,7 +426,7 @@ def test_sums_and_metrics_of_a_record_agree(start_s: int, step_s: float) -> None
     record = make_record({"ekf": rng.normal(size=(95, 3))}, platform_error=(0.5, 0.2, 0.0))
     epoch = record.values["ekf.epoch"] + step_s + start_s
     record = Record(record.time_ns + start_s * SECOND, {**record.values, "ekf.epoch": epoch})
-    hold_metrics_to(sums_of(record, "ekf"), record, "ekf")
+    hold_metrics_to(sums_of(Run(record, "ekf")), record, "ekf")
 
 
 def test_nis_without_degrees_counts_as_in_the_metrics() -> None:
@@ -433,7 +434,7 @@ def test_nis_without_degrees_counts_as_in_the_metrics() -> None:
     values = {k: v for k, v in record.values.items() if k != "ekf.nis_degrees"}
     values["ekf.nis"] = np.where(np.arange(101) % 7, 4.0, np.nan)
     record = replace(record, values=values)
-    hold_metrics_to(sums_of(record, "ekf"), record, "ekf")
+    hold_metrics_to(sums_of(Run(record, "ekf")), record, "ekf")
 
 
 def test_only_what_is_not_finite_or_not_of_the_run_is_broken() -> None:
@@ -441,7 +442,7 @@ def test_only_what_is_not_finite_or_not_of_the_run_is_broken() -> None:
         connect(sblcosim.load("paper-scenario-1", {"time.duration_s": 20.0}), ["ekf"])
     )
     record = execute(plan, master="native")
-    good = responses(sums_of(record, "ekf")[None], plan.stop_ns)
+    good = responses(sums_of(Run(record, "ekf"))[None], plan.stop_ns)
     assert not good.broken[0]
     values = dict(record.values)
     values["ekf.position"] = values["ekf.position"].copy()
@@ -450,7 +451,7 @@ def test_only_what_is_not_finite_or_not_of_the_run_is_broken() -> None:
     values["ekf.epoch"][100] += 0.01
     values["ekf.epoch"][150] -= 7.0
     values["ekf.epoch"][160] -= 100.0
-    sums = sums_of(replace(record, values=values), "ekf")
+    sums = sums_of(Run(replace(record, values=values), "ekf"))
     assert sums[SUMS.index("broken")] == 2
     assert responses(sums[None], plan.stop_ns).estimates[0] == good.estimates[0] - 2
 
@@ -465,10 +466,10 @@ def test_the_inconsistent_runs_are_those_of_the_metrics() -> None:
             ), ["ekf"])
         )
         record = execute(plan, master="native")
-        summary = metrics.summary(record, {"ekf": metrics.track(record, "ekf")})
-        ours = responses(sums_of(record, "ekf")[None], plan.stop_ns)
-        assert bool(ours.inconsistent[0]) == bool(summary.loc["ekf", "inconsistent"])
-        assert bool(ours.lost[0]) == bool(summary.loc["ekf", "lost"])
+        table = summary(record, ["ekf"])
+        ours = responses(sums_of(Run(record, "ekf"))[None], plan.stop_ns)
+        assert bool(ours.inconsistent[0]) == bool(table.loc["ekf", "inconsistent"])
+        assert bool(ours.lost[0]) == bool(table.loc["ekf", "lost"])
 
 
 def sums(rows: Sequence[dict[str, float]]) -> Any:
@@ -487,7 +488,8 @@ def test_inconsistent_is_judged_by_the_95_percent_band_and_unknown_without_a_cov
 
 
 def test_a_receiver_without_covariance_is_neither_consistent_nor_inconsistent() -> None:
-    row = responses(sums_of(make_record(optional_ports=False), "ekf")[None], 10 * SECOND).iloc[0]
+    run = Run(make_record(optional_ports=False), "ekf")
+    row = responses(sums_of(run)[None], 10 * SECOND).iloc[0]
     assert row["inconsistent"] is pd.NA
     assert np.isnan(row["nees_position"])
 
@@ -510,12 +512,12 @@ def test_lost_is_said_of_who_falls_silent_or_is_farther_off_than_the_platform() 
             }
             values["ekf.epoch"] = values["ekf.epoch"] + start_ns / 1e9
             moved = Record(record.time_ns + start_ns, values)
-            row = responses(sums_of(moved, "ekf")[None], 10 * SECOND).iloc[0]
+            row = responses(sums_of(Run(moved, "ekf"))[None], 10 * SECOND).iloc[0]
             assert bool(row["lost"]) is lost
 
 
 def test_who_never_gives_an_estimate_is_lost() -> None:
-    row = responses(sums_of(silent("ekf"), "ekf")[None], 10 * SECOND).iloc[0]
+    row = responses(sums_of(Run(silent("ekf"), "ekf"))[None], 10 * SECOND).iloc[0]
     assert row["lost"]
     assert row["estimates"] == 0
 

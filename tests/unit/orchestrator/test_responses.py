@@ -10,9 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
+from sblcosim.data.record import Record
+from sblcosim.data.truth import TRUTH
 from sblcosim.errors import ConfigurationError
 from sblcosim.results import responses, sums, user_responses
-from sblcosim.results.definitions import PERCENTAGES, TRUTH, order_statistics
+from sblcosim.results.definitions import PERCENTAGES, order_statistics
 from sblcosim.results.responses import (
     ON_REQUEST,
     PERCENTILES,
@@ -22,8 +24,8 @@ from sblcosim.results.responses import (
 )
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.execution import execute
+from sblcosim.simulation.how import How
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.record import Record
 from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, study
 
@@ -57,7 +59,7 @@ def test_every_sum_gives_what_its_definition_says(name: str, settling_ns: int) -
     record = execute(plan_of(scenario, WITH_OWN, **keys))
     span = int(record.time_ns[-1] - record.time_ns[0])
     for receiver in WITH_OWN:
-        made = sums.responses(sums.sums_of(record, receiver, settling_ns)[None], span).iloc[0]
+        made = sums.responses(sums.sums_of(Run(record, receiver, settling_ns))[None], span).iloc[0]
         run = Run(record, receiver, settling_ns)
         assert [*made.index, *ON_REQUEST] == list(RESPONSES)
         for column, value in made.items():
@@ -329,4 +331,4 @@ def test_a_name_belongs_to_one_response() -> None:
 def test_lanes_cannot_do_functions() -> None:
     made = study.load(STUDY, responses=[worst_after_three_seconds_m])
     with pytest.raises(ConfigurationError, match="master: must not be lanes with a response"):
-        campaign.prepare(made, master="lanes")
+        campaign.prepare(made, How(master="lanes"))

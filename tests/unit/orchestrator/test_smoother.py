@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from model_dive import dive, parameters, without
+from sblcosim.data.samples import Samples, pose_of
 from sblcosim.estimation import late, linear, model, outcome, smoother
-from sblcosim.estimation.samples import Samples, pose_of
 from sblcosim.models.receiver import lateness
 from sblcosim.models.receiver.surroundings import STATES
 from scipy.spatial.transform import Rotation

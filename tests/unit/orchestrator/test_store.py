@@ -18,6 +18,7 @@ import pytest
 from pyarrow import parquet
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.fmus.build.factory import build
+from sblcosim.simulation.how import How
 from sblcosim.study import again, campaign, definition, runner, store, study
 from sblcosim.study import parts as stored
 
@@ -270,7 +271,7 @@ def test_any_number_of_replicates_is_counted_at_once(
     missing = runner.missing(huge, out)
     assert missing.runs == huge.runs - 4 == 1_059_999_996
     assert missing.steps == huge.steps - 4 * 20
-    low, high = runner.estimate(huge, missing, workers=1)
+    low, high = runner.estimate(huge, missing, How(workers=1))
     assert 1e3 < low < high
     assert sum(made) < 100_000
 

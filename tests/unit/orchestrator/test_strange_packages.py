@@ -36,8 +36,8 @@ from made_packages import (
     tag,
 )
 from sblcosim.cli import app
+from sblcosim.data.record import Record
 from sblcosim.errors import ConfigurationWarning
-from sblcosim.simulation.record import Record
 from typer.testing import CliRunner
 
 Stranger = Callable[[int], Path]

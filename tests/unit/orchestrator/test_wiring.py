@@ -15,6 +15,7 @@ from sblcosim.models import RECEIVERS
 from sblcosim.models.declaration import input_, parameter
 from sblcosim.models.ports import DEPTH, ESTIMATE, RECEPTION
 from sblcosim.scenario.scenario import load
+from sblcosim.scenario.sources import choice_of
 from sblcosim.scenario.wiring import applied, connect
 from sblcosim.simulation.system import System
 
@@ -264,24 +265,24 @@ def test_an_input_that_nothing_feeds_is_a_warning() -> None:
 
 def test_arguments_can_be_written_into_the_scenario() -> None:
     scenario = load(PAPER, {"receiver.gate": 3.0, "platform.fmi": 2})
-    changed = applied(scenario, ["sequential", "ekf"], fmi=3)
+    changed = applied(scenario, choice_of(scenario, ["sequential", "ekf"], fmi=3))
     assert (changed.receiver.type, changed.receiver.gate) == ("sequential", 3.0)
     assert (changed.fmi, changed.platform.fmi) == (3, None)
-    assert applied(scenario, ["ekf", "sequential"]).receiver.gate is None
-    assert applied(PAPER).model_dump() == PAPER.model_dump()
+    assert applied(scenario, choice_of(scenario, ["ekf", "sequential"])).receiver.gate is None
+    assert applied(PAPER, choice_of(PAPER)).model_dump() == PAPER.model_dump()
 
 
 def test_an_fmu_written_into_the_scenario_gets_the_parameters_that_it_got() -> None:
     fmu = build("sequential")
     scenario = load(PAPER, {"receiver.measurement_noise": "variance"})
-    changed = applied(scenario, fmu)
+    changed = applied(scenario, choice_of(scenario, fmu))
     assert (changed.receiver.type, changed.receiver.fmu) == (None, str(fmu))
     again = load(tomllib.loads(changed.dump_toml()))
     ours, theirs = connect(again).components, connect(scenario, fmu).components
     assert ours["sequential"] == theirs["sequential"]
     target = build("target")
-    assert applied(PAPER, components={"target": target}).target.fmu == str(target)
-    assert applied(PAPER, Deaf).model_dump() == PAPER.model_dump()
+    assert applied(PAPER, choice_of(PAPER, components={"target": target})).target.fmu == str(target)
+    assert applied(PAPER, choice_of(PAPER, Deaf)).model_dump() == PAPER.model_dump()
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,11 @@ from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver.variables import POSE_SOURCE
 
 from ..errors import ConfigurationError
-from ..simulation.record import Integers, Record, epochs_ns
+from ..lazy import Module
+from .estimates import Flags, Floats, Integers
+from .record import Record, epochs_ns
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+transform = Module("scipy.spatial.transform")
 
 NEEDED = (
     "acoustics.range", "acoustics.range_epoch", "acoustics.reception_count",
@@ -68,6 +69,31 @@ class Samples:
         again = np.diff(self.range_ns, prepend=self.range_ns[:1] - 1) == 0
         own: Flags = ~(self.has_pose & again)
         return own
+
+    def beacon_position(self, body: Floats | None = None) -> Floats:
+        """Where the beacon of each packet says that it is, NED [m]; (m, 3).
+
+        Parameters
+        ----------
+        body
+            Nominal positions of the beacons, body frame [m], shape (beacons, 3).
+
+        Raises
+        ------
+        ConfigurationError
+            A packet tells the pose of the platform, and ``body`` is None.
+        """
+        position = self.position.copy()
+        posed = np.flatnonzero(self.has_pose)
+        if len(posed) and body is None:
+            raise ConfigurationError(
+                f"body: must be the positions of the beacons on the platform, as {len(posed)} of "
+                f"{len(self.range)} packets tell its pose, got none"
+            )
+        if body is not None and len(posed):
+            turns = transform.Rotation.from_euler("ZYX", self.attitude[posed][:, ::-1])
+            position[posed] += turns.apply(body[self.beacon[posed]])
+        return position
 
     def enough_ns(self) -> int | None:
         """Epoch from which three beacons and a depth have been heard [ns]; None if there is none.

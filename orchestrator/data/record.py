@@ -13,57 +13,14 @@ from sblcosim.models.ports import REQUIRED_ESTIMATE
 
 from ..errors import ConfigurationError, nearest
 from ..shown import Shown
-
-Flags = NDArray[np.bool_]
+from .estimates import Estimates, Flags, Floats, Integers
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 NEVER = np.iinfo(np.int64).min
 """Marks an epoch that is not a valid time [ns]."""
 _MOST_SECONDS = 9e9  # largest time that fits into int64 nanoseconds
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Estimates(Shown):
-    """The estimates of a receiver, each once; outputs that its FMU lacks are None.
-
-    Attributes
-    ----------
-    epoch_ns
-        Time to which each estimate refers [ns] (see `epochs_ns`); shape (m,).
-    available_ns
-        First communication instant at which it could be read [ns]; shape (m,).
-    update_count
-        Number of valid estimates so far; shape (m,).
-    position, velocity, position_std
-        NED [m], [m/s], [m]; shape (m, 3).
-    covariance
-        Covariance of (x, vx, y, vy, z, vz), the paper's order, SI units; shape (m, 6, 6).
-    nis, nis_degrees
-        Normalised innovation squared and the number of scalar measurements in it; shape (m,).
-    relative_position, relative_covariance
-        Position minus that of the platform, by the receiver's own account [m]; shape (m, 3); and
-        its covariance [m²]; shape (m, 3, 3).
-    """
-
-    epoch_ns: Integers
-    available_ns: Integers
-    update_count: Integers
-    position: Floats
-    velocity: Floats | None = None
-    position_std: Floats | None = None
-    covariance: Floats | None = None
-    nis: Floats | None = None
-    nis_degrees: Integers | None = None
-    relative_position: Floats | None = None
-    relative_covariance: Floats | None = None
-
-    def __len__(self) -> int:
-        return len(self.epoch_ns)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,14 +68,7 @@ class Record(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row per instant: ``time_s`` [s], then ``component.variable[i,j]``, 1-based."""
-        import pandas as pd
-
-        columns: dict[str, NDArray[np.generic]] = {"time_s": self.time_ns / SECOND}
-        for name, values in self.values.items():
-            for index in np.ndindex(values.shape[1:]):
-                element = ",".join(str(i + 1) for i in index)
-                columns[f"{name}[{element}]" if index else name] = values[:, *index]
-        return pd.DataFrame(columns)
+        return frame_of({"time_s": self.time_ns / SECOND, **self.values})
 
     def estimates(self, component: str) -> Estimates:
         """The estimates of a receiver: one for each change of ``update_count``.
@@ -167,6 +117,18 @@ class Record(Shown):
             relative_position=at("relative_position"),
             relative_covariance=at("relative_covariance"),
         )
+
+
+def frame_of(values: Mapping[str, NDArray[np.generic]]) -> pd.DataFrame:
+    """Arrays of shape (n, …) as a table: a column for each element, ``name[i,j]``, 1-based."""
+    import pandas as pd
+
+    columns: dict[str, NDArray[np.generic]] = {}
+    for name, array in values.items():
+        for index in np.ndindex(array.shape[1:]):
+            element = ",".join(str(i + 1) for i in index)
+            columns[f"{name}[{element}]" if index else name] = array[:, *index]
+    return pd.DataFrame(columns)
 
 
 def epochs_ns(time_ns: Integers, epoch_s: Floats) -> Integers:

@@ -1,0 +1,75 @@
+"""A scenario with what was chosen: prepared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sblcosim.fmus.host.nanoseconds import nanoseconds
+from sblcosim.fmus.read.ports import Fmu
+
+from ..data.truth import TRUTH
+from ..errors import ConfigurationError, nearest
+from ..results.description import RunDescription
+from ..scenario.labels import RAW
+from ..scenario.scenario import Receivers, Scenario, Source
+from ..scenario.schema import CORE_COMPONENTS
+from ..scenario.sources import choice_of
+from ..scenario.wiring import applied, connected
+from ..simulation.plan import Plan
+from ..simulation.plan_checks import check_size
+from ..simulation.resolve import resolve
+from .prepared import Prepared, origins_of, shortening
+
+
+def of_scenario(
+    scenario: Scenario,
+    receivers: Receivers = (),
+    fmi: int | None = None,
+    components: Mapping[str, Source] | None = None,
+) -> Prepared:
+    """Choose, connect and resolve what runs with a scenario; build missing FMUs.
+
+    Parameters
+    ----------
+    receivers, fmi, components
+        As of `sblcosim.scenario.wiring.connect`.
+
+    Raises
+    ------
+    ConfigurationError, FmuError
+        As `sblcosim.scenario.wiring.connect`; the true values are missing with which estimates are
+        compared.
+    """
+    choice = choice_of(scenario, receivers, fmi, components)
+    system = connected(scenario, choice)
+    plan = resolve(system)
+    check_size(plan)
+    _check_truth(plan)
+    labels = [*(label for label in choice.receivers if label != RAW)]
+    labels += [RAW] if RAW in choice.receivers else []
+    remarks = [scenario.about_track] if scenario.about_track else []
+    description = RunDescription(
+        scenario_name=scenario.name,
+        scenario=applied(scenario, choice),
+        receivers=labels,
+        fmus={c.name: c.source.sha256 for c in plan.components if isinstance(c.source, Fmu)},
+        seeds={name: getattr(scenario, name).seed for name in CORE_COMPONENTS},
+        origins=origins_of(choice.receivers, system, plan),
+        remarks=remarks + shortening(system, plan, nanoseconds(scenario.time.sampling_time_s)),
+    )
+    return Prepared(
+        system, plan, description,
+        may_fail=[name for name in labels if name != RAW] or [RAW],  # raw counts if it is alone
+        update_interval_ns=nanoseconds(scenario.receiver.update_interval_s),
+    )
+
+
+def _check_truth(plan: Plan) -> None:
+    """Refuse components that lack the true values with which estimates are compared."""
+    known = [c.name for c in plan.columns]
+    for name in TRUTH:
+        if name not in known:
+            raise ConfigurationError(
+                f"{name}: must be an output, to compare the estimates with, got none"
+                f"{nearest(name, known)}"
+            )

@@ -1,0 +1,48 @@
+"""How runs are executed: one value, on which no result depends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class How:
+    """How runs are executed.
+
+    Attributes
+    ----------
+    master
+        Which master; see `sblcosim.simulation.execution.execute`. None: the quickest that can.
+    step_timeout
+        Time limit for a call of a third-party FMU [s]; None: one minute.
+    workers
+        Threads or processes; None: all cores.
+    executor, scheduler
+        Where runs of a study go; see `sblcosim.study.runner.run`.
+    progress
+        Called at intervals with the completed share, 0 to 1.
+    """
+
+    master: str | None = None
+    step_timeout: float | None = None
+    workers: int | None = None
+    executor: str | Executor = "threads"
+    scheduler: str | None = None
+    progress: Callable[[float], None] | None = None
+
+    @property
+    def threads(self) -> int:
+        """Number of workers on this machine."""
+        return self.workers or os.cpu_count() or 1
+
+    def tell(self, share: float) -> None:
+        """Report the completed share."""
+        if self.progress is not None:
+            self.progress(share)
+
+
+HOW = How()
+"""As it is done if nobody says anything."""
