@@ -23,9 +23,9 @@ from sblcosim.models.receiver.surroundings import (
     Pose,
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
+from sblcosim.models.settings.keys import in_si
 
 from ..scenario.scenario import Scenario
-from ..scenario.schema import in_si
 from ..simulation.record import Integers
 from .linear import Floats, Problem
 from .samples import Samples

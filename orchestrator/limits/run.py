@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
+from sblcosim.models.settings.parameters import STOCHASTIC
 
 from ..results.definitions import held_at, recorded, state_at
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from ..simulation.record import Record, epochs_ns
-from .parameters import STOCHASTIC, beacons_of, conditions, model_of, own_beacon
+from .parameters import beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
 from .recursion import Epochs, Model, covariances
 from .unknown import left_out

@@ -14,8 +14,7 @@ import pytest
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
-from sblcosim.scenario import assumptions
-from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.models.settings.assumptions import SOURCES, rounding
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import applied, connect
 
@@ -277,7 +276,7 @@ def test_rounded_beacons_tilt_a_plane_through_them(body: list[list[float]]) -> N
     design = np.column_stack([np.ones(4), rows[:, :2]])
     covariance = 0.1**2 / 12 * np.linalg.inv(design.T @ design)
     forward, starboard = np.degrees(np.sqrt(np.diag(covariance)[1:]))
-    place, heading, tilt = assumptions._rounding(platform, acoustics, "beacon_positions")
+    place, heading, tilt = rounding(platform, acoustics, "beacon_positions")
     assert place == pytest.approx(0.1 / np.sqrt(12) / 2)
     assert heading == pytest.approx(forward, rel=1e-9)
     assert tilt == pytest.approx(np.hypot(forward, starboard) / np.sqrt(2), rel=1e-9)

@@ -1,0 +1,87 @@
+"""Elementary functions of numbers or of CasADi's symbols.
+
+Numbers go to `math` and to Python's own operators, so their bits are those of plain Python, and
+CasADi is not imported. It has to be the type that decides: `math.sqrt` of a symbol is no error.
+
+Where a root is 0 it has no derivative. Here that of a symbol is 0 there and not NaN, so that the
+derivative of its square, a variance, is right.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+
+def symbolic(*values: Any) -> bool:
+    """Whether one of some values is an expression of CasADi."""
+    return any(type(value).__module__.partition(".")[0] == "casadi" for value in values)
+
+
+def sqrt(value: Any) -> Any:
+    """Square root of a value that is not negative."""
+    if not symbolic(value):
+        return math.sqrt(value)
+    import casadi as ca
+
+    positive = value > 0
+    return ca.if_else(positive, ca.sqrt(ca.if_else(positive, value, 1.0)), 0.0)
+
+
+def hypot(*values: Any) -> Any:
+    """Root of the sum of squares."""
+    if not symbolic(*values):
+        return math.hypot(*values)
+    return sqrt(sum(value * value for value in values))
+
+
+def degrees(value: Any) -> Any:
+    """An angle in radians, in degrees."""
+    return value * (180.0 / math.pi) if symbolic(value) else math.degrees(value)
+
+
+def radians(value: Any) -> Any:
+    """An angle in degrees, in radians."""
+    return value * (math.pi / 180.0) if symbolic(value) else math.radians(value)
+
+
+def greatest(first: Any, second: Any) -> Any:
+    """The larger of two values."""
+    if not symbolic(first, second):
+        return max(first, second)
+    import casadi as ca
+
+    return ca.fmax(first, second)
+
+
+def least(first: Any, second: Any) -> Any:
+    """The smaller of two values."""
+    if not symbolic(first, second):
+        return min(first, second)
+    import casadi as ca
+
+    return ca.fmin(first, second)
+
+
+def both(first: Any, second: Any) -> Any:
+    """Whether two conditions hold."""
+    if not symbolic(first, second):
+        return first and second
+    import casadi as ca
+
+    return ca.logic_and(first, second)
+
+
+def where(condition: Any, value: Any, otherwise: Any) -> Any:
+    """One of two values; neither may be NaN or infinite, as a symbol's derivative has both."""
+    if not symbolic(condition):
+        return value if condition else otherwise
+    import casadi as ca
+
+    return ca.if_else(condition, value, otherwise)
+
+
+def ratio(value: Any, positive: Any) -> Any:
+    """The ratio of two values; 1 where the second is not positive."""
+    known = positive > 0
+    return where(known, value, 1.0) / where(known, positive, 1.0)
