@@ -223,9 +223,8 @@ def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]
 
 def _with(rounded: Any, *stds: Any) -> Any:
     """Root of the sum of squares; nothing is touched where nothing is rounded."""
-    if symbolic(rounded) or rounded:
-        return hypot(*stds, rounded)
-    return stds[0] if len(stds) == 1 else hypot(*stds)
+    exact = stds[0] if len(stds) == 1 else hypot(*stds)
+    return where(rounded > 0, hypot(*stds, rounded), exact)
 
 
 def _known(key: str, condition: Any, value: Any) -> dict[str, Any]:

@@ -15,7 +15,11 @@ from typing import Any
 
 def symbolic(*values: Any) -> bool:
     """Whether one of some values is an expression of CasADi."""
-    return any(type(value).__module__.partition(".")[0] == "casadi" for value in values)
+    for value in values:
+        kind = type(value)
+        if kind is not float and kind is not int and kind.__module__.startswith("casadi."):
+            return True
+    return False
 
 
 def sqrt(value: Any) -> Any:
@@ -54,13 +58,13 @@ def greatest(first: Any, second: Any) -> Any:
     return ca.fmax(first, second)
 
 
-def least(first: Any, second: Any) -> Any:
-    """The smaller of two values."""
-    if not symbolic(first, second):
-        return min(first, second)
+def clipped(value: Any, low: float, high: float) -> Any:
+    """The nearest value that is not below one number nor above another."""
+    if not symbolic(value):
+        return value if low <= value <= high else min(max(value, low), high)
     import casadi as ca
 
-    return ca.fmin(first, second)
+    return ca.fmin(ca.fmax(value, low), high)
 
 
 def both(first: Any, second: Any) -> Any:

@@ -53,14 +53,8 @@ def within(variable: Variable, value: Any) -> Any:
     """A value of a scenario file, or the nearest that the declaration allows."""
     low, high = _range(variable.unit, variable.min, variable.max)
     if variable.shape:
-        return tuple(_clipped(v, low, high) for v in value)
-    if variable.choices is not None:
-        return value
-    return _clipped(value, low, high)
-
-
-def _clipped(value: Any, low: float, high: float) -> Any:
-    return either.least(either.greatest(value, low), high)
+        return tuple(either.clipped(v, low, high) for v in value)
+    return value if variable.choices is not None else either.clipped(value, low, high)
 
 
 def in_si(variable: Variable, value: Any) -> Any:

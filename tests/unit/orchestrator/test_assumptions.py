@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim.fmus.build.factory import build
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
 from sblcosim.models.settings.assumptions import SOURCES, rounding
 from sblcosim.scenario.scenario import load, shipped
@@ -242,6 +242,17 @@ def test_nothing_follows_from_what_ours_would_be_where_it_is_somebody_elses() ->
     assert receiver.beacon_offset_m == starts["beacon_offset_m"].starts
     tables["platform"] |= {"arm_length_m": 0.4}
     assert load(tables).receiver.beacon_offset_m[0] == 0.4
+
+
+@pytest.mark.parametrize("type_", RECEIVERS)
+@pytest.mark.parametrize("table", ["target", "platform", "acoustics"])
+def test_any_receiver_can_be_told_of_somebody_elses(type_: str, table: str) -> None:
+    """Also one that takes the error of its clock for one of the ranges, of which nothing is known.
+    """
+    tables = {"receiver": {"type": type_}, table: {"fmu": str(build(table))},
+              "acoustics": {"range_std_m": 0.3}}
+    tables[table] = {"fmu": str(build(table)), **tables.get(table, {})}
+    assert load(tables).receiver.range_std_m == 0.3
 
 
 def test_the_table_in_the_documents() -> None:
