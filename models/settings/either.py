@@ -1,10 +1,10 @@
 """Elementary functions of numbers or of CasADi's symbols.
 
 Numbers go to `math` and to Python's own operators, so their bits are those of plain Python, and
-CasADi is not imported. It has to be the type that decides: `math.sqrt` of a symbol is no error.
+CasADi is not imported. The type decides: `math.sqrt` of a symbol is NaN and no error.
 
-Where a root is 0 it has no derivative. Here that of a symbol is 0 there and not NaN, so that the
-derivative of its square, a variance, is right.
+A root has no derivative where it is 0. Here the derivative of a symbol is 0 there and not NaN. So
+the derivative of its square, a variance, is right.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def greatest(first: Any, second: Any) -> Any:
 
 
 def clipped(value: Any, low: float, high: float) -> Any:
-    """The nearest value that is not below one number nor above another."""
+    """The value from ``low`` to ``high`` that is nearest."""
     if not symbolic(value):
         return value if low <= value <= high else min(max(value, low), high)
     import casadi as ca
@@ -77,7 +77,10 @@ def both(first: Any, second: Any) -> Any:
 
 
 def where(condition: Any, value: Any, otherwise: Any) -> Any:
-    """One of two values; neither may be NaN or infinite, as a symbol's derivative has both."""
+    """One of two values.
+
+    Both are worked out, so neither may be NaN or infinite: a symbol's derivative would be NaN.
+    """
     if not symbolic(condition):
         return value if condition else otherwise
     import casadi as ca
