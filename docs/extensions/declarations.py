@@ -16,13 +16,12 @@ from sblcosim.cli.base import app
 from sblcosim.cli.documents import DOCUMENTS, schema
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
-from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.models.settings.assumptions import SOURCES
+from sblcosim.models.settings.keys import default, in_file_units
 from sblcosim.scenario.scenario import Scenario
 from sblcosim.scenario.schema import (
     COMMON,
     CORE_COMPONENTS,
-    default,
-    in_file_units,
     most,
     rows,
     toml,

@@ -16,15 +16,15 @@ import pandas as pd
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
 from sblcosim.models import RECEIVERS
+from sblcosim.models.settings.assumptions import SOURCES as ASSUMED
+from sblcosim.models.settings.keys import default
 
 from ..errors import ConfigurationError, NoEffectWarning, instance, shortened
 from ..results.over_runs import rms_over_runs
 from ..scenario import scenario as scenarios
-from ..scenario.assumptions import SOURCES as ASSUMED
 from ..scenario.files import naming_files
 from ..scenario.overrides import Changes
 from ..scenario.scenario import Scenario, Source
-from ..scenario.schema import default
 from ..simulation.how import How
 from ..study import runner, study
 from ..study.kept import Kept

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from sblcosim.models.settings.parameters import STOCHASTIC
 
 from ..api import run
 from ..errors import SblcosimError
-from ..limits.parameters import STOCHASTIC
 from ..limits.run import of_run
 from ..limits.verdict import Possible
 from ..results.result import Result

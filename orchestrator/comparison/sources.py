@@ -34,9 +34,11 @@ from math import hypot
 from types import MappingProxyType
 from typing import Any
 
+from sblcosim.models.settings.presets import preset
+
 from ..errors import ConfigurationError, nearest, quoted
 from ..scenario.scenario import Scenario
-from ..scenario.schema import preset, rows
+from ..scenario.schema import rows
 
 FLOOR = 0.01
 """Standard deviation [m] of ranges and depth readings that are switched off. A diver moves so far

@@ -23,11 +23,11 @@ from sblcosim.models.receiver.surroundings import (
     Pose,
 )
 from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
+from sblcosim.models.settings.keys import in_si
 
 from ..data.estimates import Integers
 from ..data.samples import Samples
 from ..scenario.scenario import Scenario
-from ..scenario.schema import in_si
 from .linear import Floats, Problem
 
 Indices = NDArray[np.intp]

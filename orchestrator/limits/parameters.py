@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import Component
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
-from ..scenario.schema import in_si
 from .fisher import fisher_factor
 from .recursion import Model
 from .steady import Conditions
 
 Floats = NDArray[np.float64]
-
-STOCHASTIC = "white_noise_acceleration"
-"""The trajectory that is drawn from the model."""
-_START = ("prior_position_std", "prior_velocity_std", "initialisation")
 
 
 def parameters(
@@ -32,31 +27,11 @@ def parameters(
     ``range_std`` is σ_r/√I with the factor of `fisher_factor`; ``acceleration_psd`` is that of the
     target if its motion is drawn from the model, else the one given.
     """
-    declared = {v.name: v for v in receiver.of("parameter")}
-    by_key = {v.key: v for v in declared.values()}
-    values: dict[str, Any] = {
-        name: v.starts if v.shape else v.starts[0] for name, v in declared.items()
-    }
-    for key, value in scenario.assumptions().items():
-        if key in by_key:
-            values[by_key[key].name] = in_si(by_key[key], value)
-    for name in _START:
-        value = getattr(scenario.receiver, declared[name].key)
-        if value is not None:
-            values[name] = in_si(declared[name], value)
-    if scenario.true_prior:
-        values["initialisation"] = in_si(declared["initialisation"], "prior")
     a = scenario.acoustics
     share = fisher_factor(
         a.range_std_m, a.outlier_probability, a.outlier_mean_m, a.outlier_distribution
     )
-    values["range_std"] = a.range_std_m / share**0.5
-    values["depth_std"] = scenario.target.depth_std_m
-    if scenario.target.trajectory == STOCHASTIC:
-        values["acceleration_psd"] = scenario.target.acceleration_psd_m2_s3
-    elif acceleration_psd is not None:
-        values["acceleration_psd"] = acceleration_psd
-    return SimpleNamespace(**values, beacons=scenario.beacons)
+    return of_model(receiver, scenario.assumptions(), scenario, share, acceleration_psd)
 
 
 def model_of(

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus.stopping import interruptible
+from sblcosim.models.settings.parameters import STOCHASTIC
 
 from ..data.record import Record, epochs_ns
 from ..data.truth import held_at, recorded, state_at
 from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
-from .parameters import STOCHASTIC, beacons_of, conditions, model_of, own_beacon
+from .parameters import beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
 from .recursion import Epochs, Model, covariances
 from .unknown import left_out

@@ -17,7 +17,7 @@ LEFT_OUT = (
     "imu_tilt_step_deg", "imu_tilt_scale_factor_error", "imu_heading_scale_factor_error",
     "imu_misalignment_deg",
 )  # fmt: skip
-"""Keys of ``[platform]`` that are in no model; `scenario.assumptions.SOURCES` names the others."""
+"""Keys of ``[platform]`` that are in no model; `settings.assumptions.SOURCES` names the others."""
 
 
 def left_out(scenario: Scenario) -> tuple[str, ...]:

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 from sblcosim.models.declaration import Dimension, Variable
-
-
-def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
-    """Whether an array has a capacity and a separate count."""
-    return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
 
 
 def most(bound: float | None) -> float | None:

@@ -15,6 +15,7 @@ from sblcosim.fmus.read.ports import Port, ports_of, read
 from sblcosim.models import declared
 from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACON_POSITIONS, PING_POSE, RECEPTION
+from sblcosim.models.settings.keys import to_si
 
 from ..errors import ConfigurationError, nearest
 from ..simulation.alike import alike
@@ -23,7 +24,7 @@ from ..simulation.system import ComponentSpec, Value
 from ..simulation.user_files import variables_of
 from . import tracks
 from .scenario import Scenario, Source
-from .schema import SHARED_PARAMETERS, TRUE, content_of, to_si
+from .schema import SHARED_PARAMETERS, TRUE, content_of
 from .sources import known_source, named
 
 

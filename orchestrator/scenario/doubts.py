@@ -5,9 +5,10 @@ from __future__ import annotations
 import marshal
 from collections.abc import Iterator, Mapping
 
+from sblcosim.models.settings.beacons import beacons_of
+
 from ..simulation.alike import alike
 from . import arrangement
-from .assumptions import beacons_of
 from .scenario import Scenario, Source
 from .tracks import ABOVE
 

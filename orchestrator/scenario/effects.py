@@ -12,8 +12,10 @@ from typing import Any, Protocol
 
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Condition, Variable
+from sblcosim.models.settings.keys import in_si
+from sblcosim.models.settings.presets import PRESET_TABLES, PRESETS, preset
 
-from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, Table, in_si, preset, toml
+from .schema import CORE_COMPONENTS, Table, toml
 from .tracks import FILE, FILE_KEYS
 
 Key = tuple[str, ...]

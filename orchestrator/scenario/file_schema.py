@@ -10,10 +10,11 @@ import json
 from typing import Any
 
 from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.settings.keys import default
 
 from .json_schema import Plainly
 from .scenario import Scenario, load
-from .schema import CORE_COMPONENTS, Table, default, rows
+from .schema import CORE_COMPONENTS, Table, rows
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 """Of the schema; editors of TOML know no newer one."""

@@ -7,9 +7,10 @@ import tomllib
 from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeGuard
 
+from sblcosim.models.settings.presets import PRESET_TABLES, PRESETS
+
 from ..errors import ConfigurationError, instance, quoted, shortened
 from .keys import Overrides
-from .schema import PRESET_TABLES, PRESETS
 
 Changes = Overrides | ItemsView[str, Any] | Sequence[str]
 """Keys with values, ``{"platform.arm_length_m": 0.4}``, which type checkers know; ``keys.items()``

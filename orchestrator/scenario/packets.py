@@ -6,27 +6,16 @@ from collections.abc import Iterator
 from typing import Any
 
 from sblcosim.models.acoustics.packet import finest, has_angles, least_bits
-
-_DEFAULT = "everything"
-_KEYS = ("packet_resolution_m", "packet_angle_resolution_deg")
-_POSE_SOURCES = {
-    "everything": "reported_pose", "all_beacons": "beacon_positions", "pose": "reported_pose",
-    "own_beacon": "own_beacon",
-}
-
-
-def pose_source(content: str) -> str:
-    """What a receiver uses of such packets, as the key ``pose_source``."""
-    return _POSE_SOURCES[content]
+from sblcosim.models.settings import packets
+from sblcosim.models.settings.packets import DEFAULT, KEYS
 
 
 def resolutions(acoustics: Any, beacons: int) -> dict[str, float]:
     """Keys that follow from ``packet_bits``, before all others are filled in."""
     if not acoustics.packet_bits:
         return {}
-    content = acoustics.packet_content or _DEFAULT
-    found = finest(content, acoustics.packet_bits, beacons, *_given(acoustics))
-    return dict(zip(_KEYS, found, strict=True)) if found else {}
+    content = acoustics.packet_content or DEFAULT
+    return packets.resolutions(content, acoustics.packet_bits, beacons, *_given(acoustics))
 
 
 def problems(platform: Any, acoustics: Any, receiver: Any, beacons: int) -> Iterator[str]:
@@ -59,7 +48,7 @@ def _too_long(acoustics: Any, beacons: int) -> Iterator[str]:
         return
     fit = finest(content, bits, beacons)
     said = [f"packet_content is {content!r}"] + [
-        f"{key} is {value!r}" for key, value in zip(_KEYS, given, strict=True) if value is not None
+        f"{key} is {value!r}" for key, value in zip(KEYS, given, strict=True) if value is not None
     ]
     advice = ""
     if fit is not None:
@@ -74,6 +63,6 @@ def _too_long(acoustics: Any, beacons: int) -> Iterator[str]:
 def _given(acoustics: Any) -> tuple[float | None, float | None]:
     """The resolutions that are given, and have an effect."""
     first, second = (
-        getattr(acoustics, key) if key in acoustics.model_fields_set else None for key in _KEYS
+        getattr(acoustics, key) if key in acoustics.model_fields_set else None for key in KEYS
     )
-    return first, second if has_angles(acoustics.packet_content or _DEFAULT) else None
+    return first, second if has_angles(acoustics.packet_content or DEFAULT) else None

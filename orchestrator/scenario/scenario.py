@@ -8,26 +8,29 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from importlib import resources
-from math import hypot
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
 from sblcosim.models import RECEIVERS
-from sblcosim.models.ports import BEACONS
+from sblcosim.models.settings.assumptions import levels
+from sblcosim.models.settings.beacons import arranged
+from sblcosim.models.settings.keys import starts
+from sblcosim.models.settings.paths import counts
+from sblcosim.models.settings.presets import PRESET_TABLES, preset
+from sblcosim.models.settings.times import update_interval
 
 from ..errors import ConfigurationError, instance, resolved, shortened
 from ..simulation.alike import alike
 from ..simulation.system import PythonComponent
 from ..tracks.resample import TooFewError
 from . import arrangement, effects, files, library, packets, tracks
-from .assumptions import assumed, mounting_noise
+from .assumptions import assumed
 from .messages import cross_check, is_table, lines
 from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
 from .reading import check_values, parse, read_text, relative, shown
 from .schema import (
-    PRESET_TABLES,
     PRIOR_KEYS,
     SEED,
     SHARED_PARAMETERS,
@@ -42,11 +45,8 @@ from .schema import (
     Time,
     content_of,
     divides,
-    preset,
     rows,
-    starts,
     toml,
-    within,
 )
 
 FILES = ("fmu", "track_file")
@@ -100,14 +100,11 @@ class Scenario(Table):
             value = getattr(getattr(self, where), name)
             if value is not None:
                 presets[where] |= preset(name, value)
-        if self.target.waypoint_m:
-            presets["target"]["waypoint_count"] = len(self.target.waypoint_m) // 3
-        presets["platform"] |= self._arrangement()
+        presets["target"] |= counts(self.target)
+        presets["platform"] |= arranged(self.platform.beacon_m)
         self.platform.fill({"beacons": presets["platform"]["beacons"]})  # sizes the other keys
         beacons = self.beacons
         presets["acoustics"] |= packets.resolutions(self.acoustics, beacons)
-        if self.target.track_time_s:
-            presets["target"]["track_count"] = len(self.target.track_time_s)
         common["interval_s"] = self.acoustics.sampling_time_s or common["sampling_time_s"]
         for name, table in self._tables(*presets):
             table.fill({**starts(name, beacons), **presets[name], **common})
@@ -117,17 +114,12 @@ class Scenario(Table):
             raise ValueError("\n".join(problems))
         return self
 
-    def _arrangement(self) -> dict[str, Any]:
-        given = self.platform.beacon_m
-        if given is None:
-            return {"beacons": int(BEACONS)}
-        return {"beacons": len(given) // 3, "arrangement": "given"}
-
     def _complete_receiver(self) -> None:
         receiver = self.receiver
         if receiver.type is None and receiver.fmu is None:
             receiver.fill({"type": DEFAULT_RECEIVER})
-        update = nanoseconds(self.time.sampling_time_s) * self.time.ekf_ratio / SECOND
+        whole = nanoseconds(self.time.sampling_time_s) / SECOND
+        update = update_interval(whole, self.time.ekf_ratio)
         own = RECEIVERS.get(receiver.type, ())
         derived = {**self.assumptions([v.name for v in own]), "update_interval_s": update}
         if receiver.type is None:
@@ -226,18 +218,14 @@ class Scenario(Table):
         )
 
     def _assumptions(self, estimates_clock: bool, knows_arrangement: bool) -> dict[str, Any]:
-        variables = self.receiver.variables
         source = self.receiver.pose_source
         if "pose_source" not in self.receiver.model_fields_set:
             source = None
-        system = assumed(self.target, self.platform, self.acoustics, source)
-        noise = self.acoustics.range_std_m
-        if not estimates_clock:
-            noise = hypot(noise, system["clock_std_m"])
-        if knows_arrangement:
-            noise = hypot(noise, mounting_noise(self.platform, self.acoustics))
-        levels = {"range_std_m": noise, "depth_std_m": self.target.depth_std_m, **system}
-        return {key: within(variables[key], level) for key, level in levels.items()}
+        tables = (self.target, self.platform, self.acoustics)
+        return levels(
+            assumed(*tables, source), *tables, estimates_clock=estimates_clock,
+            knows_arrangement=knows_arrangement,
+        )
 
     def given(self) -> dict[str, Any]:
         """The keys that were given explicitly, as nested tables; the rest follows from them."""

@@ -10,9 +10,8 @@ import json
 import marshal
 import math
 import re
-from collections.abc import Callable, Hashable, Iterable, Mapping
-from functools import cache, lru_cache, partial
-from types import MappingProxyType
+from collections.abc import Hashable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import (
@@ -26,15 +25,14 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS, nanoseconds, settled
-from sblcosim.models import COMPONENTS, RECEIVERS, declared
-from sblcosim.models.acoustics import clock
-from sblcosim.models.declaration import Component, Variable, number_of
-from sblcosim.models.platform import gps, imu
-from sblcosim.models.platform.beaufort import LEVELS, sea_state
+from sblcosim.models import COMPONENTS, RECEIVERS
+from sblcosim.models.declaration import Variable
 from sblcosim.models.ports import BEACONS
+from sblcosim.models.settings.keys import OF_RECEIVERS, in_file_units, is_list
+from sblcosim.models.settings.presets import PRESET_VALUES
 
 from ..shown import public
-from .arrays import counts_of, flat, is_list, json_schema, most
+from .arrays import counts_of, flat, json_schema, most
 
 CORE_COMPONENTS = ("target", "platform", "acoustics")
 """The components that every system has; their tables have the same names."""
@@ -45,25 +43,8 @@ TRUE: Final = "true"
 SHARED_PARAMETERS = ("sampling_time", "update_interval", "seed", "range_std", "depth_std")
 """Parameters that a third-party component always gets, if it has them."""
 PRIOR_KEYS = ("prior_position_m", "prior_velocity_m_s")
+_SEAS = PRESET_VALUES["beaufort"]
 _TICKS = frozenset(c.interval for c in COMPONENTS.values())
-
-
-_PRESETS: Mapping[str, tuple[str, Callable[[Any], Mapping[str, float]], Iterable[Any]]] = {
-    "beaufort": ("platform", sea_state, LEVELS),
-    "imu_grade": ("platform", imu.grade, imu.GRADES),
-    "gps_grade": ("platform", gps.grade, gps.GRADES),
-    "clock_grade": ("acoustics", clock.grade, clock.GRADES),
-}
-"""The table of each preset, its parameters in SI units for a value, and all values."""
-PRESET_TABLES: Mapping[str, str] = {name: table for name, (table, _, _) in _PRESETS.items()}
-"""Keys that set other keys of the same table, and that table."""
-
-
-def preset(name: str, value: Any) -> dict[str, Any]:
-    """Keys that a preset sets in its table, and their values."""
-    table, values, _ = _PRESETS[name]
-    known = COMPONENTS[table]
-    return {known[k].key: in_file_units(known[k], v) for k, v in values(value).items()}
 
 
 def _name(value: str) -> str:
@@ -135,80 +116,6 @@ def content_of(scenario: Any, name: str) -> Hashable:
     return known[name]
 
 
-def in_file_units(variable: Variable, value: float) -> float:
-    """Convert an SI value to the unit of the scenario file: radians become degrees."""
-    return _in_file_units(variable.unit, value)
-
-
-def _in_file_units(unit: str | None, value: float) -> float:
-    if unit is None or not unit.startswith("rad"):
-        return value
-    return float(f"{math.degrees(value):.12g}")
-
-
-@lru_cache(4096, typed=True)
-def _range(unit: str | None, low: float | None, high: float | None) -> tuple[float, float]:
-    """Bounds in the unit of the scenario file."""
-    return (
-        -math.inf if low is None else _in_file_units(unit, low),
-        math.inf if high is None else _in_file_units(unit, high),
-    )
-
-
-def within(variable: Variable, value: Any) -> Any:
-    """A value of a scenario file, or the nearest that the declaration allows."""
-    low, high = _range(variable.unit, variable.min, variable.max)
-    if variable.shape:
-        return tuple(min(max(v, low), high) for v in value)
-    fits = variable.choices is not None or low <= value <= high
-    return value if fits else min(max(value, low), high)
-
-
-def in_si(variable: Variable, value: Any) -> Any:
-    """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
-    convert = to_si(variable)
-    return value if convert is None else convert(value)
-
-
-def to_si(variable: Variable) -> Callable[[Any], Any] | None:
-    """What `in_si` does to values of a variable; None if they stay as they are."""
-    scalar: Callable[[Any], Any] | None = None
-    if variable.choices is not None:
-        scalar = partial(number_of, variable.choices)
-    elif variable.unit is not None and variable.unit.startswith("rad"):
-        scalar = math.radians
-    if not variable.shape:
-        return scalar
-    # Of the beacons as many as there are: the declaration at hand may be for others.
-    beacons = variable.rows is not None and variable.rows.name == BEACONS.name
-    rest = () if beacons else variable.starts
-
-    def convert(value: Iterable[Any]) -> tuple[Any, ...]:
-        elements = tuple(value) if scalar is None else tuple(map(scalar, value))
-        return elements + rest[len(elements) :]
-
-    return convert
-
-
-def default(component: Component, variable: Variable) -> Any:
-    """Start value of a parameter, in the form and unit of a scenario file."""
-    if variable.choices is not None:
-        return variable.choices[int(variable.starts[0])]
-    if variable.type != "Float64":
-        return variable.starts if variable.shape else variable.starts[0]
-    if is_list(component.variables, variable):
-        return ()
-    elements = tuple(in_file_units(variable, float(x)) for x in variable.starts)
-    return elements if variable.shape else elements[0]
-
-
-@cache
-def starts(component: str, beacons: int) -> Mapping[str, Any]:
-    """Default values of a component's parameters, made for so many beacons."""
-    of = declared(component, beacons=beacons)
-    return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
-
-
 def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
     """Type of a key, with the bounds from the declaration."""
     low, high = (
@@ -249,9 +156,9 @@ def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -
     return table
 
 
-def _grade(sensor: str, grades: Iterable[str]) -> tuple[Any, Any]:
+def _grade(sensor: str, key: str) -> tuple[Any, Any]:
     """A key that selects the grade of a sensor."""
-    names = tuple(grades)
+    names = tuple(PRESET_VALUES[key])
     text = f"Sets keys of {sensor} not given: {', '.join(names)}"
     return Literal[names] | None, Field(None, description=text)
 
@@ -314,11 +221,11 @@ else:
         {
             **COMMON,
             "beaufort": (
-                Annotated[int, Field(ge=min(LEVELS), le=max(LEVELS))] | None,
+                Annotated[int, Field(ge=min(_SEAS), le=max(_SEAS))] | None,
                 Field(None, description="Sea state, 0 to 6: sets the keys of waves not given"),
             ),
-            "imu_grade": _grade("the IMU", imu.GRADES),
-            "gps_grade": _grade("the GPS", gps.GRADES),
+            "imu_grade": _grade("the IMU", "imu_grade"),
+            "gps_grade": _grade("the GPS", "gps_grade"),
             "beacons": (
                 Annotated[int, Field(ge=BEACONS.least, le=BEACONS.most)] | None,
                 Field(None, description="Number of beacons; that of beacon_m if given"),
@@ -330,7 +237,7 @@ else:
         COMPONENTS["acoustics"],
         {
             **COMMON,
-            "clock_grade": _grade("the receiver's clock", clock.GRADES),
+            "clock_grade": _grade("the receiver's clock", "clock_grade"),
             "packet_bits": (
                 Annotated[int, Field(ge=0, le=1_000_000)] | None,
                 Field(None, description="Bits of a packet: sets the resolutions not given; 0: not "
@@ -340,7 +247,7 @@ else:
     )
     Receiver = _table(
         "Receiver",
-        {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
+        OF_RECEIVERS.values(),
         {
             "type": (
                 Literal[tuple(RECEIVERS)] | None,
@@ -355,13 +262,6 @@ else:
             ),
         },
     )
-
-
-PRESETS: Mapping[str, frozenset[str]] = {
-    name: frozenset(key for value in values for key in preset(name, value))
-    for name, (_, _, values) in _PRESETS.items()
-}
-"""Keys that set other keys of their table, and all keys they may set."""
 
 
 def _duration(value: Any) -> Any:

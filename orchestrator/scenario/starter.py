@@ -9,12 +9,14 @@ from typing import Any
 
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
+from sblcosim.models.settings.keys import default, in_file_units
+from sblcosim.models.settings.presets import PRESETS
 
 from .arrays import most
 from .file_schema import DIRECTIVE, TITLES
 from .overrides import Changes
 from .scenario import load
-from .schema import COMMON, PATH, PRESETS, TRUE, Table, default, in_file_units, rows, toml
+from .schema import COMMON, PATH, TRUE, Table, rows, toml
 from .tracks import TOLERANCE
 
 _IN_USE: Mapping[str, Any] = {

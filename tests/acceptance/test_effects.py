@@ -13,9 +13,10 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.acoustics import clock
 from sblcosim.models.declaration import Variable
 from sblcosim.models.platform import gps, imu
+from sblcosim.models.settings.keys import in_file_units
 from sblcosim.scenario import effects
 from sblcosim.scenario.scenario import Scenario, load, shipped
-from sblcosim.scenario.schema import CORE_COMPONENTS, in_file_units
+from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.plan import TICK_PARAMETERS, Plan

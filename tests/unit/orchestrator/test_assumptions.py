@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim.fmus.build.factory import build
-from sblcosim.models import COMPONENTS
+from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
-from sblcosim.scenario import assumptions
-from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.models.settings.assumptions import SOURCES, rounding
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.sources import choice_of
 from sblcosim.scenario.wiring import applied, connect
@@ -247,6 +246,17 @@ def test_nothing_follows_from_what_ours_would_be_where_it_is_somebody_elses() ->
     assert load(tables).receiver.beacon_offset_m[0] == 0.4
 
 
+@pytest.mark.parametrize("type_", RECEIVERS)
+@pytest.mark.parametrize("table", ["target", "platform", "acoustics"])
+def test_any_receiver_can_be_told_of_somebody_elses(type_: str, table: str) -> None:
+    """Also one that takes the error of its clock for one of the ranges, of which nothing is known.
+    """
+    tables = {"receiver": {"type": type_}, table: {"fmu": str(build(table))},
+              "acoustics": {"range_std_m": 0.3}}
+    tables[table] = {"fmu": str(build(table)), **tables.get(table, {})}
+    assert load(tables).receiver.range_std_m == 0.3
+
+
 def test_the_table_in_the_documents() -> None:
     text = README.read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`[^|]+) \| ([^|]+) \|.*\|$", text[text.index("| parameter | from"):],
@@ -279,7 +289,7 @@ def test_rounded_beacons_tilt_a_plane_through_them(body: list[list[float]]) -> N
     design = np.column_stack([np.ones(4), rows[:, :2]])
     covariance = 0.1**2 / 12 * np.linalg.inv(design.T @ design)
     forward, starboard = np.degrees(np.sqrt(np.diag(covariance)[1:]))
-    place, heading, tilt = assumptions._rounding(platform, acoustics, "beacon_positions")
+    place, heading, tilt = rounding(platform, acoustics, "beacon_positions")
     assert place == pytest.approx(0.1 / np.sqrt(12) / 2)
     assert heading == pytest.approx(forward, rel=1e-9)
     assert tilt == pytest.approx(np.hypot(forward, starboard) / np.sqrt(2), rel=1e-9)

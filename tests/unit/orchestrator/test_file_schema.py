@@ -16,6 +16,7 @@ import pytest
 import sblcosim.cli
 from sblcosim.errors import ConfigurationError
 from sblcosim.models import RECEIVERS
+from sblcosim.models.settings.keys import default, in_file_units
 from sblcosim.scenario.file_schema import DIRECTIVE, FILE_NAME, scenario_schema
 from sblcosim.scenario.scenario import load, shipped, shipped_text
 from sblcosim.scenario.schema import (
@@ -23,8 +24,6 @@ from sblcosim.scenario.schema import (
     Platform,
     Receiver,
     Target,
-    default,
-    in_file_units,
     most,
     rows,
 )

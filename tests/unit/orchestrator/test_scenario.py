@@ -15,9 +15,11 @@ from sblcosim.models.acoustics import clock
 from sblcosim.models.platform import gps
 from sblcosim.models.platform.beaufort import sea_state
 from sblcosim.models.platform.imu import grade
-from sblcosim.scenario.assumptions import SOURCES
+from sblcosim.models.settings.assumptions import SOURCES
+from sblcosim.models.settings.keys import in_si
+from sblcosim.models.settings.presets import PRESETS
 from sblcosim.scenario.scenario import load, shipped, shipped_text
-from sblcosim.scenario.schema import CORE_COMPONENTS, PRESETS, in_si
+from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.starter import starter
 from sblcosim.scenario.wiring import connect
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 import sblcosim
 from sblcosim.cli import app
+from sblcosim.models.settings.presets import PRESETS
 from sblcosim.scenario.likes import LIKES
 from sblcosim.scenario.scenario import load, shipped
-from sblcosim.scenario.schema import PRESETS, Acoustics, Platform, Receiver, Target, Time
+from sblcosim.scenario.schema import Acoustics, Platform, Receiver, Target, Time
 from sblcosim.scenario.starter import starter
 from typer.testing import CliRunner
 

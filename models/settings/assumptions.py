@@ -1,0 +1,302 @@
+"""What a receiver may assume of the system: parameters of `coupled` from a scenario's own values.
+
+The table in ``models/receiver/README.md`` says which comes from which.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .beacons import beacons_of
+from .either import both, degrees, greatest, hypot, ratio, sqrt, symbolic, where
+from .keys import OF_RECEIVERS, start_of, within
+from .packets import pose_source
+
+_ROOT_2, _ROOT_12 = math.sqrt(2), math.sqrt(12)
+_DRIFT_MEMORY = 100.0
+"""A clock that drifts by δ₁ strays in this time [s] as far as the random walk of `clock_walk_psd`
+does."""
+_LEAST_OUTLIER_PROBABILITY = 0.01
+_MOUNTING_MEMORY = 10.0
+"""An error of a beacon's place counts as the noise that, averaged over twice this time [s], leaves
+as much. Measured: see ``models/receiver/README.md``."""
+_PACKET = ("acoustics.packet_content", "acoustics.packet_resolution_m")
+_ANGLES = (*_PACKET, "acoustics.packet_angle_resolution_deg")
+
+SOURCES: Mapping[str, Sequence[str]] = {
+    "beacon_offset_m": (
+        "platform.beacon_m", "platform.arm_length_m", "platform.beacon_depth_m",
+        "platform.beacon_scale",
+    ),
+    "pose_source": ("acoustics.packet_content",),
+    "gps_std_m": ("platform.gps_horizontal_std_m", *_PACKET),
+    "gps_markov_std_m": ("platform.gps_horizontal_markov_std_m",),
+    "gps_correlation_time_s": ("platform.gps_correlation_time_s",),
+    "gps_bias_std_m": ("platform.gps_horizontal_bias_std_m", "platform.gps_antenna_offset_m"),
+    "gps_vertical_std_m": ("platform.gps_vertical_std_m", *_PACKET),
+    "gps_vertical_error_std_m": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m",
+    ),
+    "gps_vertical_error_time_s": (
+        "platform.gps_vertical_markov_std_m", "platform.gps_vertical_bias_std_m",
+        "platform.gps_antenna_offset_m", "platform.gps_correlation_time_s",
+    ),
+    "platform_velocity_std_m_s": (
+        "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
+        "platform.sway_frequency_Hz",
+    ),
+    "platform_velocity_time_s": (
+        "platform.surge_amplitude_m", "platform.surge_frequency_Hz", "platform.sway_amplitude_m",
+        "platform.sway_frequency_Hz",
+    ),
+    "heading_rate_std_deg_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "heading_rate_time_s": ("platform.yaw_amplitude_deg", "platform.yaw_frequency_Hz"),
+    "tilt_std_deg": ("platform.roll_amplitude_deg", "platform.pitch_amplitude_deg"),
+    "imu_heading_std_deg": ("platform.imu_heading_std_deg", *_ANGLES),
+    "imu_heading_error_std_deg": (
+        "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
+        "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
+    ),
+    "imu_heading_error_time_s": (
+        "platform.imu_heading_bias_deg", "platform.imu_heading_turn_on_std_deg",
+        "platform.imu_heading_step_deg", "platform.imu_heading_markov_std_deg",
+        "platform.imu_correlation_time_s",
+    ),
+    "imu_tilt_std_deg": (
+        "platform.imu_tilt_std_deg", "platform.imu_tilt_bias_deg",
+        "platform.imu_tilt_turn_on_std_deg", "platform.imu_tilt_markov_std_deg", *_ANGLES,
+    ),
+    "outlier_probability": ("acoustics.outlier_probability", "acoustics.outlier_mean_m"),
+    "outlier_mean_m": ("acoustics.outlier_mean_m", "acoustics.outlier_probability"),
+    "assumed_sound_speed_m_s": ("acoustics.assumed_sound_speed_m_s",),
+    "clock_std_m": (
+        "acoustics.clock_offset_s", "acoustics.clock_offset_std_s", "acoustics.clock_drift_s_s",
+        "acoustics.clock_drift_std_s_s", "acoustics.clock_sync_age_s",
+        "acoustics.processing_delay_s", "acoustics.processing_delay_correction_s",
+        "acoustics.assumed_sound_speed_m_s",
+    ),
+    "clock_walk_psd_m2_s": (
+        "acoustics.clock_drift_s_s", "acoustics.clock_drift_std_s_s",
+        "acoustics.assumed_sound_speed_m_s",
+    ),
+    "sound_speed_std": ("acoustics.sound_speed_m_s", "acoustics.assumed_sound_speed_m_s"),
+    "depth_bias_std_m": ("target.depth_bias_m", "target.depth_bias_std_m"),
+    "beacon_error_std_m": (
+        "platform.gps_horizontal_bias_std_m", "platform.gps_horizontal_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_vertical_error_std_m": (
+        "platform.gps_vertical_bias_std_m", "platform.gps_vertical_markov_std_m",
+        "platform.mounting_std_m", "platform.gps_shared",
+    ),
+    "beacon_error_time_s": (
+        "platform.gps_correlation_time_s", "platform.gps_horizontal_markov_std_m",
+    ),
+    "beacon_noise_std_m": (
+        "platform.gps_horizontal_std_m", "acoustics.packet_resolution_m",
+    ),
+    "beacon_vertical_noise_std_m": (
+        "platform.gps_vertical_std_m", "acoustics.packet_resolution_m",
+    ),
+}
+"""Keys of ``[receiver]``, and the keys that each follows from.
+
+Those of the first table decide whether anything is known of a component of somebody else.
+"""
+
+
+def assumed(
+    target: Any, platform: Any, acoustics: Any, source: str | None = None
+) -> dict[str, Any]:
+    """Keys of ``[receiver]`` and their values, in the units of a scenario file.
+
+    A key of which nothing is known is left out, and a receiver has its own start. Whether it is
+    may depend on a symbol. Then the key is there, and has that start where nothing is known.
+
+    Parameters
+    ----------
+    target, platform, acoustics
+        Tables of the scenario, complete.
+    source
+        What the receiver uses of a packet, if the scenario says so: its ``pose_source``.
+    """
+    roll, pitch = (platform.roll_amplitude_deg, platform.pitch_amplitude_deg)
+    speed = acoustics.assumed_sound_speed_m_s
+    outliers = both(acoustics.outlier_probability > 0, acoustics.outlier_mean_m > 0)
+    n, e, _ = platform.gps_antenna_offset_m
+    place, turn, tilt = rounding(
+        platform, acoustics, source or pose_source(acoustics.packet_content)
+    )
+    return {
+        "beacon_offset_m": beacons_of(platform),
+        "pose_source": pose_source(acoustics.packet_content),
+        "gps_std_m": _with(place, platform.gps_horizontal_std_m),
+        "gps_markov_std_m": platform.gps_horizontal_markov_std_m,
+        "gps_correlation_time_s": platform.gps_correlation_time_s,
+        "gps_bias_std_m": hypot(platform.gps_horizontal_bias_std_m, n / _ROOT_2, e / _ROOT_2),
+        "gps_vertical_std_m": _with(place, platform.gps_vertical_std_m),
+        **_vertical_error(platform),
+        **_motion(platform, ("surge", "sway"), "platform_velocity_std_m_s",
+                  "platform_velocity_time_s"),
+        **_motion(platform, ("yaw",), "heading_rate_std_deg_s", "heading_rate_time_s"),
+        "tilt_std_deg": hypot(roll, pitch) / 2,
+        "imu_heading_std_deg": _with(turn, platform.imu_heading_std_deg),
+        **_heading_error(platform),
+        "imu_tilt_std_deg": _with(
+            tilt, platform.imu_tilt_std_deg, platform.imu_tilt_bias_deg,
+            platform.imu_tilt_turn_on_std_deg, platform.imu_tilt_markov_std_deg,
+        ),
+        "outlier_probability": greatest(
+            where(outliers, acoustics.outlier_probability, 0.0), _LEAST_OUTLIER_PROBABILITY
+        ),
+        **_known("outlier_mean_m", outliers, acoustics.outlier_mean_m),
+        "assumed_sound_speed_m_s": speed,
+        **_clock(acoustics),
+        "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
+        "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
+        **_of_each_beacon(platform, acoustics),
+    }
+
+
+def levels(
+    system: Mapping[str, Any], target: Any, platform: Any, acoustics: Any, *,
+    estimates_clock: bool, knows_arrangement: bool,
+) -> dict[str, Any]:
+    """What a receiver is told: noises and what is assumed, each as near as the receiver allows.
+
+    Parameters
+    ----------
+    system
+        What is known of what `assumed` says.
+    target, platform, acoustics
+        As of `assumed`.
+    estimates_clock
+        Whether the receiver estimates its clock. One that does not takes the clock's error for one
+        of the ranges.
+    knows_arrangement
+        Whether it is told the arrangement. Then it takes ranges for noisier if beacons are not
+        where they should be.
+    """
+    noise = acoustics.range_std_m
+    if not estimates_clock:
+        noise = hypot(noise, system.get("clock_std_m", 0.0))
+    if knows_arrangement:
+        noise = hypot(noise, mounting_noise(platform, acoustics))
+    told = {"range_std_m": noise, "depth_std_m": target.depth_std_m, **system}
+    return {key: within(OF_RECEIVERS[key], value) for key, value in told.items()}
+
+
+def mounting_noise(platform: Any, acoustics: Any) -> Any:
+    """Standard deviation of white noise of a range that is worth the errors of mounting [m].
+
+    They are the same in all ranges of a beacon; a filter that takes them for none believes in more
+    than it has, the more often the beacons ping.
+    """
+    if not platform.gps_shared:
+        return 0.0
+    fixed = platform.mounting_error_m or (0.0,)
+    square = platform.mounting_std_m**2 + sum(v * v for v in fixed) / len(fixed)
+    slots = len(beacons_of(platform)) // 3 if acoustics.schedule == "round_robin" else 1
+    pings = 2 * _MOUNTING_MEMORY / (slots * acoustics.sampling_time_s)
+    return sqrt(square * greatest(pings, 1.0))
+
+
+def rounding(platform: Any, acoustics: Any, source: str) -> tuple[Any, Any, Any]:
+    """What rounding adds to a pose: of positions [m], heading and tilt [degrees]; as noise."""
+    step = acoustics.packet_resolution_m / _ROOT_12
+    if acoustics.packet_content == "pose" or source != "beacon_positions":
+        angle = acoustics.packet_angle_resolution_deg / _ROOT_12
+        return step, angle, angle
+    # The pose is fitted to the beacons, each of them rounded by itself.
+    rows = beacons_of(platform)
+    x, y = rows[0::3], rows[1::3]
+    n = len(x)
+    xx, yy = (sum(v * v for v in axis) - sum(axis) ** 2 / n for axis in (x, y))
+    xy = sum(a * b for a, b in zip(x, y, strict=True)) - sum(x) * sum(y) / n
+    least = greatest(xx * yy - xy * xy, 1e-12)
+    forward, starboard = (degrees(step * sqrt(v / least)) for v in (yy, xx))
+    return step / math.sqrt(n), forward, hypot(forward, starboard) / _ROOT_2
+
+
+def _with(rounded: Any, *stds: Any) -> Any:
+    """Root of the sum of squares; nothing is touched where nothing is rounded."""
+    exact = stds[0] if len(stds) == 1 else hypot(*stds)
+    return where(rounded > 0, hypot(*stds, rounded), exact)
+
+
+def _known(key: str, condition: Any, value: Any) -> dict[str, Any]:
+    """A key of which something is known on a condition."""
+    if symbolic(condition):
+        return {key: where(condition, value, start_of(key))}
+    return {key: value} if condition else {}
+
+
+def _heading_error(platform: Any) -> dict[str, Any]:
+    """What the IMU's heading is off by for long."""
+    slow = hypot(platform.imu_heading_bias_deg, platform.imu_heading_turn_on_std_deg,
+                 platform.imu_heading_step_deg)
+    markov = platform.imu_heading_markov_std_deg
+    return {
+        "imu_heading_error_std_deg": hypot(slow, markov),
+        # What never changes outlasts what does.
+        **_known("imu_heading_error_time_s", markov > slow, platform.imu_correlation_time_s),
+    }
+
+
+def _vertical_error(platform: Any) -> dict[str, Any]:
+    """What the GPS's down is off by for long."""
+    markov = platform.gps_vertical_markov_std_m
+    error = hypot(markov, platform.gps_vertical_bias_std_m, platform.gps_antenna_offset_m[2])
+    # One process for a constant part and one that wanders: it wanders as fast.
+    time = platform.gps_correlation_time_s * ratio(error, markov) ** 2
+    return {
+        "gps_vertical_error_std_m": error, **_known("gps_vertical_error_time_s", markov > 0, time)
+    }
+
+
+def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
+    """What is wrong with where each beacon is said to be, if all have errors of their own."""
+    survey = platform.mounting_std_m if platform.gps_shared else 0.0
+    horizontal, vertical = (
+        hypot(
+            getattr(platform, f"gps_{axis}_bias_std_m"),
+            getattr(platform, f"gps_{axis}_markov_std_m"), survey,
+        )
+        for axis in ("horizontal", "vertical")
+    )
+    rounded = acoustics.packet_resolution_m / _ROOT_12
+    wanders = platform.gps_horizontal_markov_std_m > 0
+    return {
+        "beacon_error_std_m": horizontal,
+        "beacon_vertical_error_std_m": vertical,
+        **_known("beacon_error_time_s", wanders, platform.gps_correlation_time_s),
+        "beacon_noise_std_m": _with(rounded, platform.gps_horizontal_std_m),
+        "beacon_vertical_noise_std_m": _with(rounded, platform.gps_vertical_std_m),
+    }
+
+
+def _clock(acoustics: Any) -> dict[str, Any]:
+    """How far the clock is off at the start, and how it strays from there."""
+    delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
+    drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s
+    age, speed = acoustics.clock_sync_age_s, acoustics.assumed_sound_speed_m_s
+    fixed = acoustics.clock_offset_s + drift * age + delay
+    return {
+        "clock_std_m": speed * hypot(fixed, acoustics.clock_offset_std_s, drift_std * age),
+        "clock_walk_psd_m2_s": _DRIFT_MEMORY * (hypot(drift, drift_std) * speed) ** 2,
+    }
+
+
+def _motion(platform: Any, axes: Sequence[str], std: str, time: str) -> dict[str, Any]:
+    """RMS rate per axis of some sinusoids, and the correlation time that goes with it [s]."""
+    place: Any = 0.0
+    rate: Any = 0.0
+    for axis in axes:
+        unit = "deg" if axis in ("roll", "pitch", "yaw") else "m"
+        amplitude = getattr(platform, f"{axis}_amplitude_{unit}")
+        place += amplitude**2 / 2
+        rate += (2 * math.pi * getattr(platform, f"{axis}_frequency_Hz") * amplitude) ** 2 / 2
+    return {std: sqrt(rate / len(axes)), **_known(time, rate > 0, sqrt(ratio(place, rate)))}

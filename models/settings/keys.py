@@ -1,0 +1,109 @@
+"""From keys of a scenario to parameters of the FMUs: units, bounds and starts.
+
+A key has the value of a parameter in the unit of its suffix: angles are in degrees, choices are
+names, arrays are flat, row by row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache, partial
+from types import MappingProxyType
+from typing import Any
+
+from .. import RECEIVERS, declared
+from ..declaration import Component, Variable, number_of
+from ..ports import BEACONS
+from . import either
+
+OF_RECEIVERS: Mapping[str, Variable] = {
+    v.key: v for receiver in RECEIVERS.values() for v in receiver.of("parameter")
+}
+"""Parameters of all our receivers, by key."""
+
+
+def is_list(variables: Iterable[Variable], variable: Variable) -> bool:
+    """Whether an array has a capacity and a separate count."""
+    return any(v.name == f"{variable.name.removesuffix('_time')}_count" for v in variables)
+
+
+def in_file_units(variable: Variable, value: Any) -> Any:
+    """Convert an SI value to the unit of the scenario file: radians become degrees."""
+    return _in_file_units(variable.unit, value)
+
+
+def _in_file_units(unit: str | None, value: Any) -> Any:
+    if unit is None or not unit.startswith("rad"):
+        return value
+    angle = either.degrees(value)
+    return angle if either.symbolic(angle) else float(f"{angle:.12g}")
+
+
+@lru_cache(4096, typed=True)
+def _range(unit: str | None, low: float | None, high: float | None) -> tuple[float, float]:
+    """Bounds in the unit of the scenario file."""
+    return (
+        -math.inf if low is None else _in_file_units(unit, low),
+        math.inf if high is None else _in_file_units(unit, high),
+    )
+
+
+def within(variable: Variable, value: Any) -> Any:
+    """A value of a scenario file, or the nearest that the declaration allows."""
+    low, high = _range(variable.unit, variable.min, variable.max)
+    if variable.shape:
+        return tuple(either.clipped(v, low, high) for v in value)
+    return value if variable.choices is not None else either.clipped(value, low, high)
+
+
+def in_si(variable: Variable, value: Any) -> Any:
+    """Convert a value of a scenario file to the FMU's; arrays become row-major and complete."""
+    convert = to_si(variable)
+    return value if convert is None else convert(value)
+
+
+def to_si(variable: Variable) -> Callable[[Any], Any] | None:
+    """What `in_si` does to values of a variable; None if they stay as they are."""
+    scalar: Callable[[Any], Any] | None = None
+    if variable.choices is not None:
+        scalar = partial(number_of, variable.choices)
+    elif variable.unit is not None and variable.unit.startswith("rad"):
+        scalar = either.radians
+    if not variable.shape:
+        return scalar
+    # Of the beacons as many as there are: the declaration at hand may be for others.
+    beacons = variable.rows is not None and variable.rows.name == BEACONS.name
+    rest = () if beacons else variable.starts
+
+    def convert(value: Iterable[Any]) -> tuple[Any, ...]:
+        elements = tuple(value) if scalar is None else tuple(map(scalar, value))
+        return elements + rest[len(elements) :]
+
+    return convert
+
+
+def default(component: Component, variable: Variable) -> Any:
+    """Start value of a parameter, in the form and unit of a scenario file."""
+    if variable.choices is not None:
+        return variable.choices[int(variable.starts[0])]
+    if variable.type != "Float64":
+        return variable.starts if variable.shape else variable.starts[0]
+    if is_list(component.variables, variable):
+        return ()
+    elements = tuple(in_file_units(variable, float(x)) for x in variable.starts)
+    return elements if variable.shape else elements[0]
+
+
+@cache
+def starts(component: str, beacons: int) -> Mapping[str, Any]:
+    """Default values of a component's parameters, made for so many beacons."""
+    of = declared(component, beacons=beacons)
+    return MappingProxyType({v.key: default(of, v) for v in of.of("parameter")})
+
+
+@cache
+def start_of(key: str) -> Any:
+    """What our receivers take for a key that nobody gives: all that have it take the same."""
+    receiver = next(r for r in RECEIVERS.values() if key in {v.key for v in r.of("parameter")})
+    return default(receiver, OF_RECEIVERS[key])
