@@ -23,11 +23,12 @@ from scipy import stats
 from ..results.drawing import free_places
 from ..study.design import INTERACTION_SIGN, shown
 from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
+from ..words.numbers import minus
+from ..words.shares import percent
 from .advice import Advice
 from .box_cox import box_cox
 from .general_tables import GeneralAnalysis
 from .model import Floats
-from .sentences import minus
 from .tables import Analysis
 
 MOST_BARS = 20
@@ -273,7 +274,7 @@ def plot_box_cox(
         best = float(power.to_numpy()[height.argmax()])
         inside = power[profile["inside"]]
         ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
-                   label=f"{100 * analysis.confidence:.4g}% interval")
+                   label=f"{percent(analysis.confidence, '.4g', '')} interval")
         ax.plot(power, height - height.max(), color=look.receivers[1])
         ax.axvline(best, color=look.receivers[0], ls=LINES[1],
                    label=f"best λ = {minus(f'{best:.2g}')}")

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..style import LINES, MARKERS, PLAIN, SMALL, Theme, ThemeName, use
+from ..words.shares import percent
 from .figures import add_legend, panels_in, quantity_of, with_unit, wrapped
 from .general_sentences import level_text, pair_texts
 from .general_tables import GeneralAnalysis
@@ -61,7 +62,7 @@ def plot_means(
         _shared(panels, analysis.shown_of)
         line = Line2D([], [], color=look.ink, ls=LINES[2], lw=1.0, label="mean of the levels")
         dot = Line2D([], [], color=look.receivers[0], marker="o", ms=5, lw=1.3,
-                     label=f"{what}, {100 * analysis.confidence:.4g} % interval")
+                     label=f"{what}, {percent(analysis.confidence, '.4g')} interval")
         add_legend(panels[-1], ax is None, [dot, line])
     return panels
 

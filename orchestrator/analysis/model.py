@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
 from ..study.design import INTERACTION_SIGN
+from ..words.lists import first_of
 from .runs import points_of
 
 Floats = NDArray[np.float64]
@@ -256,8 +257,7 @@ def _check_estimable(x: Floats, columns: Sequence[str]) -> None:
             aliased.append(f"{name} aliased with {' and '.join(others)}")
         else:
             free.append(i)
-    more = f" and {len(aliased) - MAX_LISTED} more" if len(aliased) > MAX_LISTED else ""
     raise ConfigurationError(
         f"terms: must be told apart by the {len(distinct)} design points, got "
-        f"{'; '.join(aliased[:MAX_LISTED])}{more}"
+        f"{first_of(aliased, MAX_LISTED, '; ')}"
     )

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigurationError, check_choice, nearest, quoted
 from ..shown import Picture, Shown, folded, page, verbatim
 from ..study.space import LEAST_BASE_ROWS, SEED_FACTOR, Sample
+from ..words.shares import percent, rough_percent
 from . import jackknife, sobol, two_values
 from .sobol import TAIL, Flags, Floats, Scale, SobolIndices
 
@@ -159,8 +160,8 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
     if rows < (1 - MOST_LEFT_OUT) * done:
         raise ConfigurationError(
             f"{response}: must be finite in all {runs} runs of at least "
-            f"{100 * (1 - MOST_LEFT_OUT):.0f} % of the base rows, got "
-            f"{sobol.percent(rows / done)}: {done - rows} of {done} are left out, and the others "
+            f"{percent(1 - MOST_LEFT_OUT, '.0f')} of the base rows, got "
+            f"{rough_percent(rows / done)}: {done - rows} of {done} are left out, and the others "
             "do not stand for the space; analyse a response that every run has, or narrow the "
             "ranges"
         )

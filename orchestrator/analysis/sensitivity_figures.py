@@ -20,7 +20,8 @@ from ..results.responses import unit_of
 from ..study.distributions import is_number
 from ..study.space import Factor
 from ..style import PLAIN, Theme, ThemeName, new_figure, use
-from .sentences import minus
+from ..words.numbers import minus
+from ..words.shares import percent
 from .sobol import Floats, SobolIndices
 
 RASTER_FROM = 1000
@@ -57,7 +58,8 @@ def plot_indices(
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         ax.set_xlim(right=max(1.0, ax.get_xlim()[1]))
-        ax.set_xlabel(f"Share of the variance;\nlines: {100 * found.confidence:.4g} % intervals")
+        level = percent(found.confidence, ".4g")
+        ax.set_xlabel(f"Share of the variance;\nlines: {level} intervals")
         ax.set_title(fill(f"Sobol' indices of {found.quantity}", 38), loc="left")
         if own:
             ax.figure.legend(loc="outside lower center", ncols=1)
@@ -189,7 +191,7 @@ def conditional_mean(
 
 def _mean(found: SobolIndices) -> str:
     what = "geometric mean" if found.transform == "log" else "share" if found.is_flag else "mean"
-    return f"{what} of like runs, {100 * found.confidence:.4g} % intervals"
+    return f"{what} of like runs, {percent(found.confidence, '.4g')} intervals"
 
 
 def _response(found: SobolIndices) -> str:

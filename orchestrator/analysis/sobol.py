@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..layout import fitted, table
 from ..results.definitions import LOST
 from ..study.space import SEED_FACTOR, Sample
-from .sentences import minus
+from ..words.numbers import minus
+from ..words.shares import percent, rough_percent
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -174,11 +175,11 @@ def answer(found: SobolIndices, most: int = 2) -> str:
         return _without(found, text)
     high = float(ranked["total_high"].max())
     if high <= NEGLIGIBLE:
-        text = f"Each factor explains less than {percent(NEGLIGIBLE)} {of}"
+        text = f"Each factor explains less than {rough_percent(NEGLIGIBLE)} {of}"
     else:
         text = (
-            f"No factor stands out: estimates are below {percent(NEGLIGIBLE)} {of}, but intervals "
-            f"reach up to {percent(high)}"
+            f"No factor stands out: estimates are below {rough_percent(NEGLIGIBLE)} {of}, but "
+            f"intervals reach up to {rough_percent(high)}"
         )
     roughly = "roughly " if rough else ""
     return _without(found, f"{text}; {CHANCE} explains {roughly}{chance}.")
@@ -190,8 +191,8 @@ def _without(found: SobolIndices, sentence: str) -> str:
     if not gone:
         return sentence
     return (
-        f"Without {percent(found.share_left_out)} of the base rows ({gone} of {rows}), where a run "
-        f"has no response: {sentence[0].lower()}{sentence[1:]}"
+        f"Without {rough_percent(found.share_left_out)} of the base rows ({gone} of {rows}), where "
+        f"a run has no response: {sentence[0].lower()}{sentence[1:]}"
     )
 
 
@@ -212,7 +213,7 @@ def summary(found: SobolIndices, width: int | None = None) -> str:
     lines = [
         answer(found),
         "",
-        f"Sobol' indices of {found.quantity}, {100 * found.confidence:.4g} % intervals:",
+        f"Sobol' indices of {found.quantity}, {percent(found.confidence, '.4g')} intervals:",
         *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
         *notes(found),
     ]
@@ -253,7 +254,8 @@ def _notes(found: SobolIndices) -> Iterator[str]:
             "by more than their intervals; in another folder, the study begins with a new sample."
         )
     if found.lost is not None:
-        yield f"{percent(found.lost)} of the runs are lost." + (f" {LOST}" if found.lost else "")
+        explained = f" {LOST}" if found.lost else ""
+        yield f"{rough_percent(found.lost)} of the runs are lost.{explained}"
     if found.few is not None:
         yield (
             f"Only {found.few} of the {2 * rows} independent runs "
@@ -263,8 +265,8 @@ def _notes(found: SobolIndices) -> Iterator[str]:
     if found.heavy:
         positive = bool((found.values[np.isfinite(found.values)] > 0).all())
         yield (
-            f"Heavy tails: {percent(TAIL)} of the runs make {percent(found.tail)} of the "
-            "variance, and the indices are those of these few"
+            f"Heavy tails: {rough_percent(TAIL)} of the runs make {rough_percent(found.tail)} of "
+            "the variance, and the indices are those of these few"
             + ("; analyse the logarithm." if positive else ".")
         )
     needed = found.base_rows_needed
@@ -284,9 +286,4 @@ def events(independent: Floats) -> int:
 
 def _total(found: SobolIndices, name: str) -> str:
     """The total index of a factor in per cent."""
-    return percent(float(found.indices["total"][name]))
-
-
-def percent(share: float) -> str:
-    """A share in per cent, small ones with two digits."""
-    return f"{100 * share:.0f} %" if share >= 0.0995 or share == 0 else f"{100 * share:.2g} %"
+    return rough_percent(float(found.indices["total"][name]))

@@ -14,10 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from ..layout import meters
 from ..results.definitions import Floats
 from ..results.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
+from ..words.numbers import meters
 from .result import MANY_LOST, AreaMap, part, widened
 from .survey import NEAR
 

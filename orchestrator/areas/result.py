@@ -13,13 +13,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .. import artifacts, style
-from ..layout import meters
 from ..lazy import Module
 from ..results.catalogue import Figure, by_name, jobs
 from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
 from ..tracks.place import Origin
+from ..words.lists import counted
+from ..words.numbers import meters
 from . import contours
 from .grid import Grid
 
@@ -289,7 +290,7 @@ def _span(bounds: tuple[float, float]) -> str:
 
 
 def _cells(count: int) -> str:
-    return "no cell" if count == 0 else "1 cell" if count == 1 else f"{count:,} cells"
+    return counted(count, "cell") if count else "no cell"
 
 
 def _caption(found: AreaMap) -> str:

@@ -157,7 +157,7 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
     verbose
         With what is said of each covariance, and the share of inconsistent runs.
     """
-    from ..layout import meters
+    from ..words.numbers import meters
 
     for name, receiver in study.receivers.items():
         lost = f", {receiver.lost:.0%} lost" if receiver.lost else ""

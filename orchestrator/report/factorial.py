@@ -13,13 +13,23 @@ from ..analysis.box_cox import box_cox
 from ..analysis.factorial import Factorial
 from ..analysis.options import Transform
 from ..analysis.power import detectable
-from ..analysis.sentences import answer, limit_of, percent, quantity, rounded
+from ..analysis.sentences import answer, limit_of
 from ..analysis.workflow import RESPONSE, Choices, of_table
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study
 from ..study.tables import FactorTable
-from .formats import minus, number, probability, signed, span
+from ..words.lists import plural
+from ..words.numbers import (
+    interval,
+    number,
+    probability,
+    quantity,
+    rounded,
+    signed,
+    unbroken,
+)
+from ..words.shares import tight_percent
 from .page import Block, Table, Text
 
 MOST_ROWS = 40
@@ -112,7 +122,7 @@ def _why_not(what: str, a: Factorial) -> str:
     fewest, need = int(a.points["runs"].min()), 3 if a.seeding == "common" else 2
     if what == SPREAD and fewest < need:
         return (f"cannot be analysed: that takes at least {need} runs of each design point, and "
-                f"there {'is' if fewest == 1 else 'are'} {fewest}")
+                f"there {plural(fewest, 'is', 'are')} {fewest}")
     if what == SPREAD:
         return "cannot be analysed: at some design points the runs are equal"
     if (y <= 0).any():
@@ -187,7 +197,7 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
         advice = "the logarithm is nearer to what suits the model than the response itself"
     else:
         advice = "the response itself is nearer to what suits the model than its logarithm"
-    return minus(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
+    return unbroken(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
 
 
 # --- Tables --------------------------------------------------------------------------------------
@@ -238,8 +248,8 @@ def effect_table(findings: Findings) -> Table:
         head.append("In practice")
     rows = []
     for name, row in ranked.head(MOST_ROWS).iterrows():
-        cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
-                 number(row["t"]), probability(row["p"]), percent(row["share"]),
+        cells = [str(name), signed(row["effect"]), interval(row["low"], row["high"], signed),
+                 number(row["t"]), probability(row["p"]), tight_percent(row["share"]),
                  number(findings.detectable[str(name)], 2)]
         if a.transform != "none":
             cells.append(_ratio(row))
@@ -296,8 +306,7 @@ def ratio_table(findings: Findings) -> Table | None:
 
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
-    low, high = row["ratio_low"], row["ratio_high"]
-    return f"{rounded(row['ratio'])} ({rounded(low)} to {rounded(high)})"
+    return f"{rounded(row['ratio'])} ({interval(row['ratio_low'], row['ratio_high'])})"
 
 
 def anova_table(a: Factorial) -> Table:
@@ -327,7 +336,7 @@ def model_table(findings: Findings) -> Table:
         ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
     ]
     if np.isfinite(a.r2_adjusted):
-        predicted = minus(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
+        predicted = unbroken(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
         rows += [
             ("R²", f"{a.r2:.2%}"), ("R² adjusted", f"{a.r2_adjusted:.2%}"),
             ("R² predicted", predicted),
@@ -387,8 +396,9 @@ def get_ready() -> None:
 def summary(findings: Findings) -> list[Block]:
     """The answer, what matters, and the better levels."""
     blocks: list[Block] = [
-        Text(minus(answer(findings.shown)), "answer"), Text(minus(what_matters(findings.shown))),
+        Text(unbroken(answer(findings.shown)), "answer"),
+        Text(unbroken(what_matters(findings.shown))),
     ]
     if text := direction(findings.shown):
-        blocks.append(Text(minus(text)))
+        blocks.append(Text(unbroken(text)))
     return blocks

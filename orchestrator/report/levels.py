@@ -13,9 +13,10 @@ from ..analysis.general import GeneralFactorial
 from ..results.catalogue import Figure, by_name
 from ..results.definitions import LOST
 from ..study.study import Study
+from ..words.numbers import interval, number, probability
+from ..words.shares import percent
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .formats import number, probability, span
 from .page import Table, Text
 from .parts import Parts, pictures
 
@@ -79,8 +80,8 @@ def _level(a: GeneralFactorial, row: pd.Series, column: str) -> str:
 def _means(a: GeneralFactorial) -> Table:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["mean"], 4),
-         span(row["low"], row["high"], number), number(row["runs"], 6),
-         "–" if pd.isna(row["lost"]) else f"{100 * row['lost']:.3g} %")
+         interval(row["low"], row["high"], number), number(row["runs"], 6),
+         "–" if pd.isna(row["lost"]) else percent(row["lost"], ".3g"))
         for _, row in a.own_means.iterrows()
     ]  # fmt: skip
     head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
@@ -90,7 +91,7 @@ def _means(a: GeneralFactorial) -> Table:
 def _medians(a: GeneralFactorial) -> Table:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["median"], 4),
-         span(row["low"], row["high"], number))
+         interval(row["low"], row["high"], number))
         for _, row in a.medians.iterrows()
     ]  # fmt: skip
     unit = f" [{a.measured_in}]" if a.measured_in else ""
@@ -108,7 +109,7 @@ def _pairs(a: GeneralFactorial) -> Table:
     ordered = ordered.head(MOST_ROWS)
     rows = [
         (str(row["factor"]), f"{_level(a, row, 'one')} less {_level(a, row, 'other')}",
-         number(row["difference"], 4), span(row["low"], row["high"], number),
+         number(row["difference"], 4), interval(row["low"], row["high"], number),
          probability(row["p"]),
          *([] if a.practical is None else [sentences.verdict_text(row["verdict"], a)]))
         for _, row in ordered.iterrows()

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from ..analysis.sentences import percent, quantity
 from ..results.definitions import LOST
 from ..study.study import Study
-from .formats import number
+from ..words.numbers import number, quantity
+from ..words.shares import tight_percent
 from .page import Block, Table
 
 COLUMNS = {
@@ -56,4 +56,4 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
 
 
 def _share(value: float) -> str:
-    return "–" if pd.isna(value) else percent(value)
+    return "–" if pd.isna(value) else tight_percent(value)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ..analysis.sentences import quantity
 from ..api import run
 from ..errors import SblcosimError
 from ..limits.run import of_run
@@ -24,7 +23,7 @@ from ..scenario.wiring import connect
 from ..simulation.resolve import resolve
 from ..study.campaign import receivers_of
 from ..study.study import Study
-from .formats import number
+from ..words.numbers import number, quantity
 from .page import Block, Table
 
 MOST_POINTS = 8

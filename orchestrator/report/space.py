@@ -16,9 +16,9 @@ from ..layout import fitted
 from ..results.catalogue import Figure, by_name
 from ..results.responses import defined
 from ..study.study import Study
+from ..words.numbers import interval, number
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .formats import number, span
 from .page import Table, Text
 from .parts import Parts, pictures
 
@@ -111,8 +111,8 @@ def _table(found: Sensitivity) -> Table:
         row: Any = given
         rows.append((
             found.name_of(str(name)),
-            number(row["first"]), span(row["first_low"], row["first_high"], number),
-            number(row["total"]), span(row["total_low"], row["total_high"], number),
+            number(row["first"]), interval(row["first_low"], row["first_high"], number),
+            number(row["total"]), interval(row["total_low"], row["total_high"], number),
         ))  # fmt: skip
     head = ("Factor", "First order", "Interval", "Total", "Interval")
     return Table(f"Sobol' indices of {found.quantity}", head, rows)

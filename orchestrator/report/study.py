@@ -21,11 +21,12 @@ from ..results.consistency import TELLING
 from ..results.definitions import FRAME_WORDS
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
+from ..words.lists import plural
+from ..words.numbers import interval, number
 from . import factorial, levels, means, points, possible, space
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
-from .formats import number, span
 from .means import Means
 from .page import Block, Page, Picture, Section, Table, Text, render
 from .parts import Parts
@@ -210,7 +211,7 @@ def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
     if not row[word]:
         return "0"
     low, high = row[f"{word}_from"], row[f"{word}_to"]
-    return f"{number(row[word])}, {number(low) if low == high else span(low, high, number)}"
+    return f"{number(row[word])}, {number(low) if low == high else interval(low, high, number)}"
 
 
 def _again(study: Study, results: Path, command: str) -> Section:
@@ -243,7 +244,7 @@ def _same(one: Study, other: Study) -> bool:
 
 def _points(study: Study) -> str:
     count = len(study.points.values)
-    return f"{count} point{'' if count == 1 else 's'}"
+    return f"{count} {plural(count, 'point')}"
 
 
 def _lead(study: Study, runs: int, failed: int) -> str:

@@ -29,6 +29,7 @@ from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
 from ..study.tables import RECEIVERS_KEY
+from ..words.shares import percent
 from .sequential import MOST_RUNS, Rule
 
 PACKAGE = "sblcosim.require"
@@ -142,7 +143,7 @@ class Question(Shown):
         """What must hold, for people."""
         return (
             f"{self.words} of at most {self.terms.limit:g}{self.unit and f' {self.unit}'} in "
-            f"{100 * self.terms.share:g} % of the runs"
+            f"{percent(self.terms.share)} of the runs"
         )
 
     @cached_property

@@ -12,10 +12,11 @@ import pandas as pd
 from .. import artifacts, style
 from ..report.common import as_toml
 from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
+from ..words.numbers import bounds, figure
+from ..words.shares import percent
 from .answer import Answer
 from .figures import plot_front, plot_narrow
 from .question import shipped
-from .words import figure, span
 
 REPORT, SCENARIO = "report.html", "scenario.toml"
 FRONT, NARROW = "front", "front_narrow"
@@ -86,7 +87,7 @@ def _front(answer: Answer, wide: str, narrow: str) -> Section:
     what = "Cost and accuracy" if answer.question.costs else "Accuracy"
     alt = f"{what} of {len(answer.designs)} designs. {answer.sentences()[0]}"
     caption = (
-        f"{what} of all designs: the value that {100 * answer.question.terms.share:g} % of the "
+        f"{what} of all designs: the value that {percent(answer.question.terms.share)} of the "
         "runs are within; bars reach to the bounds that are claimed. Letters: the designs that the "
         "answer names."
     )
@@ -111,13 +112,13 @@ def _conditions(answer: Answer) -> Section:
     named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
     if len(q.conditions) > 1 and answer.spent:
         unit = f" [{q.unit}]" if q.unit else ""
-        head = ["Design", "Condition", "Verdict", f"{100 * q.terms.share:g} % within{unit}",
+        head = ["Design", "Condition", "Verdict", f"{percent(q.terms.share)} within{unit}",
                 "Surely", "Passed", "Runs"]
         blocks.append(Table(
             "The designs that the answer names, in each condition", head,
             [[answer.short(row["design"]), row["condition"], row["verdict"],
               "lost" if row["estimate"] == inf else figure(row["estimate"]),
-              span(row["lower"], row["upper"]), f"{row['passed']:,}",
+              bounds(row["lower"], row["upper"]), f"{row['passed']:,}",
               f"{row['runs']:,}"] for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip
@@ -134,7 +135,7 @@ def _in_conditions(answer: Answer) -> pd.DataFrame:
 def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
     head, rows = answer.table(designs)
     note = (
-        f"Surely: bounds of the value that {100 * answer.question.terms.share:g} % are within, "
+        f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
         "which hold together for all designs; of a decided one, that of its claim. Runs and shares "
         "are those of the condition that is worst for a design."
     )

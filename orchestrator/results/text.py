@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
-from ..layout import WIDTH, fitted, meters
+from ..layout import WIDTH, fitted
 from ..scenario.labels import RAW
+from ..words.lists import plural
+from ..words.numbers import meters
+from ..words.shares import percent
 from . import possible
 from .consistency import COVARIANCES, Verdict
 from .definitions import AXES, FRAMES, PERCENTAGES, judge
@@ -153,9 +156,8 @@ def _verdict(result: Result, receiver: str) -> str:
     most: Any = result.percentiles.loc[which, "p95_m"]
     lost = "lost; " if row.lost else ""
     if row.estimates < _FEW and row.update_share < 0.5:
-        several = "" if row.estimates == 1 else "s"
         updates = row.estimates / row.update_share
-        lost += f"{row.estimates} estimate{several} in {updates:.0f} updates; "
+        lost += f"{row.estimates} {plural(row.estimates, 'estimate')} in {updates:.0f} updates; "
     return (
         f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
     )
@@ -272,13 +274,13 @@ def about(result: Result, receiver: str) -> list[str]:
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return [f"{receiver}: no estimate; {silence(result, receiver)}"]
-    first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
+    first = f"{row.estimates} {plural(row.estimates, 'estimate')}"
     lines = [
         f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
-        f"{100 * row.availability:.1f} % of the time"
+        f"{percent(row.availability, '.1f')} of the time"
     ]
     if pd.notna(row.update_share):
-        lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
+        lines.append(f"  {percent(row.update_share, '.1f')} of the updates gave a new estimate")
     for name, words in _CONSISTENCY.items():
         if pd.notna(row[name]):
             lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")

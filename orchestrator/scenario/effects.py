@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import Condition, Variable
 
+from ..words.lists import listed, plural
 from .schema import CORE_COMPONENTS, PRESET_TABLES, PRESETS, Table, in_si, preset, toml
 from .tracks import FILE, FILE_KEYS
 
@@ -152,16 +153,13 @@ def _text(group: Iterable[_Met], table: Any) -> str:
         elif not condition.values:
             value = 0
         names.setdefault(toml(value), []).append(variable.key)
-    return " and ".join(f"{_listed(keys)} {value}" for value, keys in names.items())
+    return " and ".join(f"{_are(keys)} {value}" for value, keys in names.items())
 
 
-def _listed(keys: list[str]) -> str:
+def _are(keys: list[str]) -> str:
     """``a is``, ``a and b are``, ``a, b, c and 4 others are``."""
-    if len(keys) == 1:
-        return f"{keys[0]} is"
-    if len(keys) <= _SHOWN:
-        return f"{', '.join(keys[:-1])} and {keys[-1]} are"
-    return f"{', '.join(keys[: _SHOWN - 1])} and {len(keys) - _SHOWN + 1} others are"
+    names = listed(keys, most=_SHOWN, shown=_SHOWN - 1, rest="others")
+    return f"{names} {plural(len(keys), 'is', 'are')}"
 
 
 # --- Keys that only set other keys ---------------------------------------------------------------
@@ -188,4 +186,4 @@ def _all_given(scenario: Tables, governed: Iterable[Key], key: Key) -> str | Non
     if any(name not in getattr(scenario, table).model_fields_set for table, name in governed):
         return None
     inside = key[0] if len(key) > 1 else ""
-    return f"{_listed([n if t == inside else f'{t}.{n}' for t, n in governed])} given"
+    return f"{_are([n if t == inside else f'{t}.{n}' for t, n in governed])} given"

@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {"orchestrator": "sblcosim", "fmus": "sblcosim.fmus", "models": "sblcosim.models"}
-MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS = 450, 60, 7
+MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS = 600, 60, 7
 
 LONG_MODULES: dict[str, str] = {}
 """Modules that are one thing all the same, and what."""

@@ -17,9 +17,9 @@ from ...analysis.ranking import ranking
 from ...analysis.sensitivity import Sensitivity
 from ...results.definitions import AXES
 from ...study.study import Study
+from ...words.numbers import interval, number
 from .. import factorial
 from ..factorial import Findings
-from ..formats import number, span
 from ..page import Table
 from . import ranges
 from .campaigns import SCENARIOS, SESSIONS, Progress
@@ -159,7 +159,7 @@ def row_with_interval(
 ) -> tuple[str, ...]:
     """As `row`; ours is a mean and its interval."""
     mean, low, high = ours
-    return row(what, theirs, mean, span(low, high, number))
+    return row(what, theirs, mean, interval(low, high, number))
 
 
 def compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> Table:
@@ -175,7 +175,7 @@ def session_rows(
 ) -> list[tuple[str, ...]]:
     """Rows of Table 2 for a receiver on a path: mean and standard deviation."""
     return [
-        row(f"{what}: {word}{unit}", known, ours, span(*ends, number))
+        row(f"{what}: {word}{unit}", known, ours, interval(*ends, number))
         for word, known, ours, ends in zip(
             ("mean", "standard deviation"), theirs, pooled(table, receiver),
             pooled_intervals(table, receiver), strict=True,

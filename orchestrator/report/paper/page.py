@@ -22,9 +22,9 @@ from ...analysis.sentences import answer
 from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
 from ...study import store
+from ...words.numbers import unbroken
 from .. import factorial, possible
 from ..common import DEFINITIONS, method, reproduce, seeding
-from ..formats import minus
 from ..page import Block, Page, Picture, Section, Table, Text, render
 from ..study import REPORT
 from . import ranges
@@ -187,8 +187,8 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
         blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
                            "cannot be told apart that can be without --quick.", "note"))
     for n, findings in numbers.findings.items():
-        blocks.append(Text(minus(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
-        blocks.append(Text(minus(factorial.what_matters(findings.shown))))
+        blocks.append(Text(unbroken(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
+        blocks.append(Text(unbroken(factorial.what_matters(findings.shown))))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
         table, theirs = facts_of_errors(n)

@@ -12,8 +12,8 @@ from ...analysis.sensitivity import Sensitivity
 from ...study import study as studies
 from ...study.space import SEED_FACTOR
 from ...study.study import Study
+from ...words.numbers import interval, number, signed
 from ..factorial import Findings
-from ..formats import number, signed, span
 from ..page import Block, Table, Text
 
 BASE_ROWS, QUICK_BASE_ROWS = 256, 32
@@ -58,8 +58,8 @@ def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
         rows.append((
             main.name_of(str(name)),
             "–" if is_chance else signed(effects[str(name)]),
-            number(row["first"], 2), span(row["first_low"], row["first_high"], _two),
-            number(row["total"], 2), span(row["total_low"], row["total_high"], _two),
+            number(row["first"], 2), interval(row["first_low"], row["first_high"], _two),
+            number(row["total"], 2), interval(row["total_low"], row["total_high"], _two),
         ))  # fmt: skip
     head = ("Factor", f"Effect, low to high{own}", "First-order index", "95% interval",
             "Total index", "95% interval")

@@ -9,7 +9,6 @@ from sblcosim import study
 from sblcosim.analysis import bounds, workflow
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
-from sblcosim.analysis.sentences import ordinal
 from sblcosim.errors import ConfigurationError
 from scipy import stats
 
@@ -118,11 +117,6 @@ def test_a_mean_takes_the_runs_that_would_have_shown_the_stated_contamination():
     ) in few.answer()
     assert advise(table, "abc", "y", {}, percentile=None, contamination=0.1).runs_needed == 49
     assert advise(table, "abc", "y", {}, percentile=None, confidence=0.99).runs_needed == 131
-
-
-def test_percentiles_are_spoken_as_people_do():
-    spoken = [ordinal(p) for p in (1, 2, 3, 11, 12, 13, 22, 90, 91, 97.5)]
-    assert " ".join(spoken) == "1st 2nd 3rd 11th 12th 13th 22nd 90th 91st 97.5th"
 
 
 def test_a_percentile_is_offered_first_and_the_mean_beside_it():

@@ -14,9 +14,7 @@ from sblcosim import style
 from sblcosim.analysis import figures
 from sblcosim.analysis.factorial import analyse
 from sblcosim.analysis.ranking import ranking
-from sblcosim.analysis.sentences import percent
 from sblcosim.report import factorial, paper
-from sblcosim.report.formats import number
 from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
 from sblcosim.report.paper.figures import FIGURES
 from sblcosim.results.catalogue import by_name
@@ -133,15 +131,6 @@ def test_the_better_level_is_the_one_with_the_smaller_response() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.0489, "0.0489"), (-3.456, "−3.46"), (1500.0, "1,500"), (float("nan"), "–"),
-     (float("inf"), "∞"), (3.2e9, "3.2e+09")],
-)
-def test_numbers_are_for_people(value: float, text: str) -> None:
-    assert number(value) == text
-
-
-@pytest.mark.parametrize(
     ("ratio", "word"),
     [(1.0, "equal"), (0.91, "within 10%"), (1.09, "within 10%"), (1.26, "26% above"),
      (0.74, "26% below"), (10.6, "11 times the paper's")],
@@ -209,13 +198,6 @@ def test_intervals_of_pooled_statistics_cover_the_truth_as_often_as_they_say() -
         inside += [low < value < high for value, (low, high) in
                    zip(truth, paper.pooled_intervals(runs, "ekf"), strict=True)]
     assert (inside / 300 > 0.88).all()
-
-
-@pytest.mark.parametrize(
-    ("share", "text"), [(0.0, "0.0%"), (1e-5, "< 0.1%"), (0.0123, "1.2%"), (1.0, "100.0%")]
-)
-def test_a_small_share_is_not_none(share: float, text: str) -> None:
-    assert percent(share) == text
 
 
 # --- Pages ---------------------------------------------------------------------------------------
