@@ -50,7 +50,7 @@ PERCENTILE = 90.0
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Criterion:
     """What is asked of the runs.
 
     Attributes
@@ -90,7 +90,7 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Advice(Shown, Question):
+class Advice(Shown, Criterion):
     """The design points by cost.
 
     Attributes
@@ -351,7 +351,7 @@ def advise(
     ConfigurationError
         A column, a cost or a number is not as it must be.
     """
-    question = Question(
+    question = Criterion(
         response, unit, tuple(factors), limit, percentile, contamination, confidence
     )
     _check(table, question, costs, lost)
@@ -369,7 +369,7 @@ def advise(
 
 def _check(
     table: pd.DataFrame,
-    question: Question,
+    question: Criterion,
     costs: Mapping[str, Mapping[Level, float]],
     lost: str | None,
 ) -> None:
@@ -401,7 +401,7 @@ def _check(
 
 
 def _answered(
-    question: Question, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
+    question: Criterion, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
 ) -> Advice:
     """The points, weighed; `runs` has the factors and ``value``, infinite if lost."""
     factors, limit, percentile = question.factors, question.limit, question.percentile

@@ -14,13 +14,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest, quoted
+from ..study.design import Level
 from .centred import centred_log, group_means
 from .medians import median_table
 from .model import Floats
 from .options import Options
 from .runs import check_columns, transformed, usable
 
-Level = str | float | int | bool
 Indices = NDArray[np.intp]
 MOST_LEVELS = 100
 """Most levels of a factor; what has more is not a factor but a covariate."""

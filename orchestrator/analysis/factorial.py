@@ -47,7 +47,7 @@ from .fit import (
     least_squares,
     residual_table,
 )
-from .model import Model, checked_levels, chosen_terms, estimable
+from .model import TwoLevelModel, checked_levels, chosen_terms, estimable
 from .options import Error, Options, Seeding, Transform
 from .runs import check_columns, transformed, usable
 from .tables import Analysis
@@ -209,7 +209,7 @@ def _assembled(
     data: pd.DataFrame,
     dropped: int,
     options: Options,
-    model: Model,
+    model: TwoLevelModel,
     fit: LeastSquares,
     uncertainty: Uncertainty,
 ) -> Factorial:

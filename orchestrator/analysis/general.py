@@ -19,15 +19,16 @@ import pandas as pd
 
 from ..errors import ConfigurationError, check_choice, nearest
 from ..shown import Picture, Shown, folded, page, verbatim
+from ..study.design import Level
 from . import general_sentences as sentences
 from .bounds import runs_to_see
-from .cells import Cells, Level, cells_of
+from .cells import Cells, cells_of
 from .general_tables import GeneralAnalysis
-from .linear import LinearModel, Type, fitted_model
+from .linear import LinearModel, SumsType, fitted_model
 from .medians import median_pairs
 from .model import term_name
 from .options import Options, Seeding, Transform
-from .variance import Errors, anova_table, cell_table, means_table, pair_table
+from .variance import WeightedMeans, anova_table, cell_table, means_table, pair_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,7 +99,7 @@ def analyse(
     response: str,
     *,
     order: int = 2,
-    typ: Type = 2,
+    typ: SumsType = 2,
     transform: Transform = "none",
     seeding: Seeding = "independent",
     replicate: str = "replicate",
@@ -152,7 +153,7 @@ def analyse(
     """
     factors = tuple(factors)
     check_choice("transform", transform, ("none", "log"))
-    check_choice("typ", typ, get_args(Type))
+    check_choice("typ", typ, get_args(SumsType))
     options = Options(
         seeding=seeding, transform=transform, error="pure", practical=practical,
         confidence=confidence, unit=unit,
@@ -216,13 +217,13 @@ def _without_negative(found: GeneralFactorial) -> GeneralFactorial:
 def _assembled(
     response: str,
     options: Options,
-    typ: Type,
+    typ: SumsType,
     model: LinearModel,
     label: str,
     names: Mapping[str, Mapping[str, str]],
 ) -> GeneralFactorial:
     """All tables of a model."""
-    cells, errors, confidence = model.cells, Errors(model), options.confidence
+    cells, errors, confidence = model.cells, WeightedMeans(model), options.confidence
     anova = anova_table(model, typ)
     means = means_table(model, errors, confidence)
     pairs = pair_table(model, errors, confidence, options.is_ratio)

@@ -10,11 +10,11 @@ import pandas as pd
 from ..layout import fitted, table
 from ..results.definitions import LOST
 from ..results.responses import defined
+from ..study.design import Level
 from ..words.lists import first_of, listed
 from ..words.numbers import interval, measured, minus, p_value, quantity, rounded
 from ..words.shares import percent, tight_percent
 from .bounds import runs_for_t
-from .cells import Level
 from .general_tables import GeneralAnalysis
 from .model import MAX_LISTED
 from .sentences import left_out

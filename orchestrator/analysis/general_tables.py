@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 import pandas as pd
 
-from .cells import Level
-from .linear import Type
+from ..study.design import Level
+from .linear import SumsType
 from .model import Term, term_name
 from .options import Seeding, Transform
 
@@ -98,7 +98,7 @@ class GeneralAnalysis:
     transform: Transform
     levels: Mapping[str, tuple[Level, ...]]
     terms: tuple[Term, ...]
-    typ: Type
+    typ: SumsType
     left_out: tuple[str, ...]
     seeding: Seeding
     confidence: float

@@ -23,7 +23,7 @@ from ..words.lists import first_of
 from .cells import Cells, Indices
 from .model import MAX_LISTED, Floats, Term, term_name, terms_up_to
 
-Type = Literal[2, 3]
+SumsType = Literal[2, 3]
 RANK = 1e-9
 """Eigenvalues below this fraction of the largest are zero."""
 MOST_NUMBERS = 20_000_000

@@ -30,7 +30,7 @@ MAX_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class TwoLevelModel:
     """The terms and the coded design points.
 
     Attributes
@@ -96,7 +96,7 @@ def estimable(
     terms: tuple[Term, ...],
     order: int | None,
     reducible: bool,
-) -> Model:
+) -> TwoLevelModel:
     """The model of some runs, or main effects alone if that is allowed and necessary.
 
     Raises
@@ -109,7 +109,7 @@ def estimable(
     main_effects = terms_up_to(1, len(factors))
     x = design_matrix(points, terms)
     reduced = reducible and _rank(x) < x.shape[1]
-    model = Model(levels, main_effects if reduced else terms, points, of_run, reduced)
+    model = TwoLevelModel(levels, main_effects if reduced else terms, points, of_run, reduced)
     extra = [CURVATURE] if model.centre.any() else []
     try:
         _check_estimable(model.x, ["mean", *model.names, *extra])

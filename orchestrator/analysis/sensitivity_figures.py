@@ -18,7 +18,7 @@ from scipy import stats
 
 from ..results.responses import unit_of
 from ..study.distributions import is_number
-from ..study.space import Factor
+from ..study.space import DrawnFactor
 from ..style import PLAIN, Theme, ThemeName, new_figure, use
 from ..words.numbers import minus
 from ..words.shares import percent
@@ -102,12 +102,12 @@ def plot_scatter(
     return ax
 
 
-def _columns(factors: Sequence[Factor]) -> int:
+def _columns(factors: Sequence[DrawnFactor]) -> int:
     """One panel beside the other only where there are many: a telephone has room for one."""
     return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 
-def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> None:
+def _panel(panel: Axes, found: SobolIndices, factor: DrawnFactor, look: Theme) -> None:
     """One factor's points and conditional mean."""
     runs = found.independent_runs.ravel()
     x, y = found.sample.values[factor.name].to_numpy()[runs], found.values[runs]

@@ -53,7 +53,7 @@ def default_response(study: Study) -> str:
     return RESPONSE if study.model is None else VALUE
 
 
-class Choices(TypedDict, total=False):
+class AnalysisOptions(TypedDict, total=False):
     """Options of `of_study` that have defaults."""
 
     receiver: str | None

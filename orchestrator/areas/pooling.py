@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
-from .runs import Sample
+from .runs import CellRuns
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -53,7 +53,11 @@ class Pooled:
 
 
 def pooled(
-    sample: Sample, possible: Floats, shape: tuple[int, int], seed: int, workers: int | None = None
+    sample: CellRuns,
+    possible: Floats,
+    shape: tuple[int, int],
+    seed: int,
+    workers: int | None = None,
 ) -> Pooled:
     """The percentile of the errors in each cell, and its standard error.
 

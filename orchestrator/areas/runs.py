@@ -40,7 +40,7 @@ _TOGETHER = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class CellRuns:
     """Some runs.
 
     Attributes
@@ -61,8 +61,8 @@ class Sample:
     lost: Flags
     availability: Floats
 
-    def __add__(self, other: Sample) -> Sample:
-        return Sample(*(
+    def __add__(self, other: CellRuns) -> CellRuns:
+        return CellRuns(*(
             np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ("cell", "lengths", "lost", "availability")
         ))
@@ -138,7 +138,7 @@ class Simulator:
         workers: int | None,
         progress: Callable[[float], None],
         keep: Kept | None = None,
-    ) -> Sample:
+    ) -> CellRuns:
         """Simulate runs; the result depends neither on their order nor on the workers.
 
         Parameters
@@ -208,7 +208,7 @@ class Simulator:
             **dict(zip(_LENGTHS, lengths.T, strict=True)),
         })  # fmt: skip
 
-    def _sample(self, rows: pd.DataFrame) -> Sample:
+    def _sample(self, rows: pd.DataFrame) -> CellRuns:
         """What is kept of some runs, and the messages of those that have failed."""
         failed = rows["error"].dropna()
         for message in failed:
@@ -217,7 +217,7 @@ class Simulator:
             raise ConfigurationError(
                 f"map: a run must not fail, got in all of them: {failed.iloc[0]}"
             )
-        return Sample(
+        return CellRuns(
             rows["point"].to_numpy() - 1, rows[[*_LENGTHS]].to_numpy(),
             rows["lost"].to_numpy(bool), rows["availability"].to_numpy(),
         )  # fmt: skip

@@ -25,9 +25,9 @@ from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, Circle, circle_of, circling
 from .pooling import Pooled, pooled
-from .possible import Possible, possible
+from .possible import PossibleInCells, possible
 from .result import AreaMap
-from .runs import Sample, Simulator, check_times
+from .runs import CellRuns, Simulator, check_times
 
 Integers = NDArray[np.int64]
 
@@ -152,13 +152,13 @@ def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | No
 
 def _surveyed(
     simulator: Simulator,
-    best: Possible,
+    best: PossibleInCells,
     runs: int,
     limit_m: float | None,
     workers: int | None,
     told: Callable[[float], None],
     keep: Kept | None,
-) -> tuple[Sample, Pooled]:
+) -> tuple[CellRuns, Pooled]:
     """The runs of both rounds, and what they say."""
     grid, seed = simulator.grid, simulator.base.seed
     first = grid.count * runs
@@ -199,7 +199,7 @@ def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers
     return np.tile(chosen, each), np.repeat(replicates, len(chosen))
 
 
-def _table(grid: Grid, sample: Sample, found: Pooled, best: Possible) -> pd.DataFrame:
+def _table(grid: Grid, sample: CellRuns, found: Pooled, best: PossibleInCells) -> pd.DataFrame:
     """One row per cell."""
     runs = np.bincount(sample.cell, minlength=grid.count)
 

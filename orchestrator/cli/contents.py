@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..study.parts import Parts
     from ..study.study import Study as Definition
     from . import documents
-    from .document import Part
+    from .document import DocumentPart
 
 _CHANCE = 0.05
 """Share of the points at which a right covariance leaves its band."""
@@ -267,7 +267,7 @@ def _of_space(found: Indices) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rows(table: pd.DataFrame, kind: type[Part]) -> list[dict[str, Any]]:
+def _rows(table: pd.DataFrame, kind: type[DocumentPart]) -> list[dict[str, Any]]:
     """Rows of a table, with the columns that a part of a document has."""
     rows: list[Any] = table[[*kind.model_fields]].to_dict(orient="records")
     return rows

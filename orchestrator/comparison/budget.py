@@ -29,7 +29,7 @@ from ..scenario.schema import default
 from ..study import runner, study
 from ..study.kept import Kept
 from . import sources
-from .budget_bound import BOUND_RUNS, Bound, bounds
+from .budget_bound import BOUND_RUNS, BoundBySwitch, bounds
 from .budget_result import ALL, FRAMES, NONE, REMAINDER, Budget
 from .shares import LEAST_RUNS, shares
 
@@ -262,7 +262,7 @@ def _key(overrides: Overrides) -> str:
 
 
 def _table(
-    rows: Sequence[_Row], squares: Mapping[str, Floats], possible: Bound | None, seed: int
+    rows: Sequence[_Row], squares: Mapping[str, Floats], possible: BoundBySwitch | None, seed: int
 ) -> pd.DataFrame:
     found = []
     for number, frame in enumerate(FRAMES):

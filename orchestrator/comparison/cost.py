@@ -66,7 +66,7 @@ def _with(system: System, labels: Sequence[str], kept: Sequence[str]) -> System:
 
 
 def _in_lanes(plan: Plan, without: Plan, label: str) -> float | None:
-    def run(which: Plan, runs: int) -> lanes.Outcome:
+    def run(which: Plan, runs: int) -> lanes.RunsOutcome:
         seeds: Mapping[str, object] = {"acoustics.seed": np.arange(1, runs + 1)}
         return lanes.execute(which, seeds, lanes=1, threads=1)
 

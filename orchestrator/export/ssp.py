@@ -31,7 +31,7 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
 from .parts import (
-    Part,
+    ExportedPart,
     fmu_plan,
     identifier,
     links_of,
@@ -42,7 +42,7 @@ from .parts import (
     written,
 )
 
-Version = Literal[1, 2]
+SspVersion = Literal[1, 2]
 """Major version of the SSP standard."""
 
 PARAMETER_SET = "scenario"
@@ -58,7 +58,7 @@ def export_ssp(
     overrides: Changes = (),
     *,
     components: Mapping[str, Source] | None = None,
-    version: Version = 1,
+    version: SspVersion = 1,
     bake: bool = False,
 ) -> Path:
     """Write a scenario as an SSP package.
@@ -90,7 +90,7 @@ def export_ssp(
     FmuError
         An FMU cannot be built or read.
     """
-    check_choice("version", version, get_args(Version))
+    check_choice("version", version, get_args(SspVersion))
     settled = load(scenario, overrides)
     plan = fmu_plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = parts_of(plan, bake)
@@ -108,7 +108,11 @@ def export_ssp(
 
 
 def _structure(
-    scenario: Scenario, plan: Plan, parts: list[Part], version: Version, sets: Collection[str]
+    scenario: Scenario,
+    plan: Plan,
+    parts: list[ExportedPart],
+    version: SspVersion,
+    sets: Collection[str],
 ) -> ET.Element:
     """The description; `sets` are the names of the components that have a parameter set."""
     document = ET.Element(
@@ -147,7 +151,7 @@ def _structure(
     return document
 
 
-def _component(elements: ET.Element, part: Part) -> ET.Element:
+def _component(elements: ET.Element, part: ExportedPart) -> ET.Element:
     component = ET.SubElement(
         elements,
         "ssd:Component",
@@ -178,7 +182,7 @@ def _connections(system: ET.Element, plan: Plan) -> None:
         )
 
 
-def _steps(system: ET.Element, plan: Plan, parts: list[Part]) -> None:
+def _steps(system: ET.Element, plan: Plan, parts: list[ExportedPart]) -> None:
     """Annotations with the step of the system, for OMSimulator, and those of the components."""
     annotations = ET.SubElement(system, "ssd:Annotations")
     information = ET.SubElement(
@@ -201,7 +205,7 @@ def _steps(system: ET.Element, plan: Plan, parts: list[Part]) -> None:
         ET.SubElement(intervals, "sblcosim:Interval", {"component": part.name, "seconds": seconds})
 
 
-def _connectors(part: Part, connected: set[tuple[str, str]]) -> list[ModelVariable]:
+def _connectors(part: ExportedPart, connected: set[tuple[str, str]]) -> list[ModelVariable]:
     """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
     inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
     return [*inputs, *outputs_of(part)]
@@ -210,9 +214,9 @@ def _connectors(part: Part, connected: set[tuple[str, str]]) -> list[ModelVariab
 def _connector(
     parent: ET.Element,
     variable: ModelVariable,
-    part: Part,
+    part: ExportedPart,
     units: Mapping[str, Unit],
-    version: Version,
+    version: SspVersion,
 ) -> None:
     connector = ET.SubElement(
         parent, "ssd:Connector", {"name": variable.name, "kind": variable.causality}
@@ -242,7 +246,7 @@ def _experiment(document: ET.Element, plan: Plan) -> None:
     )
 
 
-def _parameter_set(part: Part, version: Version) -> ET.Element:
+def _parameter_set(part: ExportedPart, version: SspVersion) -> ET.Element:
     root = ET.Element(
         "ssv:ParameterSet",
         {
@@ -266,7 +270,7 @@ def _parameter_set(part: Part, version: Version) -> ET.Element:
     return root
 
 
-def _type(variable: ModelVariable, version: Version) -> str:
+def _type(variable: ModelVariable, version: SspVersion) -> str:
     """A variable's type; of an enumeration that of its numbers."""
     if variable.type == "Enumeration":
         return "Integer" if version == 1 else "Int64"
@@ -277,7 +281,7 @@ def _annotation(group: ET.Element, kind: str) -> ET.Element:
     return ET.SubElement(group, "ssc:Annotation", {"type": kind})
 
 
-def _units(parts: list[Part]) -> dict[str, Unit]:
+def _units(parts: list[ExportedPart]) -> dict[str, Unit]:
     """Definition of every unit that a connector has, the first one if there are several."""
     units: dict[str, Unit] = {}
     for part in parts:
@@ -288,7 +292,7 @@ def _units(parts: list[Part]) -> dict[str, Unit]:
     return units
 
 
-def _defined(part: Part) -> dict[str, Unit]:
+def _defined(part: ExportedPart) -> dict[str, Unit]:
     return {unit.name: unit for unit in part.description.unitDefinitions}
 
 

@@ -14,7 +14,7 @@ from ..analysis.factorial import Factorial
 from ..analysis.options import Transform
 from ..analysis.power import detectable
 from ..analysis.sentences import answer, limit_of
-from ..analysis.workflow import RESPONSE, Choices, of_table
+from ..analysis.workflow import RESPONSE, AnalysisOptions, of_table
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study
@@ -30,7 +30,7 @@ from ..words.numbers import (
     unbroken,
 )
 from ..words.shares import tight_percent
-from .page import Block, Table, Text
+from .page import Block, PageTable, Text
 
 MOST_ROWS = 40
 """Effects that a table shows."""
@@ -78,7 +78,7 @@ class Findings:
 
 
 def find(
-    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[Choices]
+    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[AnalysisOptions]
 ) -> Findings:
     """Analyse a study in all the ways that a report shows.
 
@@ -101,7 +101,7 @@ def find(
             return None
 
     def again(transform: Transform) -> Factorial:
-        other: Choices = {**choices, "transform": transform, "practical": None}
+        other: AnalysisOptions = {**choices, "transform": transform, "practical": None}
         return of_table(study, table, response, **other).readable
 
     return Findings(
@@ -203,7 +203,7 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
 # --- Tables --------------------------------------------------------------------------------------
 
 
-def factor_table(study: Study) -> Table:
+def factor_table(study: Study) -> PageTable:
     """Factors and levels."""
     rows = []
     for name, factor in (study.factors | study.conditions).items():
@@ -212,7 +212,7 @@ def factor_table(study: Study) -> Table:
         if name in study.conditions:
             label += f" (condition, {study.conditions[name].combine})"
         rows.append((label, levels, study.units[name] or "–", ", ".join(factor.all_keys), name))
-    return Table(
+    return PageTable(
         "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
     )
 
@@ -234,7 +234,7 @@ def _levels(factor: FactorTable) -> str:
     return f"{law.distribution}, {', '.join(shown)}"
 
 
-def effect_table(findings: Findings) -> Table:
+def effect_table(findings: Findings) -> PageTable:
     """The effects, the largest first, with everything that is known about each."""
     a = findings.shown
     ranked = a.ranked()
@@ -264,11 +264,11 @@ def effect_table(findings: Findings) -> Table:
         f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
-    return Table(f"Effects on the {a.quantity}", head, rows,
+    return PageTable(f"Effects on the {a.quantity}", head, rows,
                  (len(head) - 1,) if "verdict" in ranked else (), note)
 
 
-def ratio_table(findings: Findings) -> Table | None:
+def ratio_table(findings: Findings) -> PageTable | None:
     """Effects on the logarithm of the response and on its spread, as ratios high over low."""
     a, log, spread = findings.shown, findings.log, findings.spread
     if log is None and spread is None:
@@ -302,14 +302,14 @@ def ratio_table(findings: Findings) -> Table | None:
     )
     sources = [*([f"the logarithm of the {a.response}"] if log is not None else []),
                *([f"the spread of the {a.response}"] if spread is not None else [])]
-    return Table(f"Ratios, from {' and from '.join(sources)}", head, rows, (), note)
+    return PageTable(f"Ratios, from {' and from '.join(sources)}", head, rows, (), note)
 
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
     return f"{rounded(row['ratio'])} ({interval(row['ratio_low'], row['ratio_high'])})"
 
 
-def anova_table(a: Factorial) -> Table:
+def anova_table(a: Factorial) -> PageTable:
     """Analysis of variance, the terms by their size."""
     terms = a.ranked().index[:MOST_ROWS]
     rest = a.anova.index.difference(a.effects.index, sort=False)
@@ -318,11 +318,11 @@ def anova_table(a: Factorial) -> Table:
          number(row["f"], 4), probability(row["p"]))
         for name, row in a.anova.loc[[*terms, *rest]].iterrows()
     ]
-    return Table("Analysis of variance",
+    return PageTable("Analysis of variance",
                  ("Source", "Sum of squares", "df", "Mean square", "F", "p"), rows)
 
 
-def model_table(findings: Findings) -> Table:
+def model_table(findings: Findings) -> PageTable:
     """The model as a whole."""
     a = findings.shown
     rows: list[tuple[str, str]] = [
@@ -359,7 +359,7 @@ def model_table(findings: Findings) -> Table:
         "where on one that is looked at alone is significant; and from where on the largest of "
         "them all is."
     )
-    return Table("The model", ("Quantity", "Value"), rows, (1,), note)
+    return PageTable("The model", ("Quantity", "Value"), rows, (1,), note)
 
 
 def tables(findings: Findings) -> list[Block]:
@@ -380,7 +380,7 @@ def tables(findings: Findings) -> list[Block]:
         blocks.append(Text(box_cox_sentence(findings.profile)))
     blocks += [Text(text, "note") for text in findings.missing]
     if a.aliases:
-        blocks.append(Table(
+        blocks.append(PageTable(
             "Aliased terms: what one line says is true of their sum", ("Term", "Aliased with"),
             [(term, ", ".join(same)) for term, same in a.aliases.items()], (1,)))
     return blocks

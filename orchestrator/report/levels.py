@@ -17,8 +17,8 @@ from ..words.numbers import interval, number, probability
 from ..words.shares import percent
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .page import Table, Text
-from .parts import Parts, pictures
+from .page import PageTable, Text
+from .parts import StudySections, pictures
 
 MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""
@@ -55,10 +55,10 @@ FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
 """The figures of a grid."""
 
 
-def parts(study: Study, found: GeneralFactorial, folder: Path) -> Parts:
+def parts(study: Study, found: GeneralFactorial, folder: Path) -> StudySections:
     """What is said and drawn of a grid; figures are written into the folder."""
     a = found.readable
-    return Parts(
+    return StudySections(
         f"Which level is best: {study.name}",
         sentences.answer(a),
         sentences.warnings(a),
@@ -77,7 +77,7 @@ def _level(a: GeneralFactorial, row: pd.Series, column: str) -> str:
     return sentences.level_text(row[column], a.units.get(str(row["factor"]), ""))
 
 
-def _means(a: GeneralFactorial) -> Table:
+def _means(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["mean"], 4),
          interval(row["low"], row["high"], number), number(row["runs"], 6),
@@ -85,10 +85,10 @@ def _means(a: GeneralFactorial) -> Table:
         for _, row in a.own_means.iterrows()
     ]  # fmt: skip
     head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
-    return Table("Means of the levels", head, rows, (1,), LOST)
+    return PageTable("Means of the levels", head, rows, (1,), LOST)
 
 
-def _medians(a: GeneralFactorial) -> Table:
+def _medians(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["median"], 4),
          interval(row["low"], row["high"], number))
@@ -99,10 +99,10 @@ def _medians(a: GeneralFactorial) -> Table:
     note = ("Of all runs at the level; intervals of order statistics, each of its level alone, "
             "which suppose nothing of the runs' distribution. The answer has wider ones, which "
             "hold for all levels of a factor at once.")
-    return Table("Medians of the levels", head, rows, (1,), note)
+    return PageTable("Medians of the levels", head, rows, (1,), note)
 
 
-def _pairs(a: GeneralFactorial) -> Table:
+def _pairs(a: GeneralFactorial) -> PageTable:
     own = f" [{a.unit}]" if a.unit else ""
     by = "difference" if a.by_medians else "t"
     ordered = a.judged_pairs.sort_values(by, key=abs, ascending=False, kind="stable")
@@ -121,14 +121,14 @@ def _pairs(a: GeneralFactorial) -> Table:
     note = "" if len(ordered) == len(a.pairs) else (
         f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
     )
-    return Table("Pairs of levels", head, rows, (1,), note)
+    return PageTable("Pairs of levels", head, rows, (1,), note)
 
 
-def _anova(a: GeneralFactorial) -> Table:
+def _anova(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(source), number(row["df"]), number(row["sum_sq"], 4), number(row["mean_sq"], 4),
          number(row["F"]), probability(row["p"]))
         for source, row in a.anova.iterrows()
     ]  # fmt: skip
     head = ("Source", "df", "Sum of squares", "Mean square", "F", "p")
-    return Table(f"Analysis of variance, type {'I' * a.typ}", head, rows)
+    return PageTable(f"Analysis of variance, type {'I' * a.typ}", head, rows)

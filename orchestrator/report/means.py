@@ -17,8 +17,8 @@ from ..study.study import Study
 from ..words.numbers import interval, number, quantity
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .page import Block, Table, Text
-from .parts import Parts, pictures
+from .page import Block, PageTable, Text
+from .parts import StudySections, pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
 """The figures in the report of a sweep."""
 
 
-def parts(found: Means, folder: Path) -> Parts:
+def parts(found: Means, folder: Path) -> StudySections:
     """What is said and drawn of means; figures are written into the folder."""
     study, unit = found.study, found.unit
     own = f" [{unit}]" if unit else ""
@@ -145,10 +145,10 @@ def parts(found: Means, folder: Path) -> Parts:
         found.table.replace({"factor": study.labels}), found.quantity, own, units
     )
     title = f"{found.quantity[0].upper()}{found.quantity[1:]}"
-    return Parts(
+    return StudySections(
         f"What the runs say: {study.name}", found.answer, (),
         pictures(MEANS_FIGURES, subject, folder),
-        [Table(title, head, rows, (), _shared(study))],
+        [PageTable(title, head, rows, (), _shared(study))],
         _method(study), found.runs, {"means": found.table},
         "Means at each level" if study.factors else "Mean",
     )  # fmt: skip

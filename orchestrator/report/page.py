@@ -39,7 +39,7 @@ class Code:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """A table.
 
     Attributes
@@ -72,7 +72,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PagePicture:
     """A figure: the text of an SVG file, its caption, and a text for readers who do not see it.
 
     `name` is unique in the page. On a narrow one, the picture `narrow` is in its place.
@@ -82,10 +82,10 @@ class Picture:
     svg: str
     caption: str
     alt: str
-    narrow: Picture | None = None
+    narrow: PagePicture | None = None
 
 
-Block = Text | Code | Table | Picture
+Block = Text | Code | PageTable | PagePicture
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def render(page: Page) -> str:
     return _environment().get_template("report.html.jinja").render(page=page)
 
 
-def inline(picture: Picture, theme: ThemeName = "light") -> str:
+def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
     """A figure's SVG element for use within HTML, its colours as CSS variables.
 
     Parameters

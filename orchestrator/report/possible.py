@@ -24,7 +24,7 @@ from ..simulation.resolve import resolve
 from ..study.campaign import receivers_of
 from ..study.study import Study
 from ..words.numbers import number, quantity
-from .page import Block, Table
+from .page import Block, PageTable
 
 MOST_POINTS = 8
 """Of a study all of whose points are looked at."""
@@ -87,7 +87,7 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     receiver = "" if column is None else f", {column.partition('.')[0]}"
     head = ("Point", f"RMS{receiver}", "Reference", "Reference, relative to the platform")
     left = f" Errors that it leaves out: {', '.join(without)}." if without else ""
-    return [Table("What is possible", head, rows, (), _NOTE + left)]
+    return [PageTable("What is possible", head, rows, (), _NOTE + left)]
 
 
 def _looking_back(study: Study) -> set[str]:

@@ -19,8 +19,8 @@ from ..study.study import Study
 from ..words.numbers import interval, number
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .page import Table, Text
-from .parts import Parts, pictures
+from .page import PageTable, Text
+from .parts import StudySections, pictures
 
 METHOD = (
     "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
@@ -86,10 +86,10 @@ FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, 
 """The figures of a space."""
 
 
-def parts(found: Indices, folder: Path) -> Parts:
+def parts(found: Indices, folder: Path) -> StudySections:
     """What is said and drawn of a space; figures are written into the folder."""
     study, main = found.study, found.main
-    return Parts(
+    return StudySections(
         f"What explains the error: {study.name}",
         sobol.answer(main),
         [line for one in found.of for line in sobol.notes(one)],
@@ -105,7 +105,7 @@ def _rows(found: Sensitivity) -> pd.DataFrame:
     return found.indices.reset_index().assign(response=found.response, transform=found.transform)
 
 
-def _table(found: Sensitivity) -> Table:
+def _table(found: Sensitivity) -> PageTable:
     rows = []
     for name, given in found.ranked().iterrows():
         row: Any = given
@@ -115,4 +115,4 @@ def _table(found: Sensitivity) -> Table:
             number(row["total"]), interval(row["total_low"], row["total_high"], number),
         ))  # fmt: skip
     head = ("Factor", "First order", "Interval", "Total", "Interval")
-    return Table(f"Sobol' indices of {found.quantity}", head, rows)
+    return PageTable(f"Sobol' indices of {found.quantity}", head, rows)

@@ -28,8 +28,8 @@ from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
 from .means import Means
-from .page import Block, Page, Picture, Section, Table, Text, render
-from .parts import Parts
+from .page import Block, Page, PagePicture, PageTable, Section, Text, render
+from .parts import StudySections
 from .space import Indices
 
 REPORT = "report.html"
@@ -145,7 +145,7 @@ Found = TypeVar("Found")
 
 def _save_parts(
     found: Found, directory: str | Path, source: _Source, column: str,
-    made: Callable[[Path], Parts],
+    made: Callable[[Path], StudySections],
 ) -> Found:
     """Write what there is to say of any but a two-level design."""
     about = {"analysis": {"response": column, "factors": list(source.study.factors)}}
@@ -203,7 +203,7 @@ def _covariances(source: _Source) -> list[Block]:
         f"needed: to tell a factor of {TELLING:g}, at the point where it takes most. One point in "
         "20 leaves the band by chance."
     )
-    return [Table("Are the covariances right?", head, rows, (1,), note)] if rows else []
+    return [PageTable("Are the covariances right?", head, rows, (1,), note)] if rows else []
 
 
 def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
@@ -275,7 +275,7 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
     )
 
 
-def _figures(pictures: Sequence[Picture], seen: int = 2) -> Section:
+def _figures(pictures: Sequence[PagePicture], seen: int = 2) -> Section:
     """The first figures, and the others folded."""
     rest = pictures[seen:]
     words = " · ".join(picture.caption.partition(":")[0] for picture in rest)
@@ -296,7 +296,7 @@ def _tables(source: _Source, first: Section) -> Section:
     )
 
 
-def _pictures(findings: Findings, folder: Path) -> list[Picture]:
+def _pictures(findings: Findings, folder: Path) -> list[PagePicture]:
     """The figures of the analysis; those in the folder already are not drawn again."""
     pictures = []
     for name, figure in FIGURES.items():
@@ -307,5 +307,5 @@ def _pictures(findings: Findings, folder: Path) -> list[Picture]:
             svg = figure.job(findings).svg()
         else:
             continue
-        pictures.append(Picture(name, svg, figure.caption(findings), figure.alt(findings)))
+        pictures.append(PagePicture(name, svg, figure.caption(findings), figure.alt(findings)))
     return pictures

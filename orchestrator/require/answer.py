@@ -22,10 +22,10 @@ from ..words.shares import percent
 from . import limiting
 from .limiting import Limiting
 from .question import Question
-from .sequential import FIRST, MOST_RUNS, Rule, Verdict
+from .sequential import FIRST, MOST_RUNS, Decision, Rule
 
 _WITHIN_A_RUN = " The same holds for the percentile of the estimates in a run."
-VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+VERDICTS: tuple[Decision, ...] = get_args(Decision)
 """Words for verdicts."""
 
 

@@ -76,7 +76,7 @@ class Terms(Table):
 
 
 @dataclass(frozen=True)
-class Design:
+class Candidate:
     """A combination of levels.
 
     Attributes
@@ -154,7 +154,7 @@ class Question(Shown):
         )
 
     @cached_property
-    def designs(self) -> tuple[Design, ...]:
+    def designs(self) -> tuple[Candidate, ...]:
         """All designs, the cheapest first."""
         study, own = self.study, self.study.receiver_factor
         groups = len(study.points.values) // len(self._rows)
@@ -166,7 +166,7 @@ class Question(Shown):
             costs = [self.costs[n][v] for n, v in levels.items() if n in self.costs]
             # As on paper: in binary, 0.1 + 0.2 is dearer than 0.3.
             cost = float(sum(Decimal(str(c)) for c in costs))
-            made.append(Design(levels, cost, group, label))
+            made.append(Candidate(levels, cost, group, label))
         return tuple(sorted(made, key=lambda design: design.cost))
 
     @property

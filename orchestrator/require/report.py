@@ -11,7 +11,7 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..report.common import as_toml
-from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
+from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
 from ..words.numbers import bounds, figure
 from ..words.shares import percent
 from .answer import Answer
@@ -91,7 +91,7 @@ def _front(answer: Answer, wide: str, narrow: str) -> Section:
         "runs are within; bars reach to the bounds that are claimed. Letters: the designs that the "
         "answer names."
     )
-    picture = Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))
+    picture = PagePicture(FRONT, wide, caption, alt, PagePicture(NARROW, narrow, caption, alt))
     return Section(what, "front", [picture])
 
 
@@ -108,13 +108,13 @@ def _conditions(answer: Answer) -> Section:
         for name, it in study.conditions.items()
     ]
     head = ["Condition", "Levels", "How they count"]
-    blocks: list[Block] = [Table("Conditions", head, rows, (1, 2))]
+    blocks: list[Block] = [PageTable("Conditions", head, rows, (1, 2))]
     named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
     if len(q.conditions) > 1 and answer.spent:
         unit = f" [{q.unit}]" if q.unit else ""
         head = ["Design", "Condition", "Verdict", f"{percent(q.terms.share)} within{unit}",
                 "Surely", "Passed", "Runs"]
-        blocks.append(Table(
+        blocks.append(PageTable(
             "The designs that the answer names, in each condition", head,
             [[answer.short(row["design"]), row["condition"], row["verdict"],
               "lost" if row["estimate"] == inf else figure(row["estimate"]),
@@ -132,7 +132,7 @@ def _in_conditions(answer: Answer) -> pd.DataFrame:
     return own.join(answer.arms.drop(columns="design"))
 
 
-def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
+def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> PageTable:
     head, rows = answer.table(designs)
     note = (
         f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
@@ -141,7 +141,7 @@ def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
     )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""
-    return Table(f"{caption}{order}", titles, rows, note=note)
+    return PageTable(f"{caption}{order}", titles, rows, note=note)
 
 
 _METHOD = (

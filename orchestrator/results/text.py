@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ..simulation.record import Record
 
 
-class Result(Protocol):
-    """What is told of a `sblcosim.Result`."""
+class ToldResult(Protocol):
+    """What is told of a `sblcosim.ToldResult`."""
 
     record: Record
     receivers: tuple[str, ...]
@@ -105,7 +105,7 @@ _CONSISTENCY_NOTES = (
 )
 
 
-def of_run(result: Result, verbose: bool = False, width: int | None = None) -> str:
+def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) -> str:
     """Verdicts, then the tables of errors.
 
     Parameters
@@ -134,7 +134,7 @@ def of_run(result: Result, verbose: bool = False, width: int | None = None) -> s
     return fitted("\n".join(lines), width)
 
 
-def verdicts(result: Result) -> Iterator[str]:
+def verdicts(result: ToldResult) -> Iterator[str]:
     """What came out: a line for each receiver, what was possible, and remarks on the run."""
     for receiver in result.receivers:
         yield f"{receiver}: {_verdict(result, receiver)}"
@@ -147,7 +147,7 @@ def verdicts(result: Result) -> Iterator[str]:
     yield from result.remarks
 
 
-def _verdict(result: Result, receiver: str) -> str:
+def _verdict(result: ToldResult, receiver: str) -> str:
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return f"no estimate; {silence(result, receiver)}"
@@ -163,7 +163,7 @@ def _verdict(result: Result, receiver: str) -> str:
     )
 
 
-def _claim(result: Result, receiver: str) -> str:
+def _claim(result: ToldResult, receiver: str) -> str:
     """What a receiver says of its own error, and whether to believe it, unless it is lost."""
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
@@ -184,7 +184,7 @@ def _claim(result: Result, receiver: str) -> str:
     return f"claims {meters(said)}: {trust}"
 
 
-def _without_covariance(result: Result, receiver: str) -> str:
+def _without_covariance(result: ToldResult, receiver: str) -> str:
     claims = f"{receiver}.covariance" in result.record.values
     return "its covariance is never positive definite" if claims else "no covariance"
 
@@ -269,7 +269,7 @@ def _cell(value: Any, size: int = 9) -> str:
     return text if len(text) <= size else f"{value:{size}.1e}"
 
 
-def about(result: Result, receiver: str) -> list[str]:
+def about(result: ToldResult, receiver: str) -> list[str]:
     """Availability and consistency of a receiver, in words."""
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
@@ -298,7 +298,7 @@ def about(result: Result, receiver: str) -> list[str]:
     return lines
 
 
-def silence(result: Result, receiver: str) -> str:
+def silence(result: ToldResult, receiver: str) -> str:
     """Why there may be no estimate, and which outputs to look at."""
     values = result.record.values
     count = values[f"{receiver}.update_count"].astype(int)
@@ -317,7 +317,7 @@ def silence(result: Result, receiver: str) -> str:
     return f"{why}; look at {', '.join(look)} in the record"
 
 
-def notes(result: Result) -> list[str]:
+def notes(result: ToldResult) -> list[str]:
     """Explanations of the printed numbers."""
     raw = [_RAW_NOTE] if RAW in result.receivers else []
     claims = result.summary[list(_CONSISTENCY)].notna().any(axis=None)

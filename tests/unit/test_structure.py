@@ -48,6 +48,23 @@ LONG_FUNCTIONS = {
 }
 """Functions that are longer, or take more, and why."""
 
+_WHERE_FMUS_ARE_MADE_FROM = "renaming it in `models/` or `fmus/build/` would rebuild every FMU"
+_DOCUMENTED = "both names are documented"
+TWICE = {
+    "Estimates": _DOCUMENTED,
+    "Grade": _WHERE_FMUS_ARE_MADE_FROM,
+    "Level": "one is documented; the other is in `models/`",
+    "Part": "a component of a scenario that is put together; keys that are switched together",
+    "Point": _WHERE_FMUS_ARE_MADE_FROM,
+    "Range": _WHERE_FMUS_ARE_MADE_FROM,
+    "Row": _WHERE_FMUS_ARE_MADE_FROM,
+    "Rows": _WHERE_FMUS_ARE_MADE_FROM,
+    "Run": "one is documented; the other is a run of a campaign",
+    "Samples": _WHERE_FMUS_ARE_MADE_FROM,
+    "Unit": _WHERE_FMUS_ARE_MADE_FROM,
+}
+"""Names of classes that have two meanings, and why."""
+
 
 @dataclass(frozen=True)
 class Module:
@@ -208,6 +225,19 @@ def test_modules_are_short() -> None:
     long = {where for where, lines in sizes.items() if lines > MOST_LINES}
     assert long == set(LONG_MODULES)
     assert all(LONG_MODULES.values())
+
+
+def test_the_name_of_a_class_has_one_meaning() -> None:
+    """A JSON document is called like what it describes: its name is part of its schema."""
+    owners: dict[str, list[str]] = {}
+    for module in modules().values():
+        if module.where.startswith("orchestrator/cli/") and "document" in module.where:
+            continue
+        for node in module.tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                owners.setdefault(node.name, []).append(module.where)
+    assert {name for name, where in owners.items() if len(where) > 1} == set(TWICE)
+    assert all(TWICE.values())
 
 
 def test_functions_are_short_and_take_little() -> None:

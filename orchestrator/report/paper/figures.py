@@ -38,12 +38,12 @@ from ...words.numbers import interval, number, signed, unbroken
 from .. import factorial
 from ..factorial import Findings
 from ..figures import FIGURES as STUDY_FIGURES
-from ..page import Block, Table, Text
+from ..page import Block, PageTable, Text
 from .campaigns import SCENARIOS, SEAS, Progress, sea
 from .numbers import (
     MEAN,
     TOTAL,
-    Numbers,
+    PaperNumbers,
     compared,
     facts,
     facts_of_errors,
@@ -70,13 +70,13 @@ class Material:
         The platform in waves, by Beaufort number.
     """
 
-    numbers: Numbers
+    numbers: PaperNumbers
     points: Mapping[int, Result]
     session: Result
     seas: Mapping[int, Record]
 
 
-def gather(folder: Path, numbers: Numbers) -> Material:
+def gather(folder: Path, numbers: PaperNumbers) -> Material:
     """Simulate the runs of the figures again, with full records.
 
     Parameters
@@ -254,7 +254,7 @@ def _ranking(n: int, findings: Findings) -> Block:
         effect: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", rank, signed(effect["effect"]),
                      interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
-    return Table(
+    return PageTable(
         "Main effects: which the paper names as the most influential, and the size of ours",
         ("Factor", "Paper", "Our place", "Effect [m]", "95% interval [m]", "|t|"), rows, (1,),
         f"Verdict: {order_row(n, findings)[3]}. Where several factors share places, the sizes of "

@@ -14,7 +14,7 @@ from ...study.space import SEED_FACTOR
 from ...study.study import Study
 from ...words.numbers import interval, number, signed
 from ..factorial import Findings
-from ..page import Block, Table, Text
+from ..page import Block, PageTable, Text
 
 BASE_ROWS, QUICK_BASE_ROWS = 256, 32
 SEED = 60001
@@ -65,7 +65,7 @@ def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
             "Total index", "95% interval")
     return [
         Text(sobol.answer(main), "answer"),
-        Table("What explains the variance of the logarithm of the error over the whole ranges",
+        PageTable("What explains the variance of the logarithm of the error over the whole ranges",
               head, rows, (),
               "The effects are those between the two levels. The indices are shares of the "
               "variance with all seven factors uniform between their levels: first-order alone, "

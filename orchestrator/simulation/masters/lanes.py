@@ -35,7 +35,7 @@ from .lanes_driver import (
     unsupported,
 )
 from .lanes_layout import layout_of
-from .lanes_memory import Memory, remembered, starts_of
+from .lanes_memory import LanesMemory, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 _SHORT = 10_000
@@ -46,7 +46,7 @@ A single long run may take more."""
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class RunsOutcome:
     """Results of many runs of a plan.
 
     Attributes
@@ -88,7 +88,7 @@ def execute(
     lanes: int = 0,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Outcome:
+) -> RunsOutcome:
     """Run a plan many times with different parameters.
 
     Parameters
@@ -266,7 +266,7 @@ class _Batch:
             self.instants.ctypes.data, settling_ns,
         )
 
-    def run(self, threads: int, progress: Callable[[float], None] | None) -> Outcome:
+    def run(self, threads: int, progress: Callable[[float], None] | None) -> RunsOutcome:
         groups = -(-self.runs // self.lanes)
         sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
         width = sum(count for _, _, count in self.spans)
@@ -279,7 +279,7 @@ class _Batch:
 
         def chunk(first: int) -> None:
             if not hasattr(local, "memory"):
-                local.memory = Memory(self)
+                local.memory = LanesMemory(self)
                 local.done = ctypes.c_int64(0)
                 counters.append(local.done)
             last = min(first + _GROUPS_PER_CALL, groups)
@@ -354,7 +354,7 @@ class _Batch:
             "must be whole nanoseconds"
         )
 
-    def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
+    def _outcome(self, sums: Floats, order: Floats, history: Floats) -> RunsOutcome:
         shape = (len(sums) * self.lanes, *sums.shape[1:3])
         by_run = np.moveaxis(sums, 3, 1).reshape(shape)[: self.runs]
         lengths = [LENGTHS.index(length) for length in self.lengths]
@@ -369,7 +369,7 @@ class _Batch:
                 column = flat[:, :, start : start + count].reshape(*flat.shape[:2], *port.shape)
                 values[name] = _typed(column, port.type)
                 start += count
-        return Outcome(
+        return RunsOutcome(
             {name: by_run[:, i] for i, name in enumerate(self.receivers)},
             {name: ordered[:, i] for i, name in enumerate(self.receivers)}
             if self.percentages
@@ -386,4 +386,4 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
     return values.astype(np.bool_ if kind == "Boolean" else np.int32)
 
 
-__all__ = ["Outcome", "execute", "unsupported"]
+__all__ = ["RunsOutcome", "execute", "unsupported"]

@@ -14,8 +14,8 @@ from ..plan import LAG, Plan, PlannedComponent
 from .lanes_driver import LENGTHS, MOMENT, Errors, Floats
 
 
-class Batch(Protocol):
-    """The properties of a batch that `Memory` needs."""
+class BatchSizes(Protocol):
+    """The properties of a batch that `LanesMemory` needs."""
 
     engines: Sequence[Any]
     needs_holding: list[bool]
@@ -29,10 +29,10 @@ class Batch(Protocol):
         """Largest number of estimates in a run."""
 
 
-class Memory:
+class LanesMemory:
     """Memory for one thread."""
 
-    def __init__(self, batch: Batch) -> None:
+    def __init__(self, batch: BatchSizes) -> None:
         self._kept: list[NDArray[Any]] = []
         blocks, held = [], []
         for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
@@ -45,7 +45,7 @@ class Memory:
         self.held = (ctypes.c_void_p * len(held))(*held)
         self.errors = self._room_for_errors(batch)
 
-    def _room_for_errors(self, batch: Batch) -> Errors | None:
+    def _room_for_errors(self, batch: BatchSizes) -> Errors | None:
         """Space for the errors of a group, if order statistics are requested."""
         if not batch.percentages:
             return None

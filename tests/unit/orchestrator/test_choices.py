@@ -89,10 +89,10 @@ BUDGET = budget_result.Budget(
 )  # fmt: skip
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
-    [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
+    [space.DrawnFactor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
 )
 SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy())
-PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
+PICTURE = page.PagePicture("x", "<svg></svg>", "x", "x")
 
 
 def of_runs(function: Any, **options: Any) -> Any:

@@ -15,7 +15,7 @@ from sblcosim.analysis import figures
 from sblcosim.analysis.factorial import analyse
 from sblcosim.analysis.ranking import ranking
 from sblcosim.report import factorial, paper
-from sblcosim.report.page import Code, Page, Picture, Section, Table, Text, inline, render
+from sblcosim.report.page import Code, Page, PagePicture, PageTable, Section, Text, inline, render
 from sblcosim.report.paper.figures import FIGURES
 from sblcosim.results.catalogue import by_name
 from sblcosim.study import study
@@ -203,16 +203,16 @@ def test_intervals_of_pooled_statistics_cover_the_truth_as_often_as_they_say() -
 # --- Pages ---------------------------------------------------------------------------------------
 
 
-def picture(name: str = "one") -> Picture:
+def picture(name: str = "one") -> PagePicture:
     shown = analysed({"gps": 8})
     svg = style.svg(figures.plot_pareto(shown), name)
-    return Picture(name, svg, "A caption", 'Bars, "quoted" & more')
+    return PagePicture(name, svg, "A caption", 'Bars, "quoted" & more')
 
 
 def page() -> Page:
     blocks = [
         Text("a < b & c", "answer"), Code("sblcosim <x>"), picture(),
-        Table("T", ("A", "B"), [("x", "1"), ("<y>", "2")], note="note"),
+        PageTable("T", ("A", "B"), [("x", "1"), ("<y>", "2")], note="note"),
     ]
     parts = [Section("T", "t", [picture("two")]), Section("F", "f", [Code("deep")], folded=True)]
     return Page("Title & more", "Lead", [Section("S", "s", blocks, parts)], "foot")
@@ -253,7 +253,7 @@ def test_a_table_that_may_not_fit_says_so(
     widths: tuple[int, ...], words: tuple[int, ...], said: str | None
 ) -> None:
     cells = ["wordy " * (n // 6) if i in words else "x" * n for i, n in enumerate(widths)]
-    wide = Table("T", "ABC"[: len(cells)], [cells], words)
+    wide = PageTable("T", "ABC"[: len(cells)], [cells], words)
     text = render(Page("P", "L", [Section("S", "s", [wide])]))
     tree = html5lib.parse(text, namespaceHTMLElements=False)
     hints = [p.get("class") for p in tree.iter("p") if "hint" in (p.get("class") or "")]
@@ -304,4 +304,4 @@ def test_a_picture_of_a_cloud_is_inside_the_page() -> None:
     runs = pd.concat([table({"gps": 4})] * 20, ignore_index=True)
     shown = analyse(runs, ["gps", "arm", "loss"], "y")
     svg = style.svg(figures.plot_residuals(shown)[0], "cloud")
-    assert 'href="data:image/png;base64,' in inline(Picture("cloud", svg, "c", "a"))
+    assert 'href="data:image/png;base64,' in inline(PagePicture("cloud", svg, "c", "a"))

@@ -15,7 +15,7 @@ from sblcosim.analysis.sensitivity import Sensitivity, indices, of_table
 from sblcosim.errors import ConfigurationError
 from sblcosim.results.definitions import LOST
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import Factor, sample
+from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.study.stand_in import evaluate, model_of
 from scipy import optimize, stats
 
@@ -23,7 +23,7 @@ DIGIT = 5e-5
 """Published values are rounded."""
 
 
-def of(function: Any, factors: tuple[Factor, ...], n: int, seed: int = 1) -> Sensitivity:
+def of(function: Any, factors: tuple[DrawnFactor, ...], n: int, seed: int = 1) -> Sensitivity:
     drawn = sample(factors, n, seed)
     return indices(drawn, evaluate(model_of(function), drawn), function.__name__)
 
@@ -166,7 +166,7 @@ def test_intervals_are_those_of_the_jackknife_by_hand() -> None:
 # --- Logarithms, tails and lost runs -------------------------------------------------------------
 
 POSITIVE = distribution_of("uniform", range=[0, 1])
-TWO = (Factor("gps", POSITIVE, label="GPS error", unit="m"), Factor("depth", POSITIVE))
+TWO = (DrawnFactor("gps", POSITIVE, label="GPS error", unit="m"), DrawnFactor("depth", POSITIVE))
 
 
 def error(gps, depth, seed):
@@ -235,7 +235,7 @@ def test_that_no_factor_matters_is_said_only_where_the_intervals_say_it() -> Non
 
 def test_few_rows_of_noise_and_little_else_do_not_say_that_no_factor_matters() -> None:
     """Unless each interval is below the share that is said."""
-    factors = tuple(Factor(f"x{i}", UNIT) for i in (1, 2))
+    factors = tuple(DrawnFactor(f"x{i}", UNIT) for i in (1, 2))
     said = 0
     for seed in range(40):
         drawn = sample(factors, 16, 1000 * seed)
@@ -387,7 +387,7 @@ def steps(gps, depth, seed):
 @pytest.mark.parametrize("rows", [64, 256])
 def test_a_factor_without_a_change_is_bounded_whatever_the_others_do(rows: int) -> None:
     """A run is moved to the farthest of all, in a share that likelihood does not exclude."""
-    levels = Factor("kind", distribution_of("choice", levels=[1.0, 2.0]))
+    levels = DrawnFactor("kind", distribution_of("choice", levels=[1.0, 2.0]))
     share = 1 - np.exp(-(stats.t.ppf(0.975, rows - 1) ** 2) / 2 / rows)
     for of_levels in (False, True):
         drawn = sample((*TWO, levels), rows)
@@ -406,7 +406,7 @@ def test_a_factor_without_a_change_is_bounded_whatever_the_others_do(rows: int) 
 @pytest.mark.parametrize("share", [0.3, 0.08, 0.01])
 def test_rare_values_of_any_number_have_wide_intervals_or_are_too_few(share: float) -> None:
     """As of ``lost`` averaged over conditions: 0, 1/2 or 1."""
-    factors = [Factor(f"x{i}", POSITIVE) for i in range(5)]
+    factors = [DrawnFactor(f"x{i}", POSITIVE) for i in range(5)]
     rng = np.random.default_rng(1)
     a, b = rng.random((2, 2**16, 5))
     limits = np.quantile(a.sum(axis=1), [1 - share, 1 - share / 2])
