@@ -20,7 +20,7 @@ from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes, lanes_driver
-from sblcosim.simulation.masters.lanes_memory import LanesMemory
+from sblcosim.simulation.masters.lanes import LanesMemory
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve

@@ -26,7 +26,9 @@ from ..record import Record
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,
+    MOMENT,
     SUMS,
+    Errors,
     Floats,
     LanesPlan,
     Link,
@@ -34,8 +36,7 @@ from .lanes_driver import (
     loaded_driver,
     unsupported,
 )
-from .lanes_layout import layout_of
-from .lanes_memory import LanesMemory, remembered, starts_of
+from .lanes_layout import layout_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 _SHORT = 10_000
@@ -387,3 +388,38 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
 
 
 __all__ = ["RunsOutcome", "execute", "unsupported"]
+
+
+class LanesMemory:
+    """Memory for one thread."""
+
+    def __init__(self, batch: _Batch) -> None:
+        self._kept: list[NDArray[Any]] = []
+        blocks, held = [], []
+        for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
+            k = engine.contents
+            blocks.append(self._aligned(k.block_size))
+            size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
+            held.append(self._aligned(size) if holds else None)
+        self.moments = self._aligned(batch.remembered * MOMENT * batch.lanes * 8)
+        self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
+        self.held = (ctypes.c_void_p * len(held))(*held)
+        self.errors = self._room_for_errors(batch)
+
+    def _room_for_errors(self, batch: _Batch) -> Errors | None:
+        """Space for the errors of a group, if order statistics are requested."""
+        if not batch.percentages:
+            return None
+        given = np.array(batch.percentages, np.int32)
+        self._kept.append(given)
+        values = batch.room * len(LENGTHS) * batch.lanes
+        sizes = (len(batch.receivers) * values * 8, values * 2, values * 8)
+        return Errors(
+            batch.room, len(given), given.ctypes.data, *(self._aligned(size) for size in sizes)
+        )
+
+    def _aligned(self, size: int) -> int:
+        memory = np.zeros(size + 64, np.uint8)
+        self._kept.append(memory)
+        address: int = memory.ctypes.data
+        return address + -address % 64
