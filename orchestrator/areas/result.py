@@ -189,7 +189,7 @@ class AreaMap(Shown):
                 (draft.folder / GEOJSON).write_text(f"{text}\n", "utf-8")
             for job in jobs(FIGURES, self) if figures else ():
                 job.save(draft.folder, theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def __str__(self) -> str:
         return "\n".join(self._lines())

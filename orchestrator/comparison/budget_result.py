@@ -285,7 +285,7 @@ class Budget(Shown):
             for frame in dict.fromkeys(self.table["frame"]) if figures else ():
                 axes = self.plot(frame, theme=theme).axes[0]
                 style.save(axes, draft.folder, f"budget_{frame}")
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What the runs were; equal for equal budgets."""

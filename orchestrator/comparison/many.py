@@ -145,7 +145,7 @@ class Many(Shown):
                 figures.job(self.runs, "runs", False).save(draft.folder, theme)
             for which, result in self.drawn.items():
                 result.save(draft.folder / which, figures=drawn, theme=theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What was run, as plain data."""

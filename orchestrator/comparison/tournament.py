@@ -158,7 +158,7 @@ class Tournament(Shown):
                 artifacts.write_table(getattr(self, name), draft.folder, file)
             if drawn:
                 figures.job(self).save(draft.folder, theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
