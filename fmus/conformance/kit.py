@@ -37,7 +37,7 @@ _TERMINAL_CLAUSES = {2: "2.3.2", 3: "2.4.9.2"}
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What came of one check.
+    """Result of one check.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class CheckResult:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What came of all checks of an FMU.
+    """Results of all checks of an FMU.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Report:
 
 
 _Note = Callable[[str, str, CheckOutcome], None]
-"""Takes the name of a check, its promise and what came of it."""
+"""Takes the name of a check, its promise and its result."""
 
 
 def examine(

@@ -36,7 +36,7 @@ _CRASHES = 5
 
 @dataclass(frozen=True, slots=True)
 class CheckOutcome:
-    """What came of a check.
+    """Result of a check.
 
     Attributes
     ----------

@@ -126,7 +126,7 @@ def _panels(
 
 
 def _ticks(room: float) -> int:
-    """Most intervals between ticks where there is room for so many labels."""
+    """Most intervals between ticks where there is room for this many labels."""
     return int(min(max(room, 1.0), 5.0))
 
 

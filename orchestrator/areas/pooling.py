@@ -136,7 +136,7 @@ def _counted(
 
 
 def _percentile(counted: _Counted, times: Floats) -> Floats:
-    """Logarithm of the percentile in each cell if runs count so many times; (cells,)."""
+    """Logarithm of the percentile in each cell, each run counted as `times` says; (cells,)."""
     size = len(counted.edges) + 2
     rows, columns = counted.cells
     each = np.broadcast_to(times[:, None], counted.index.shape).ravel()

@@ -95,7 +95,7 @@ def bounds(
 def _run(scenario: Scenario) -> Result | None:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what there is to say is said of the receiver's runs
+            warnings.simplefilter("ignore")  # the receiver's runs have given the warnings
             return run(scenario, _RECEIVER)
     except SblcosimError:
         return None

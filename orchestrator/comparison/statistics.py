@@ -1,7 +1,7 @@
 """Statistics of paired runs: intervals of means, differences, and how many runs a bound takes.
 
 A seed is one observation. Runs of one seed have the same noise, so their differences are paired,
-and the errors inside of a run follow each other, so they are never pooled: an interval is always
+and the errors inside a run depend on each other, so they are never pooled: an interval is always
 from one number per seed.
 
 **Shares.** In what share of all dives a receiver is better needs no assumption: Clopper and

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ROW, ABOVE = 0.27, 0.75
 """Height of a receiver, and of what is above and below the receivers of a place [inch]."""
 REACH, FAR = 6.0, 1.5
-"""Differences of more than so many times their median, and of the best one's median, are drawn at
+"""Differences of more than this many times their median, and of the best one's median, are drawn at
 the edge."""
 _CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
 """Of a label, and on an axis, per inch; inches of a column of the legend."""

@@ -24,7 +24,7 @@ DESCRIPTION = "SystemStructure.ssd"
 """Name of the description of the system in a package."""
 
 Path = tuple[str, ...]
-"""Names of the elements from the system of the package, ``()``, to one that is inside of it."""
+"""Names of the elements from the system of the package, ``()``, to one that is inside it."""
 End = tuple[Path, str]
 """A connector: whose it is, and its name."""
 

@@ -223,7 +223,7 @@ class Wiring:
     def _gives(self, end: End, *, inside: bool) -> bool | None:
         """Whether values come from a connector; None: that is open.
 
-        Seen from inside of a system, its inputs give values and its outputs take them.
+        Seen from inside a system, its inputs give values and its outputs take them.
         """
         kind = self._kind(end)
         if kind in _GIVING:

@@ -1,4 +1,4 @@
-"""The answer to a question: designs by cost and accuracy, and what there is to say of them."""
+"""The answer to a question: designs by cost and accuracy, and the sentences about them."""
 
 from __future__ import annotations
 
@@ -437,7 +437,7 @@ class Answer(Shown):
 
 
 def _missing(rule: Rule, passed: int, runs: int) -> str:
-    """How many runs would decide an arm of which so many have passed."""
+    """How many runs would decide an arm, of which `passed` of `runs` have passed."""
     needed = rule.runs_to_decide(passed, runs)
     if needed is not None:
         return f"If its share stayed so, {needed:,} runs of it would decide it."

@@ -201,7 +201,7 @@ def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) ->
     Parameters
     ----------
     width
-        Columns that there are.
+        Columns of the terminal.
     """
     heads = ("Error [m]", "axis", "     mean      RMS      std")
     rows = {name: list(map(_cell, row)) for name, row in _rows(table[list(STATISTICS)]).items()}

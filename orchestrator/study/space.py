@@ -199,7 +199,7 @@ def sample(
     Parameters
     ----------
     base_rows
-        A power of 2: so many points of a Sobol' sequence are balanced.
+        A power of 2: only then are the points of a Sobol' sequence balanced.
     seed
         The sequences are scrambled and permuted by it, and it is the seed of the first run; the
         others follow: 2 n different ones.

@@ -192,7 +192,7 @@ def values_of(
     runs
         Values of the factors, by their names, and the seed of each.
     children
-        Those of whoever asks; None: any.
+        Those that are asked for; None: any.
 
     Raises
     ------

@@ -257,7 +257,7 @@ def read(
     Parameters
     ----------
     what, package
-        What it is, and which package has those that come along.
+        What it is, and which package has those that are included.
 
     Raises
     ------

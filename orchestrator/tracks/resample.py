@@ -16,7 +16,7 @@ MOST = TRACK_POINTS.most
 _PARTS = 4  # of each piece of the recorded track, to bound what is between its points
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
-_ROOM = 1.5  # so many times as many points as there may be, before the needless ones go
+_ROOM = 1.5  # times the allowed number of points, before the needless ones go
 _APART = 6
 _SHARE = 1.05  # what is said to fit is this much larger than what does
 
