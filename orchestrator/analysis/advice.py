@@ -334,7 +334,7 @@ def advise(
     limit
         Largest value that will do, in the unit of the response.
     percentile
-        Between 0 and 100: so many percent of the runs are to be within the limit. None: the limit
+        Between 0 and 100: the percentage of the runs that must be within the limit. None: the limit
         is for their mean.
     contamination
         Above 0 and below 1: the share of bad runs that a statement about a mean takes into

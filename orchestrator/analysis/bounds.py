@@ -81,7 +81,7 @@ def share_bound(count: int, runs: int, risk: float) -> float:
 
 
 def percentile_bound(y: Floats, share: float, risk: float) -> tuple[float, float]:
-    """The run that so many of the others are not above, and an upper bound of the percentile.
+    """The run at a percentile, by rank, and an upper bound of the percentile.
 
     The runs are in ascending order.
     """

@@ -27,7 +27,7 @@ MOST_LEVELS = 100
 NORMAL = 1.4826
 """Standard deviation of normal runs, in units of their median absolute deviation."""
 FAR = 5.0
-"""From so many robust standard deviations on, a run lies far from the others."""
+"""Robust standard deviations beyond which a run lies far from the others."""
 TAIL_RUNS = 10
 """Runs that a cell needs for its tails to be looked at."""
 HEAVY = 0.015
@@ -59,7 +59,7 @@ class Cells:
     far_log
         The same of their logarithms, where these exist and are not the response.
     heavy
-        Whether so many runs lie far from the others that the tails are heavy.
+        Whether the tails are heavy: too many runs lie far from the others.
     skewness
         Of the runs about their cells' means, averaged over the cells; NaN as `far`.
     dropped

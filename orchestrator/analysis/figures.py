@@ -27,9 +27,9 @@ from ..words.numbers import minus
 from ..words.shares import percent
 from .advice import Advice
 from .box_cox import box_cox
-from .general_tables import GeneralAnalysis
+from .factorial import Factorial
+from .general import GeneralFactorial
 from .model import Floats
-from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
@@ -46,7 +46,7 @@ MARGIN = 0.35
 
 
 def plot_pareto(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
 ) -> Axes:
     """The `most` largest standardised effects |t|, the largest on top (the paper's Figure 15).
 
@@ -102,7 +102,7 @@ def plot_pareto(
 
 
 def plot_interactions(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each pair of levels (the paper's Figure 16).
 
@@ -153,7 +153,7 @@ def plot_interactions(
 
 
 def plot_main_effects(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17).
 
@@ -199,7 +199,7 @@ def plot_main_effects(
 
 
 def plot_residuals(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Residuals four times (the paper's Figure 18).
 
@@ -259,7 +259,7 @@ def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def plot_box_cox(
-    analysis: Analysis,
+    analysis: Factorial,
     ax: Axes | None = None,
     theme: ThemeName = "light",
     profile: pd.DataFrame | None = None,
@@ -404,13 +404,13 @@ def with_unit(factor: str, units: Mapping[str, str]) -> str:
     return f"{factor} [{unit}]" if unit else factor
 
 
-def quantity_of(analysis: Analysis | GeneralAnalysis) -> str:
+def quantity_of(analysis: Factorial | GeneralFactorial) -> str:
     """The analysed quantity with its unit."""
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 
 
 def wrapped(name: str, width: int) -> str:
-    """The name in lines of so many characters, broken at spaces, dots and underscores."""
+    """The name in lines of at most `width` characters, broken at spaces, dots and underscores."""
     return re.sub(r"([_.]) ", r"\1", fill(re.sub(r"([_.])", r"\1 ", name), width))
 
 

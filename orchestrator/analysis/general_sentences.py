@@ -15,7 +15,7 @@ from ..words.lists import first_of, listed
 from ..words.numbers import interval, measured, minus, p_value, quantity, rounded
 from ..words.shares import percent, tight_percent
 from .bounds import runs_for_t
-from .general_tables import GeneralAnalysis
+from .general import GeneralFactorial
 from .model import MAX_LISTED
 from .sentences import left_out
 
@@ -40,7 +40,7 @@ def level_text(level: Level, unit: str = "") -> str:
 
 
 def summary(
-    analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None, column: str
+    analysis: GeneralFactorial, most: int, verbose: bool, width: int | None, column: str
 ) -> str:
     """The answer, the analysis of variance, the means of the levels, and in detail the rest.
 
@@ -71,16 +71,16 @@ def summary(
     return fitted("\n".join(lines), width)
 
 
-def answer(analysis: GeneralAnalysis) -> str:
+def answer(analysis: GeneralFactorial) -> str:
     """Which factor matters, and between which levels, in a few sentences.
 
-    A factor is named from its worst to its best level, as if less of the response is better.
+    A factor is named from its worst to its best level: less of the response is taken to be better.
     """
     return " ".join([*([_typical(analysis)] if analysis.by_medians else []), _by_means(analysis),
                      *([] if analysis.practical is None else [_practical(analysis)])])
 
 
-def _typical(analysis: GeneralAnalysis) -> str:
+def _typical(analysis: GeneralFactorial) -> str:
     """What medians say, where means cannot be trusted."""
     a = analysis
     unit = f" {a.measured_in}" if a.measured_in else ""
@@ -121,7 +121,7 @@ def _interval_of_less(pair: Any) -> str:
     return interval(*sorted(map(abs, (pair.low, pair.high))))
 
 
-def _practical(analysis: GeneralAnalysis) -> str:
+def _practical(analysis: GeneralFactorial) -> str:
     """Which pairs of levels are equal, differ, or are open, by what matters."""
     a = analysis
     limit = (f"a factor of {a.practical or 0:g}" if a.transform == "log" else
@@ -134,7 +134,7 @@ def _practical(analysis: GeneralAnalysis) -> str:
             f"{equal} are equal within it, and {undecided} are undecided.")
 
 
-def _by_means(analysis: GeneralAnalysis) -> str:
+def _by_means(analysis: GeneralFactorial) -> str:
     """What the differences of means say."""
     a = analysis
     how = "geometric mean of the " if a.transform == "log" else "mean " if a.by_medians else ""
@@ -175,7 +175,7 @@ def _by_means(analysis: GeneralAnalysis) -> str:
     return " ".join(sentences)
 
 
-def warnings(analysis: GeneralAnalysis) -> list[str]:
+def warnings(analysis: GeneralFactorial) -> list[str]:
     """What stands against the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
@@ -212,7 +212,7 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
     return lines
 
 
-def notes(analysis: GeneralAnalysis) -> list[str]:
+def notes(analysis: GeneralFactorial) -> list[str]:
     """Method and quality of the model, in sentences."""
     a = analysis
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
@@ -247,7 +247,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
     return lines
 
 
-def _largest(analysis: GeneralAnalysis) -> dict[str, Any]:
+def _largest(analysis: GeneralFactorial) -> dict[str, Any]:
     """The largest sure difference of each factor that has one, the largest first."""
     sure = analysis.pairs[_told_apart(analysis.pairs)]
     ranked = sure.sort_values("difference", key=np.abs, ascending=False, kind="stable")
@@ -262,14 +262,14 @@ def _told_apart(pairs: pd.DataFrame) -> pd.Series[bool]:
     return (pairs["low"] > 0) | (pairs["high"] < 0)
 
 
-def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+def _ends(analysis: GeneralFactorial, name: str, row: Any) -> str:
     """The worse and the better level."""
     unit = analysis.units.get(name, "")
     ends = [level_text(level, unit) for level in (row.one, row.other)]
     return " to ".join(ends if row.difference > 0 else ends[::-1])
 
 
-def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+def _as_good(analysis: GeneralFactorial, name: str, row: Any) -> str:
     """The levels that cannot be told from the better one."""
     best = row.other if row.difference > 0 else row.one
     pairs = analysis.pairs
@@ -280,7 +280,7 @@ def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
     return f", where {listed(tied, most=MOST_NAMED)} cannot be told from it" if tied else ""
 
 
-def _size(analysis: GeneralAnalysis, row: Any) -> tuple[str, str]:
+def _size(analysis: GeneralFactorial, row: Any) -> tuple[str, str]:
     """The size of a difference, and its interval."""
     ends = sorted(np.sign(row.difference) * np.array([row.low, row.high]))
     size = abs(row.difference)
@@ -292,11 +292,11 @@ def _size(analysis: GeneralAnalysis, row: Any) -> tuple[str, str]:
     return measured(size, analysis.unit), shown
 
 
-def _in_unit(analysis: GeneralAnalysis) -> str:
+def _in_unit(analysis: GeneralFactorial) -> str:
     return f" [{analysis.unit}]" if analysis.unit else ""
 
 
-def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _anova_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     return [
         (str(name), f"{row['df']:g}",
          *("" if np.isnan(x) else minus(f"{x:.4g}") for x in (row["sum_sq"], row["mean_sq"],
@@ -306,7 +306,7 @@ def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     ]
 
 
-def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _mean_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     rows = []
     before = ""
     row: Any
@@ -320,7 +320,7 @@ def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     return rows
 
 
-def _median_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _median_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     rows = []
     before = ""
     row: Any
@@ -338,7 +338,7 @@ def _shown(value: float) -> str:
     return "–" if np.isnan(value) else minus(f"{value:.4g}")
 
 
-def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> list[str]:
+def _differences(analysis: GeneralFactorial, most: int, width: int | None) -> list[str]:
     """The largest differences of each factor."""
     a = analysis
     rows: list[tuple[str, ...]] = []
@@ -359,7 +359,7 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
             *table(rows, width, head, range(2, 6))]
 
 
-def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str, ...]:
+def _difference_row(analysis: GeneralFactorial, name: str, row: Any) -> tuple[str, ...]:
     ratios, pair = analysis.transform == "log", pair_texts(row, analysis)
     values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
               (row.difference, row.low, row.high))
@@ -368,7 +368,7 @@ def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str
             *([] if analysis.practical is None else [verdict_text(row.verdict, analysis)]))
 
 
-def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
+def verdict_text(verdict: str, analysis: GeneralFactorial) -> str:
     """What is said of a pair of levels, in words."""
     limit = f"{analysis.practical or 0:g}"
     within = f"a factor of {limit}" if analysis.transform == "log" else (
@@ -376,7 +376,7 @@ def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
     return verdict + (f" within {within}" if verdict == "equal" else "")
 
 
-def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:
+def pair_texts(row: Any, analysis: GeneralFactorial) -> tuple[str, str]:
     """The two levels of a difference."""
     unit = analysis.units.get(str(row.factor), "")
     return level_text(row.one, unit), level_text(row.other, unit)

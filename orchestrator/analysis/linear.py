@@ -126,7 +126,7 @@ class LinearModel:
 
 
 def fitted_model(cells: Cells, order: int) -> LinearModel:
-    """The model with interactions of up to so many factors, or main effects alone if need be.
+    """The model with interactions of up to `order` factors, or main effects alone if need be.
 
     Raises
     ------

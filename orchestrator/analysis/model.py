@@ -124,7 +124,7 @@ def estimable(
 
 
 def terms_up_to(order: int, factors: int) -> tuple[Term, ...]:
-    """Main effects and interactions of up to so many factors."""
+    """Main effects, and interactions of up to `order` factors."""
     return tuple(term for n in range(1, order + 1) for term in combinations(range(factors), n))
 
 

@@ -22,7 +22,7 @@ from ..study.space import DrawnFactor
 from ..style import PLAIN, Theme, ThemeName, new_figure, use
 from ..words.numbers import minus
 from ..words.shares import percent
-from .sobol import Floats, SobolIndices
+from .sensitivity import Floats, Sensitivity
 
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
@@ -34,7 +34,7 @@ _THICK = 0.36  # of a bar
 
 
 def plot_indices(
-    found: SobolIndices, ax: Axes | None = None, theme: ThemeName = "light"
+    found: Sensitivity, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """First-order and total indices with their intervals, the largest total on top; and chance."""
     with use(theme, ax) as look:
@@ -69,7 +69,7 @@ def plot_indices(
 
 
 def plot_scatter(
-    found: SobolIndices, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
+    found: Sensitivity, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """The independent runs against each factor, and the mean of those with like values of it.
 
@@ -107,7 +107,7 @@ def _columns(factors: Sequence[DrawnFactor]) -> int:
     return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 
-def _panel(panel: Axes, found: SobolIndices, factor: DrawnFactor, look: Theme) -> None:
+def _panel(panel: Axes, found: Sensitivity, factor: DrawnFactor, look: Theme) -> None:
     """One factor's points and conditional mean."""
     runs = found.independent_runs.ravel()
     x, y = found.sample.values[factor.name].to_numpy()[runs], found.values[runs]
@@ -189,12 +189,12 @@ def conditional_mean(
     return np.array(medians), np.array(means), np.array(errors)
 
 
-def _mean(found: SobolIndices) -> str:
+def _mean(found: Sensitivity) -> str:
     what = "geometric mean" if found.transform == "log" else "share" if found.is_flag else "mean"
     return f"{what} of like runs, {percent(found.confidence, '.4g')} intervals"
 
 
-def _response(found: SobolIndices) -> str:
+def _response(found: Sensitivity) -> str:
     name, unit = found.label or found.response, unit_of(found.response)
     return f"{name} [{unit}]" if unit else name
 

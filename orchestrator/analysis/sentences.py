@@ -11,13 +11,13 @@ from ..results.responses import defined
 from ..words.lists import first_of
 from ..words.numbers import interval, measured, p_value, quantity, rounded, signed
 from ..words.shares import percent, tight_percent
+from .factorial import Factorial
 from .model import MAX_LISTED
 from .ranking import tied_groups
-from .tables import Analysis
 
 
 def summary(
-    analysis: Analysis, most: int, verbose: bool = False, width: int | None = None,
+    analysis: Factorial, most: int, verbose: bool = False, width: int | None = None,
     column: str = "",
 ) -> str:
     """The answer, then the `most` largest effects.
@@ -57,10 +57,10 @@ def summary(
     return fitted("\n".join(lines), width)
 
 
-def answer(analysis: Analysis, most: int = 3) -> str:
+def answer(analysis: Factorial, most: int = 3) -> str:
     """What matters, in a few sentences: the largest main effects and the largest interaction.
 
-    A factor is named from its worse to its better level, as if less of the response is better.
+    A factor is named from its worse to its better level: less of the response counts as better.
     Factors whose effects cannot be told apart share a rank; ranks are named until there are
     `most` factors.
     """
@@ -118,7 +118,7 @@ def answer(analysis: Analysis, most: int = 3) -> str:
     return " ".join(sentences)
 
 
-def limit_of(analysis: Analysis) -> str:
+def limit_of(analysis: Factorial) -> str:
     """The smallest effect that matters, in words."""
     assert analysis.practical is not None
     if analysis.transform != "none":
@@ -126,13 +126,13 @@ def limit_of(analysis: Analysis) -> str:
     return f"{analysis.practical:g} {analysis.unit}".rstrip()
 
 
-def _worse_to_better(analysis: Analysis, name: str) -> str:
+def _worse_to_better(analysis: Factorial, name: str) -> str:
     low, high = (quantity(x, analysis.units.get(name, "")) for x in analysis.levels[name])
     row: Any = analysis.effects.loc[name]
     return f"{high} to {low}" if row.effect > 0 else f"{low} to {high}"
 
 
-def _reach(analysis: Analysis, name: str) -> tuple[str, str]:
+def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
     """By how much the response falls to the better level, and the interval of it."""
     row: Any = analysis.effects.loc[name]
     ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
@@ -142,7 +142,7 @@ def _reach(analysis: Analysis, name: str) -> tuple[str, str]:
     return measured(abs(row.effect), analysis.unit), interval(*ends)
 
 
-def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
+def _signed(analysis: Factorial, name: str) -> tuple[str, str]:
     """An effect and its interval, as a ratio if it is one of logarithms."""
     row: Any = analysis.effects.loc[name]
     if analysis.transform != "none":
@@ -159,7 +159,7 @@ def left_out(dropped: int, common: bool) -> list[str]:
     return [f"{dropped} runs are left out: no finite response{why}."]
 
 
-def notes(analysis: Analysis) -> list[str]:
+def notes(analysis: Factorial) -> list[str]:
     """Method, quality and tests of the model, in sentences."""
     a = analysis
     points = len(a.points)

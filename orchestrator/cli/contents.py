@@ -251,11 +251,11 @@ def _of_levels(found: GeneralFactorial) -> dict[str, Any]:
 
 
 def _of_space(found: Indices) -> dict[str, Any]:
-    from ..analysis import sobol
+    from ..analysis import sensitivity_sentences
 
     main = found.main
     return {
-        "response": main.response, "unit": "", "answer": sobol.answer(main),
+        "response": main.response, "unit": "", "answer": sensitivity_sentences.answer(main),
         "transform": main.transform, "confidence": main.confidence, "runs": main.runs,
         "dropped": main.dropped, "left_out": main.share_left_out,
         "indices": [
@@ -263,7 +263,7 @@ def _of_space(found: Indices) -> dict[str, Any]:
             for row in _rows(one.indices.reset_index().assign(response=one.response),
                              study_documents.SobolIndex)
         ],
-        "notes": sobol.notes(main),
+        "notes": sensitivity_sentences.notes(main),
     }  # fmt: skip
 
 

@@ -353,7 +353,7 @@ def advise(
     """
     with waiting("weighing"):
         from .. import artifacts
-        from ..analysis import advice, workflow
+        from ..analysis import advice, columns, saving, study_advice
 
         if mean and percentile is not None:
             raise ConfigurationError(
@@ -362,18 +362,18 @@ def advise(
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or beside(results, "advice")
         artifacts.check(out)
-        found = workflow.advice_on_study(
+        found = study_advice.advice_on_study(
             results,
             costs,
-            response or workflow.RESPONSE,
+            response or columns.RESPONSE,
             receiver=receiver,
             limit=limit,
             percentile=wanted,
             contamination=contamination,
             confidence=confidence,
         )
-        shown = workflow.readable_advice(found, results)
-        folder = workflow.save_advice(found, out, shown=shown)
+        shown = study_advice.readable_advice(found, results)
+        folder = saving.save_advice(found, out, shown=shown)
     if as_json:
         from . import contents
 

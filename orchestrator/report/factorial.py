@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ..analysis.box_cox import box_cox
+from ..analysis.columns import RESPONSE
 from ..analysis.factorial import Factorial
 from ..analysis.options import Transform
 from ..analysis.power import detectable
 from ..analysis.sentences import answer, limit_of
-from ..analysis.workflow import RESPONSE, AnalysisOptions, of_table
+from ..analysis.workflow import AnalysisOptions, of_table
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study

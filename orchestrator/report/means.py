@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
-from ..analysis import sweep, workflow
+from ..analysis import columns, sweep
 from ..results.catalogue import Figure, by_name
 from ..results.responses import defined, unit_of
 from ..study.study import Study
@@ -58,8 +58,8 @@ class Means:
 
 def find(study: Study, table: pd.DataFrame, column: str) -> Means:
     """The means of a column of a table of runs."""
-    what, unit = workflow.words(column, table), unit_of(column)
-    runs = workflow.in_choices(study, table, column)
+    what, unit = columns.words(column, table), unit_of(column)
+    runs = columns.in_choices(study, table, column)
     made = sweep.means(runs, list(study.factors), column, study.sweep_base)
     count = int(np.isfinite(runs[column]).sum())
     return Means(

@@ -50,7 +50,7 @@ def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the study has said what there is to say
+            warnings.simplefilter("ignore")  # the study has given the warnings
             result = run(scenario, _RECEIVER)
     except SblcosimError:
         return None

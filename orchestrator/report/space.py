@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ..analysis import sensitivity_figures as plots
-from ..analysis import sobol
+from ..analysis import sensitivity_sentences
 from ..analysis.sensitivity import Sensitivity
 from ..layout import fitted
 from ..results.catalogue import Figure, by_name
@@ -91,8 +91,8 @@ def parts(found: Indices, folder: Path) -> StudySections:
     study, main = found.study, found.main
     return StudySections(
         f"What explains the error: {study.name}",
-        sobol.answer(main),
-        [line for one in found.of for line in sobol.notes(one)],
+        sensitivity_sentences.answer(main),
+        [line for one in found.of for line in sensitivity_sentences.notes(one)],
         pictures(FIGURES, found, folder),
         [_table(one) for one in found.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],

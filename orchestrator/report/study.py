@@ -13,7 +13,7 @@ import pandas as pd
 from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
-from ..analysis import covariance, workflow
+from ..analysis import columns, covariance, saving, workflow
 from ..analysis.general import GeneralFactorial
 from ..analysis.options import Error, Transform
 from ..errors import ConfigurationError
@@ -70,8 +70,8 @@ def save(
     """
     results = Path(results)
     study = study_of(results)
-    response = response or workflow.default_response(study)
-    table = store.table(results, workflow.needed(study, response, receiver))
+    response = response or columns.default_response(study)
+    table = store.table(results, columns.needed(study, response, receiver))
     has_points = study.sample is None and study.model is None
     source = _Source(
         study,
@@ -83,7 +83,7 @@ def save(
     )
     if study.design.kind in ("grid", "space"):
         _check_options(study, order=order, error=error, practical=practical)
-    column = workflow.column_of(table, response, receiver)
+    column = columns.column_of(table, response, receiver)
     if study.design.kind == "space":
         indices = Indices(
             study, workflow.of_space(study, table, column, transform=transform)
@@ -147,7 +147,7 @@ def _save_parts(
     found: Found, directory: str | Path, source: _Source, column: str,
     made: Callable[[Path], StudySections],
 ) -> Found:
-    """Write what there is to say of any but a two-level design."""
+    """Write the report of any design but a two-level one."""
     about = {"analysis": {"response": column, "factors": list(source.study.factors)}}
     with artifacts.folder(directory, about) as folder:
         own = made(folder)
@@ -171,8 +171,8 @@ def _save_parts(
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> Findings:
-    with artifacts.folder(directory, workflow.about(findings.data)) as folder:
-        workflow.write(findings.data, folder)
+    with artifacts.folder(directory, saving.about(findings.data)) as folder:
+        saving.write(findings.data, folder)
         _write_verdicts(source, folder)
         page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")

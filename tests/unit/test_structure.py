@@ -23,7 +23,7 @@ LONG_FUNCTIONS = {
     "analysis.advice.advise": _OPTIONS,
     "analysis.factorial.analyse": _OPTIONS,
     "analysis.general.analyse": _OPTIONS,
-    "analysis.workflow.advice_on_study": _OPTIONS,
+    "analysis.study_advice.advice_on_study": _OPTIONS,
     "analysis.workflow.of_table": _OPTIONS,
     "api.run": _OPTIONS,
     "areas.survey.map_area": _OPTIONS,

@@ -65,7 +65,7 @@ from .numbers import (
 
 @dataclass(frozen=True, eq=False)
 class PaperReport:
-    """What came of `run`.
+    """Result of `run`.
 
     Attributes
     ----------

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis import sobol, workflow
+from ...analysis import sensitivity_sentences, workflow
 from ...analysis.sensitivity import Sensitivity
 from ...study import study as studies
 from ...study.space import SEED_FACTOR
@@ -64,13 +64,13 @@ def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
     head = ("Factor", f"Effect, low to high{own}", "First-order index", "95% interval",
             "Total index", "95% interval")
     return [
-        Text(sobol.answer(main), "answer"),
+        Text(sensitivity_sentences.answer(main), "answer"),
         PageTable("What explains the variance of the logarithm of the error over the whole ranges",
               head, rows, (),
               "The effects are those between the two levels. The indices are shares of the "
               "variance with all seven factors uniform between their levels: first-order alone, "
               "total with all interactions. The seed is one of the factors; its index is chance."),
-        *(Text(line, "note") for one in found for line in sobol.notes(one)),
+        *(Text(line, "note") for one in found for line in sensitivity_sentences.notes(one)),
     ]  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sblcosim import study
-from sblcosim.analysis import bounds, workflow
+from sblcosim.analysis import bounds, study_advice
 from sblcosim.analysis.advice import advise
 from sblcosim.analysis.figures import plot_front
 from sblcosim.errors import ConfigurationError
@@ -341,7 +341,7 @@ def test_advice_on_a_grid_of_names_in_conditions(tmp_path):
     })  # fmt: skip
     runs = made.run(tmp_path)
     costs = {"gps": {"rtk_fixed": 500, "standalone": 30}, "arm": [1, 2, 3]}
-    found = workflow.advice_on_study(tmp_path, costs, limit=50.0, percentile=50.0)
+    found = study_advice.advice_on_study(tmp_path, costs, limit=50.0, percentile=50.0)
     assert found.points["cost"].tolist() == [31, 32, 33, 501, 502, 503]
     assert (found.points["runs"] == 12).all()
     first = found.points.iloc[0]
@@ -350,11 +350,11 @@ def test_advice_on_a_grid_of_names_in_conditions(tmp_path):
     worst = mine.groupby("replicate").agg({value: "max", "ekf.lost": "mean"})
     worst = worst[value].where(worst["ekf.lost"] == 0, np.inf)
     assert first["estimate"] == np.sort(worst)[5]
-    shown = workflow.readable_advice(found, tmp_path)
+    shown = study_advice.readable_advice(found, tmp_path)
     assert "gps standalone, arm 0.4, at a cost of 31" in shown.answer()
     assert plot_front(shown).get_xlabel() == "Cost"
     with pytest.raises(ConfigurationError, match="got none for rtk_fixed"):
-        workflow.advice_on_study(tmp_path, {"gps": {"standalone": 30}})
+        study_advice.advice_on_study(tmp_path, {"gps": {"standalone": 30}})
 
 
 def test_advice_where_the_receivers_are_a_choice(tmp_path):
@@ -367,7 +367,7 @@ def test_advice_where_the_receivers_are_a_choice(tmp_path):
         },
     })  # fmt: skip
     made.run(tmp_path)
-    found = workflow.advice_on_study(tmp_path, {"receiver": [10, 0]}, limit=100.0)
+    found = study_advice.advice_on_study(tmp_path, {"receiver": [10, 0]}, limit=100.0)
     assert found.points["cost"].tolist() == [0, 0, 10, 10]
     assert set(found.points["receiver"]) == {"ekf", "sequential"}
-    assert "RMS total error" in workflow.readable_advice(found, tmp_path).text()
+    assert "RMS total error" in study_advice.readable_advice(found, tmp_path).text()

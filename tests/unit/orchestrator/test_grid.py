@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.analysis import workflow
+from sblcosim.analysis import columns, workflow
 from sblcosim.analysis.conditions import of_choices
 from sblcosim.analysis.general import GeneralFactorial
 from sblcosim.cli import contents
@@ -411,7 +411,7 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
 def test_an_unknown_response_is_refused_in_a_line(asked: str, hint: str) -> None:
     table = pd.DataFrame({f"ekf.{name}": [1.0] for name in RESPONSES if name not in ON_REQUEST})
     with pytest.raises(ConfigurationError) as refused:
-        workflow.column_of(table, asked)
+        columns.column_of(table, asked)
     assert hint in str(refused.value)
     assert len(str(refused.value)) < 250
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from published_functions import ANGLES, ISHIGAMI, UNIT, UNITS, WITH_NOISE, G, g, ishigami, noisy
-from sblcosim.analysis import sobol
+from sblcosim.analysis import sensitivity_sentences
 from sblcosim.analysis.sensitivity import Sensitivity, indices, of_table
 from sblcosim.errors import ConfigurationError
 from sblcosim.results.definitions import LOST
@@ -204,12 +204,12 @@ def test_the_answer_is_one_sentence_of_the_two_largest_and_chance() -> None:
     """Rough where the intervals are wide; what adds up to more than all is explained once."""
     for model, factors, rows in ((g, UNITS, 256), (noisy, ANGLES, 64)):
         found = of(model, factors, rows)
-        said, total = sobol.answer(found), found.indices["total"]
+        said, total = sensitivity_sentences.answer(found), found.indices["total"]
         first, second, *rest = found.ranked().drop(index="seed").index
         assert said.count(". ") == 0
         assert f"is explained by {found.name_of(first)}, {100 * total[second]:.0f} % by " in said
         assert not any(found.name_of(name) in said for name in rest)
-        assert said.startswith("Roughly ") == (found.widest > sobol.WIDEST)
+        assert said.startswith("Roughly ") == (found.widest > sensitivity_sentences.WIDEST)
         assert total.sum() > 1
         assert found.text().count("Totals add up to more than 100 %: an interaction counts") == 1
 
@@ -229,7 +229,7 @@ def test_that_no_factor_matters_is_said_only_where_the_intervals_say_it() -> Non
     ):  # fmt: skip
         table = found.indices.assign(**small, first_high=high, total_high=high)
         table.loc["seed"] = [0.97, chance_low, 1.0, 0.97, chance_low, 1.0]
-        assert re.fullmatch(words, sobol.answer(replace(found, indices=table)))
+        assert re.fullmatch(words, sensitivity_sentences.answer(replace(found, indices=table)))
     assert "Totals" not in replace(found, indices=found.indices.assign(total=0.01)).text()
 
 
@@ -241,7 +241,7 @@ def test_few_rows_of_noise_and_little_else_do_not_say_that_no_factor_matters() -
         drawn = sample(factors, 16, 1000 * seed)
         noise = stats.norm.ppf(((drawn.seeds + 0.5) * 0.6180339887) % 1)
         found = indices(drawn, drawn.values["x1"].to_numpy() + noise)
-        answer = sobol.answer(found)
+        answer = sensitivity_sentences.answer(found)
         assert not answer.startswith("Each factor") or found.indices["total_high"][:2].max() <= 0.05
         said += answer.startswith("No factor stands out")
     assert said
