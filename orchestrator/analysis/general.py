@@ -358,43 +358,43 @@ def analyse(
                 )
     y = table[response].to_numpy(np.float64, na_value=np.nan)
     y = y[np.isfinite(y)]
-    found = _assembled(response, options, typ, model, label, names)
-    found = replace(found, largest=float(y.max()), median=float(np.median(y)))
+    analysis = _assembled(response, options, typ, model, label, names)
+    analysis = replace(analysis, largest=float(y.max()), median=float(np.median(y)))
     if transform == "none" and y.min() >= 0:
-        found = _without_negative(found)
-    return judged(replace(found, pairs=_with_medians(found, model.cells)))
+        analysis = _without_negative(analysis)
+    return judged(replace(analysis, pairs=_with_medians(analysis, model.cells)))
 
 
-def _with_medians(found: GeneralFactorial, cells: Cells) -> pd.DataFrame:
+def _with_medians(analysis: GeneralFactorial, cells: Cells) -> pd.DataFrame:
     """The pairs with the differences of their medians."""
-    each = None if cells.values is None or found.transform != "none" else {
+    each = None if cells.values is None or analysis.transform != "none" else {
         name: cells.by_level(i) for i, name in enumerate(cells.factors)
     }
-    medians = median_pairs(found.pairs, found.medians, each, found.confidence)
-    return found.pairs.assign(**{f"median_{name}": medians[name] for name in medians})
+    medians = median_pairs(analysis.pairs, analysis.medians, each, analysis.confidence)
+    return analysis.pairs.assign(**{f"median_{name}": medians[name] for name in medians})
 
 
-def judged(found: GeneralFactorial) -> GeneralFactorial:
+def judged(analysis: GeneralFactorial) -> GeneralFactorial:
     """The same with its pairs judged by what stands first: means, or medians."""
-    by = found.judged_pairs
+    by = analysis.judged_pairs
     low, high = by["low"].to_numpy(np.float64), by["high"].to_numpy(np.float64)
-    pairs = found.pairs.assign(differs=(low > 0) | (high < 0))
-    if found.practical is not None:
-        limit = log(found.practical) if found.transform == "log" else found.practical
+    pairs = analysis.pairs.assign(differs=(low > 0) | (high < 0))
+    if analysis.practical is not None:
+        limit = log(analysis.practical) if analysis.transform == "log" else analysis.practical
         equal, differs = (low > -limit) & (high < limit), (low > limit) | (high < -limit)
         pairs["verdict"] = np.select([equal, differs], ["equal", "differs"], "undecided")
-    return replace(found, pairs=pairs)
+    return replace(analysis, pairs=pairs)
 
 
-def _without_negative(found: GeneralFactorial) -> GeneralFactorial:
+def _without_negative(analysis: GeneralFactorial) -> GeneralFactorial:
     """The same without intervals of means that reach below zero: such a mean is not known."""
     tables = {}
     for name in ("means", "cells"):
-        table = getattr(found, name)
+        table = getattr(analysis, name)
         tables[name] = table.assign(**{
             end: table[end].where(~(table["low"] < 0)) for end in ("high", "low")
         })  # fmt: skip
-    return replace(found, **tables)
+    return replace(analysis, **tables)
 
 
 def _assembled(

@@ -116,7 +116,7 @@ def of_grid(
     """
     column = column_of(table, response, receiver)
     chosen = of_choices(study, table, column)
-    found = analyse_levels(
+    analysis = analyse_levels(
         chosen.table, chosen.factors, chosen.response,
         order=min(2, len(chosen.factors)) if order is None else order, transform=transform,
         seeding=study.seeding,
@@ -126,15 +126,15 @@ def of_grid(
         label=words(column, table, of_all=study.receiver_factor is not None),
         unit=unit_of(column), practical=practical,
     )  # fmt: skip
-    return _with_worst_run(found, study, table, column)
+    return _with_worst_run(analysis, study, table, column)
 
 
 def _with_worst_run(
-    found: GeneralFactorial, study: Study, table: pd.DataFrame, column: str
+    analysis: GeneralFactorial, study: Study, table: pd.DataFrame, column: str
 ) -> GeneralFactorial:
     """The same with the run that has the largest response, of any receiver that is a level."""
     if "run_id" not in table:
-        return found
+        return analysis
     own = column.partition(".")[2]
     columns = [column] if study.receiver_factor is None else [
         name for name in table.columns if name.partition(".")[2] == own
@@ -144,7 +144,7 @@ def _with_worst_run(
     row = int(each.argmax())
     worst = str(table["run_id"].iloc[row])
     # Of runs put together the largest is less: whether medians stand first can change with it.
-    return judged(replace(found, largest=float(each[row]), worst_run=worst))
+    return judged(replace(analysis, largest=float(each[row]), worst_run=worst))
 
 
 def of_space(
@@ -175,6 +175,6 @@ def of_space(
         runs = in_choices(study, table, column).rename(columns=lost)
         runs["seed"] = study.sample.seeds[runs["point"].to_numpy(np.int64) - 1]
     return tuple(
-        replace(found, label=words(found.response, table))
-        for found in of_sample(study.sample, runs, column, transform=transform)
+        replace(sobol, label=words(sobol.response, table))
+        for sobol in of_sample(study.sample, runs, column, transform=transform)
     )

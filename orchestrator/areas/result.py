@@ -293,12 +293,12 @@ def _cells(count: int) -> str:
     return counted(count, "cell") if count else "no cell"
 
 
-def _caption(found: AreaMap) -> str:
-    return str(found)
+def _caption(area: AreaMap) -> str:
+    return str(area)
 
 
-def _data(found: AreaMap) -> tuple[Any, ...]:
-    return (found,)
+def _data(area: AreaMap) -> tuple[Any, ...]:
+    return (area,)
 
 
 FIGURES: Mapping[str, Figure[AreaMap]] = by_name(

@@ -185,10 +185,10 @@ def _surveyed(
     return sample, found
 
 
-def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
+def _more(pooling: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
     """Cells and replicates of the second round, the nearest to the limit first."""
     with np.errstate(invalid="ignore"):
-        away = np.abs(found.percentile - limit_m) / found.std_error
+        away = np.abs(pooling.percentile - limit_m) / pooling.std_error
     near = np.flatnonzero(away <= NEAR)
     near = near[np.argsort(away[near], kind="stable")]
     if not len(near) or not most:
@@ -199,7 +199,7 @@ def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers
     return np.tile(chosen, each), np.repeat(replicates, len(chosen))
 
 
-def _table(grid: Grid, sample: CellRuns, found: Pooled, best: PossibleInCells) -> pd.DataFrame:
+def _table(grid: Grid, sample: CellRuns, pooling: Pooled, best: PossibleInCells) -> pd.DataFrame:
     """One row per cell."""
     runs = np.bincount(sample.cell, minlength=grid.count)
 
@@ -210,7 +210,7 @@ def _table(grid: Grid, sample: CellRuns, found: Pooled, best: PossibleInCells) -
     return pd.DataFrame(
         {
             "north_m": north, "east_m": east, "depth_m": depth, "runs": runs,
-            "p95_m": found.percentile, "std_error_m": found.std_error,
+            "p95_m": pooling.percentile, "std_error_m": pooling.std_error,
             "lost_share": mean(sample.lost.astype(np.float64)),
             "availability": mean(sample.availability),
             "possible_p95_m": np.where(best.accuracy, best.percentile, np.nan),

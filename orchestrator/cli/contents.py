@@ -233,33 +233,34 @@ def analysis(
     return study_documents.Analysis.of(content)
 
 
-def _of_levels(found: GeneralFactorial) -> dict[str, Any]:
+def _of_levels(analysis: GeneralFactorial) -> dict[str, Any]:
     from ..analysis import general_sentences as sentences
 
     return {
-        "response": found.response, "unit": found.unit, "answer": sentences.answer(found.readable),
-        "transform": found.transform, "confidence": found.confidence, "runs": found.runs,
-        "dropped": found.dropped, "r2": found.r2,
-        "levels": _rows(found.means, study_documents.LevelMean),
-        "medians": _rows(found.medians, study_documents.LevelMedian),
+        "response": analysis.response, "unit": analysis.unit,
+        "answer": sentences.answer(analysis.readable),
+        "transform": analysis.transform, "confidence": analysis.confidence, "runs": analysis.runs,
+        "dropped": analysis.dropped, "r2": analysis.r2,
+        "levels": _rows(analysis.means, study_documents.LevelMean),
+        "medians": _rows(analysis.medians, study_documents.LevelMedian),
         "pairs": _rows(
-            found.pairs if "verdict" in found.pairs else found.pairs.assign(verdict=None),
+            analysis.pairs if "verdict" in analysis.pairs else analysis.pairs.assign(verdict=None),
             study_documents.LevelPair,
         ),
-        "notes": [*sentences.warnings(found.readable), *sentences.notes(found.readable)],
+        "notes": [*sentences.warnings(analysis.readable), *sentences.notes(analysis.readable)],
     }  # fmt: skip
 
 
-def _of_space(found: Indices) -> dict[str, Any]:
+def _of_space(indices: Indices) -> dict[str, Any]:
     from ..analysis import sensitivity_sentences
 
-    main = found.main
+    main = indices.main
     return {
         "response": main.response, "unit": "", "answer": sensitivity_sentences.answer(main),
         "transform": main.transform, "confidence": main.confidence, "runs": main.runs,
         "dropped": main.dropped, "left_out": main.share_left_out,
         "indices": [
-            row for one in found.of
+            row for one in indices.of
             for row in _rows(one.indices.reset_index().assign(response=one.response),
                              study_documents.SobolIndex)
         ],
@@ -273,25 +274,25 @@ def _rows(table: pd.DataFrame, kind: type[DocumentPart]) -> list[dict[str, Any]]
     return rows
 
 
-def advice(found: Advice, shown: Advice, folder: Path) -> study_documents.Advice:
+def advice(advice: Advice, shown: Advice, folder: Path) -> study_documents.Advice:
     """The points by cost; `shown` is the same with the labels for people."""
-    beside = None if found.beside is None or shown.beside is None else (
-        _answer(found.beside, shown.beside)
+    beside = None if advice.beside is None or shown.beside is None else (
+        _answer(advice.beside, shown.beside)
     )
     return study_documents.Advice.of(
-        {**_answer(found, shown), "folder": str(folder), "beside": beside}
+        {**_answer(advice, shown), "folder": str(folder), "beside": beside}
     )
 
 
-def _answer(found: Advice, shown: Advice) -> dict[str, Any]:
+def _answer(advice: Advice, shown: Advice) -> dict[str, Any]:
     kept = [name for name in study_documents.DesignPoint.model_fields if name != "levels"]
-    rows = found.points.to_dict(orient="records")
+    rows = advice.points.to_dict(orient="records")
     return {
-        **{name: getattr(found, name) for name in study_documents.Answer.model_fields
+        **{name: getattr(advice, name) for name in study_documents.Answer.model_fields
            if name not in ("answer", "points")},
         "answer": shown.own_answer(),
         "points": [
-            {"levels": {name: row[name] for name in found.factors}, **{k: row[k] for k in kept}}
+            {"levels": {name: row[name] for name in advice.factors}, **{k: row[k] for k in kept}}
             for row in rows
         ],
     }  # fmt: skip

@@ -24,8 +24,8 @@ MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""
 
 
-def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
-    return (found,)
+def _of(analysis: GeneralFactorial) -> tuple[GeneralFactorial]:
+    return (analysis,)
 
 
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
@@ -55,9 +55,9 @@ FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
 """The figures of a grid."""
 
 
-def parts(study: Study, found: GeneralFactorial, folder: Path) -> StudySections:
+def parts(study: Study, analysis: GeneralFactorial, folder: Path) -> StudySections:
     """What is said and drawn of a grid; figures are written into the folder."""
-    a = found.readable
+    a = analysis.readable
     return StudySections(
         f"Which level is best: {study.name}",
         sentences.answer(a),
@@ -68,8 +68,8 @@ def parts(study: Study, found: GeneralFactorial, folder: Path) -> StudySections:
         [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),
          Text(f"Settling time: {study.settling_time_s:g} s."), factor_table(study)],
         a.runs,
-        {"anova": found.anova.reset_index(), "main_effects": found.means, "medians": found.medians,
-         "cells": found.cells, "pairs": found.pairs},
+        {"anova": analysis.anova.reset_index(), "main_effects": analysis.means,
+         "medians": analysis.medians, "cells": analysis.cells, "pairs": analysis.pairs},
     )  # fmt: skip
 
 

@@ -129,27 +129,27 @@ MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
 """The figures in the report of a sweep."""
 
 
-def parts(found: Means, folder: Path) -> StudySections:
+def parts(means: Means, folder: Path) -> StudySections:
     """What is said and drawn of means; figures are written into the folder."""
-    study, unit = found.study, found.unit
+    study, unit = means.study, means.unit
     own = f" [{unit}]" if unit else ""
     rows = [
         (*_level(study, row), number(row["runs"], 6),
          number(row["mean"], 4), interval(row["low"], row["high"], number), number(row["std"]))
-        for _, row in found.table.iterrows()
+        for _, row in means.table.iterrows()
     ]
     head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
             f"95% interval{own}", f"Standard deviation{own}")
     units = {study.labels[name]: study.units[name] for name in study.factors}
     subject = _Means(
-        found.table.replace({"factor": study.labels}), found.quantity, own, units
+        means.table.replace({"factor": study.labels}), means.quantity, own, units
     )
-    title = f"{found.quantity[0].upper()}{found.quantity[1:]}"
+    title = f"{means.quantity[0].upper()}{means.quantity[1:]}"
     return StudySections(
-        f"What the runs say: {study.name}", found.answer, (),
+        f"What the runs say: {study.name}", means.answer, (),
         pictures(MEANS_FIGURES, subject, folder),
         [PageTable(title, head, rows, (), _shared(study))],
-        _method(study), found.runs, {"means": found.table},
+        _method(study), means.runs, {"means": means.table},
         "Means at each level" if study.factors else "Mean",
     )  # fmt: skip
 

@@ -60,11 +60,11 @@ class Indices:
 
 
 def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:
-    def data(found: Indices) -> tuple[Sensitivity]:
-        return (found.of[number],)
+    def data(indices: Indices) -> tuple[Sensitivity]:
+        return (indices.of[number],)
 
-    def has(found: Indices) -> bool:
-        return len(found.of) > number
+    def has(indices: Indices) -> bool:
+        return len(indices.of) > number
 
     return (
         Figure(
@@ -86,33 +86,33 @@ FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, 
 """The figures of a space."""
 
 
-def parts(found: Indices, folder: Path) -> StudySections:
+def parts(indices: Indices, folder: Path) -> StudySections:
     """What is said and drawn of a space; figures are written into the folder."""
-    study, main = found.study, found.main
+    study, main = indices.study, indices.main
     return StudySections(
         f"What explains the error: {study.name}",
         sensitivity_sentences.answer(main),
-        [line for one in found.of for line in sensitivity_sentences.notes(one)],
-        pictures(FIGURES, found, folder),
-        [_table(one) for one in found.of],
+        [line for one in indices.of for line in sensitivity_sentences.notes(one)],
+        pictures(FIGURES, indices, folder),
+        [_table(one) for one in indices.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],
         main.runs,
-        {"indices": pd.concat([_rows(one) for one in found.of], ignore_index=True)},
+        {"indices": pd.concat([_rows(one) for one in indices.of], ignore_index=True)},
     )
 
 
-def _rows(found: Sensitivity) -> pd.DataFrame:
-    return found.indices.reset_index().assign(response=found.response, transform=found.transform)
+def _rows(sobol: Sensitivity) -> pd.DataFrame:
+    return sobol.indices.reset_index().assign(response=sobol.response, transform=sobol.transform)
 
 
-def _table(found: Sensitivity) -> PageTable:
+def _table(sobol: Sensitivity) -> PageTable:
     rows = []
-    for name, given in found.ranked().iterrows():
+    for name, given in sobol.ranked().iterrows():
         row: Any = given
         rows.append((
-            found.name_of(str(name)),
+            sobol.name_of(str(name)),
             number(row["first"]), interval(row["first_low"], row["first_high"], number),
             number(row["total"]), interval(row["total_low"], row["total_high"], number),
         ))  # fmt: skip
     head = ("Factor", "First order", "Interval", "Total", "Interval")
-    return PageTable(f"Sobol' indices of {found.quantity}", head, rows)
+    return PageTable(f"Sobol' indices of {sobol.quantity}", head, rows)

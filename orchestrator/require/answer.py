@@ -453,14 +453,14 @@ def _missing(rule: Rule, passed: int, runs: int) -> str:
     )
 
 
-def _enough(found: Limiting, limit: float) -> str:
+def _enough(limits: Limiting, limit: float) -> str:
     """Without which errors a design that fails would do."""
-    if not found.enough:
+    if not limits.enough:
         return "Not even without all of them would it do."
-    alone = [name for name, value in found.without.items() if value <= limit]
+    alone = [name for name, value in limits.without.items() if value <= limit]
     if len(alone) > 1:
         return f"It would do without any one of {listed(alone)}."
     if alone:
         return f"It would do without {alone[0]} alone."
-    few = listed(found.enough)
+    few = listed(limits.enough)
     return f"It would do without {few} together, but not without one of them alone."

@@ -45,9 +45,9 @@ def indices(study: Study, table: pd.DataFrame) -> tuple[Sensitivity, ...]:
     return workflow.of_space(study, table)
 
 
-def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
+def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
     """The total indices beside the two-level effects."""
-    main = found[0]
+    main = analyses[0]
     a = findings.data
     own = f" [{a.unit}]" if a.unit else ""
     effects = a.effects["effect"].to_dict()
@@ -70,7 +70,7 @@ def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
               "The effects are those between the two levels. The indices are shares of the "
               "variance with all seven factors uniform between their levels: first-order alone, "
               "total with all interactions. The seed is one of the factors; its index is chance."),
-        *(Text(line, "note") for one in found for line in sensitivity_sentences.notes(one)),
+        *(Text(line, "note") for one in analyses for line in sensitivity_sentences.notes(one)),
     ]  # fmt: skip
 
 
