@@ -42,7 +42,7 @@ from .parts import (
     written,
 )
 
-SspVersion = Literal[1, 2]
+Version = Literal[1, 2]
 """Major version of the SSP standard."""
 
 PARAMETER_SET = "scenario"
@@ -58,7 +58,7 @@ def export_ssp(
     overrides: Changes = (),
     *,
     components: Mapping[str, Source] | None = None,
-    version: SspVersion = 1,
+    version: Version = 1,
     bake: bool = False,
 ) -> Path:
     """Write a scenario as an SSP package.
@@ -90,7 +90,7 @@ def export_ssp(
     FmuError
         An FMU cannot be built or read.
     """
-    check_choice("version", version, get_args(SspVersion))
+    check_choice("version", version, get_args(Version))
     settled = load(scenario, overrides)
     plan = fmu_plan(settled, receiver, components, version + 1, f"SSP {version}.0")
     parts = parts_of(plan, bake)
@@ -111,7 +111,7 @@ def _structure(
     scenario: Scenario,
     plan: Plan,
     parts: list[ExportedPart],
-    version: SspVersion,
+    version: Version,
     sets: Collection[str],
 ) -> ET.Element:
     """The description; `sets` are the names of the components that have a parameter set."""
@@ -216,7 +216,7 @@ def _connector(
     variable: ModelVariable,
     part: ExportedPart,
     units: Mapping[str, Unit],
-    version: SspVersion,
+    version: Version,
 ) -> None:
     connector = ET.SubElement(
         parent, "ssd:Connector", {"name": variable.name, "kind": variable.causality}
@@ -246,7 +246,7 @@ def _experiment(document: ET.Element, plan: Plan) -> None:
     )
 
 
-def _parameter_set(part: ExportedPart, version: SspVersion) -> ET.Element:
+def _parameter_set(part: ExportedPart, version: Version) -> ET.Element:
     root = ET.Element(
         "ssv:ParameterSet",
         {
@@ -270,7 +270,7 @@ def _parameter_set(part: ExportedPart, version: SspVersion) -> ET.Element:
     return root
 
 
-def _type(variable: ModelVariable, version: SspVersion) -> str:
+def _type(variable: ModelVariable, version: Version) -> str:
     """A variable's type; of an enumeration that of its numbers."""
     if variable.type == "Enumeration":
         return "Integer" if version == 1 else "Int64"

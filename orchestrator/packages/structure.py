@@ -221,7 +221,7 @@ class _Reader:
                 )
             if kind == "System":
                 elements[name] = self.system(child, inner, [child])
-            elif kind == "PackageComponent":
+            elif kind == "Component":
                 elements[name] = self._component(child, inner)
             else:
                 got = f"{kind} {quoted(name)}"

@@ -86,6 +86,7 @@ class PagePicture:
 
 
 Block = Text | Code | PageTable | PagePicture
+_KINDS = {Text: "text", Code: "code", PageTable: "table", PagePicture: "picture"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +164,7 @@ def _environment() -> jinja2.Environment:
     environment.globals["css"] = _template("report.css")
     environment.globals["themes"] = {name: variables(look) for name, look in THEMES.items()}
     environment.globals |= {"wide": NARROW, "wider": WIDEST}
-    environment.globals["kind"] = lambda block: type(block).__name__.lower()
+    environment.globals["kind"] = lambda block: _KINDS[type(block)]
     return environment
 
 
