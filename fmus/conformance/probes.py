@@ -41,7 +41,7 @@ class Probe:
     refusal: Clauses | None = None
 
 
-_Row = (
+ProbeRow = (
     tuple[str, int, Act] | tuple[str, int, Act, Clauses] | tuple[str, int, Act, Clauses, Clauses]
 )
 """The attributes of a `Probe`."""
@@ -49,7 +49,7 @@ _Row = (
 NOWHERE: Clauses = (None, None)
 
 
-def probed(bench: Bench, probes: Sequence[_Row], what: str = "answered") -> str:
+def probed(bench: Bench, probes: Sequence[ProbeRow], what: str = "answered") -> str:
     """Make each call on an instance of its own; it must return, and some must be refused.
 
     What must be borne comes first: what an unlawful call has broken does not count.

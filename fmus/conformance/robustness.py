@@ -24,7 +24,7 @@ from .probes import (
     STEPPING,
     TERMINATED,
     Act,
-    _Row,
+    ProbeRow,
     bare,
     call,
     probed,
@@ -75,7 +75,7 @@ def _step_after_reset(instance: TracedInstance) -> None:
     step(instance.subject.start, instance.subject.step)(instance)
 
 
-def _out_of_order(subject: Subject) -> list[_Row]:
+def _out_of_order(subject: Subject) -> list[ProbeRow]:
     """Calls of the life cycle where it has no room for them."""
     t, h = subject.start, subject.step
     return [
@@ -101,7 +101,7 @@ def _out_of_order(subject: Subject) -> list[_Row]:
     ]
 
 
-def _settings_out_of_order(subject: Subject) -> Iterator[_Row]:
+def _settings_out_of_order(subject: Subject) -> Iterator[ProbeRow]:
     constants = [v for v in subject.variables if v.variability == "constant" and not v.clocked]
     for v in (*subject.of("output")[:1], *subject.of("parameter")[:1], *constants[:2]):
         if v.kind not in C_TYPES[subject.fmi] or v.kind == "String":
@@ -118,7 +118,7 @@ def _settings_out_of_order(subject: Subject) -> Iterator[_Row]:
             yield f"setting {v.name} between steps", STEPPED, act, NOWHERE, NOWHERE
 
 
-def _odd_states(subject: Subject, library: Library) -> Iterator[_Row]:
+def _odd_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
     """Functions for states that are not claimed, and serialised states of another size."""
     pointer = ctypes.c_void_p()
     if not subject.saves:
@@ -134,7 +134,7 @@ def _odd_states(subject: Subject, library: Library) -> Iterator[_Row]:
             yield f"a serialised state of {text}", STEPPED, _deserialise(size)
 
 
-def _odd_functions(subject: Subject) -> Iterator[_Row]:
+def _odd_functions(subject: Subject) -> Iterator[ProbeRow]:
     """Functions that a host for Co-Simulation without event mode has no use for."""
     spare = room()
     names: dict[str, tuple[Any, ...]]
@@ -156,7 +156,7 @@ def _odd_functions(subject: Subject) -> Iterator[_Row]:
         yield f"fmi{subject.fmi}{name}", STEPPED, call(name, *arguments)
 
 
-def _odd_instantiations(subject: Subject) -> Iterator[_Row]:
+def _odd_instantiations(subject: Subject) -> Iterator[ProbeRow]:
     token = subject.token.encode()
     yield "instantiation with an empty name", NONE, _instantiate(b"", token)
     # That it is compared is what it is there for, and no duty (FMI 2.0.5, 2.1.5; FMI 3.0.2, 2.3.1).
@@ -197,7 +197,7 @@ def _deserialise(change: int) -> Act:
 
 def invalid_values(bench: Bench) -> str:
     subject = bench.subject
-    probes: list[_Row] = []
+    probes: list[ProbeRow] = []
     settable = [v for v in _settable(subject) if v.number or v.choice]
     most = _SAMPLE_ONCE if subject.once else _SAMPLE
     for v in settable[:: max(1, len(settable) // most)]:
@@ -249,7 +249,7 @@ def null_pointers(bench: Bench) -> str:
     ])  # fmt: skip
 
 
-def _null_texts(subject: Subject) -> Iterator[_Row]:
+def _null_texts(subject: Subject) -> Iterator[ProbeRow]:
     """NULL where texts and callbacks are expected."""
     fmi, token = subject.fmi, subject.token.encode()
     yield (
@@ -268,7 +268,7 @@ def _null_texts(subject: Subject) -> Iterator[_Row]:
         )  # fmt: skip
 
 
-def _null_values(subject: Subject, kind: str) -> Iterator[_Row]:
+def _null_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
     """NULL for the arrays of the functions that get and set a type."""
     fmi, spare = subject.fmi, room()
     nothing = (0,) if fmi == 3 else ()
@@ -296,7 +296,7 @@ def _null_values(subject: Subject, kind: str) -> Iterator[_Row]:
             )  # fmt: skip
 
 
-def _null_instances(subject: Subject) -> Iterator[_Row]:
+def _null_instances(subject: Subject) -> Iterator[ProbeRow]:
     """NULL for the instance, and for the results of a step."""
     fmi, t, h = subject.fmi, subject.start, subject.step
     for name in ("ExitInitializationMode", "Terminate", "Reset"):
@@ -312,7 +312,7 @@ def _null_instances(subject: Subject) -> Iterator[_Row]:
         )  # fmt: skip
 
 
-def _null_states(subject: Subject, library: Library) -> Iterator[_Row]:
+def _null_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
     fmi, state, spare = subject.fmi, library.state, room()
     empty = ctypes.byref(ctypes.c_void_p())
     if subject.saves:
@@ -329,7 +329,7 @@ def _null_states(subject: Subject, library: Library) -> Iterator[_Row]:
         yield f"fmi{fmi}{name}(…, NULL, …)", STEPPED, call(name, None, 16, empty)
 
 
-def _null_derivatives(subject: Subject) -> Iterator[_Row]:
+def _null_derivatives(subject: Subject) -> Iterator[ProbeRow]:
     size = (1,) if subject.fmi == 3 else ()
     if subject.derivatives:
         yield (

@@ -240,6 +240,47 @@ def test_the_name_of_a_class_has_one_meaning() -> None:
     assert all(TWICE.values())
 
 
+def test_no_class_borrows_its_docstring() -> None:
+    """One that does is half of a class."""
+    borrowing = [
+        f"{module.where}: {node.name}"
+        for module in modules().values()
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.ClassDef)
+        for inside in node.body
+        if isinstance(inside, ast.Assign)
+        and "__doc__" in [t.id for t in inside.targets if isinstance(t, ast.Name)]
+    ]
+    assert borrowing == []
+
+
+def test_private_names_stay_in_their_modules() -> None:
+    """A module that takes one of another is cut in two at the wrong place."""
+    taken = [
+        f"{module.where}: {alias.name}"
+        for module in modules().values()
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.ImportFrom) and (node.level or "sblcosim" in (node.module or ""))
+        for alias in node.names
+        if alias.name.startswith("_")
+    ]
+    assert taken == []
+
+
+def test_words_are_defined_in_their_room_only() -> None:
+    """Of functions that other modules once had of their own, for lists, plurals and shares."""
+    words = {"listed", "percent", "minus", "rounded", "plural", "ordinal", "meters"}
+    defined = [
+        (module.where, node.name)
+        for module in modules().values()
+        for node in module.tree.body
+        if isinstance(node, ast.FunctionDef) and node.name.lstrip("_") in words
+        and module.where.startswith("orchestrator/")
+    ]
+    assert [it for it in defined if not it[0].startswith("orchestrator/words/")] == []
+    assert len(defined) > 5
+
+
 def test_functions_are_short_and_take_little() -> None:
     long = {
         name
