@@ -83,7 +83,7 @@ class Criterion:
         return f"{ordinal(self.percentile)} percentile of {self.response}"
 
     def tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
-        """Which points have, as far as was seen, no more lost runs than a mean may leave out."""
+        """Points whose share of lost runs is small enough for a mean that leaves them out."""
         if self.percentile is not None:
             return pd.Series(True, points.index)
         return points["lost"] <= self.contamination * points["runs"]

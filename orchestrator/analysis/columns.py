@@ -118,7 +118,7 @@ def in_numbers(table: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def words(column: str, table: pd.DataFrame, *, of_all: bool = False) -> str:
-    """A response for people to read, with its receiver if there are several, but ``of_all``."""
+    """Words for a response. They name its receiver if there are several, unless ``of_all``."""
     receiver, _, response = column.partition(".")
     known = RESPONSES.get(response)
     text = readable(response) if known is None else known.words

@@ -245,7 +245,7 @@ def plot_residuals(
 
 
 def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """The points without those that others hide, if there are many."""
+    """The points that can be seen: of many, those that are not hidden by others."""
     if len(x) <= MOST_DOTS:
         return x, y
     known = np.isfinite(x) & np.isfinite(y)

@@ -174,7 +174,7 @@ def width(term: Term, sizes: Sequence[int]) -> int:
 
 
 def inestimable(model: LinearModel) -> tuple[Term, ...]:
-    """Terms of which a part cannot be told from the other terms."""
+    """Terms that cannot be told, in part, from the other terms."""
     x, owner = model.x, model.owner
     if _rank(x) == x.shape[1]:
         return ()

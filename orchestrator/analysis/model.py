@@ -160,7 +160,7 @@ def chosen_terms(
 
 
 def term_name(term: Term, factors: Sequence[str]) -> str:
-    """``A × B``; of the mean nothing."""
+    """``A × B``; empty for the mean."""
     return INTERACTION_SIGN.join(factors[i] for i in term)
 
 

@@ -71,7 +71,7 @@ def plot_indices(
 def plot_scatter(
     sobol: Sensitivity, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """The independent runs against each factor, and the mean of those with like values of it.
+    """The independent runs against each factor, and the mean of runs with similar values.
 
     The variance of that mean is the share that the factor's first-order index says. Axes are
     logarithmic where a distribution is, or the analysed response. Of ``lost``, the means are shares
@@ -103,7 +103,7 @@ def plot_scatter(
 
 
 def _columns(factors: Sequence[DrawnFactor]) -> int:
-    """One panel beside the other only where there are many: a telephone has room for one."""
+    """One column, which fits a telephone; two only where there are many panels."""
     return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 

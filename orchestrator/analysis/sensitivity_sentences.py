@@ -48,7 +48,7 @@ def answer(sobol: Sensitivity, most: int = 2) -> str:
 
 
 def _without(sobol: Sensitivity, sentence: str) -> str:
-    """The sentence; it begins with the base rows that are left out, if there are any."""
+    """The sentence, led by the base rows that are left out, if any."""
     gone, rows = sobol.left_out, int(sobol.done.sum())
     if not gone:
         return sentence

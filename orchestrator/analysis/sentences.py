@@ -133,7 +133,7 @@ def _worse_to_better(analysis: Factorial, name: str) -> str:
 
 
 def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
-    """By how much the response falls to the better level, and the interval of it."""
+    """How much the response falls at the better level, and the interval."""
     row: Any = analysis.effects.loc[name]
     ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
     if analysis.transform != "none":
@@ -143,7 +143,7 @@ def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
 
 
 def _signed(analysis: Factorial, name: str) -> tuple[str, str]:
-    """An effect and its interval, as a ratio if it is one of logarithms."""
+    """An effect and its interval; a ratio for logarithms."""
     row: Any = analysis.effects.loc[name]
     if analysis.transform != "none":
         return f"×{rounded(row.ratio)}", interval(row.ratio_low, row.ratio_high)

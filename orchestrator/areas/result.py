@@ -269,7 +269,7 @@ def _errors(three: list[float]) -> str:
 
 
 def part(share: float) -> str:
-    """A share of an area for people, who must see whether there is any, and whether it is all."""
+    """A share of an area. It shows whether there is any, and whether it is all."""
     if share in (0.0, 1.0):
         return "all" if share else "no part"
     return "less than 1%" if share < 0.01 else "more than 99%" if share > 0.99 else f"{share:.0%}"

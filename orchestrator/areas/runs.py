@@ -209,7 +209,7 @@ class Simulator:
         })  # fmt: skip
 
     def _sample(self, rows: pd.DataFrame) -> CellRuns:
-        """What is kept of some runs, and the messages of those that have failed."""
+        """The kept numbers of some runs, and the messages of failed ones."""
         failed = rows["error"].dropna()
         for message in failed:
             self.failures[message] = self.failures.get(message, 0) + 1
@@ -229,7 +229,7 @@ def _runs(seeds: Integers) -> list[Run]:
 
 
 def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
-    """A table of those runs that are there, if there are any."""
+    """A table of the runs that are there, if any."""
     there = sound(folder)
     rows = parts.table(there) if there.paths else pd.DataFrame({"seed": ()})
     mine = rows[rows["seed"].isin(seeds)]

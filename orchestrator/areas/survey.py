@@ -141,7 +141,7 @@ def map_area(
 
 
 def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
-    """Whether the circle is too fast for a receiver of ours; of others nothing is known."""
+    """Whether the circle is too fast for a receiver of ours; nothing is known of others."""
     own = receiver or scenario.receiver.fmu or scenario.receiver.type
     key = "acceleration_psd_m2_s3"
     ours = RECEIVERS[own].of("parameter") if isinstance(own, str) and own in RECEIVERS else ()

@@ -53,7 +53,7 @@ def receivers(incomplete: str) -> Offers:
 
 
 def responses(incomplete: str) -> Offers:
-    """Offer the responses of which less is better."""
+    """Offer the responses that are better if smaller."""
     from ..comparison.tournament import lesser
 
     return starting(lesser().items(), incomplete)

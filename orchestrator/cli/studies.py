@@ -226,7 +226,7 @@ def _say_what_is_there(done: int, runs: int, out: Path) -> None:
 
 
 def _duration(least: float, most: float) -> str:
-    """A range of times, of which the second is not trusted to be the larger."""
+    """A range of two times, which may come in the wrong order."""
     (low, unit), (high, other) = (_amount(s) for s in (least, max(least, most)))
     if (low, unit) == (high, other):
         return f"about {low} {unit}"

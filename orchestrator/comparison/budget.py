@@ -241,7 +241,7 @@ def _simulated(
 
 
 def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Seeds of which a run has no error, by frame: not where none of a switch has one.
+    """Seeds with a run that has no error, by frame; a switch without any errors does not count.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ def _called(plan: Plan, without: Plan) -> float | None:
 def _less(
     whole: Callable[[], object], rest: Callable[[], object], updates: float, clock: Clock
 ) -> float | None:
-    """Least time of one less that of the other, by update."""
+    """Difference of the least times of two sets of runs, per update."""
     times = []
     for _ in range(TIMES):
         times.append((_seconds(whole, clock), _seconds(rest, clock)))

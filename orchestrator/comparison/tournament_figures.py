@@ -212,7 +212,7 @@ def _difference(
 
 
 def _label(ax: Axes, text: str) -> None:
-    """Name the horizontal axis, in as many lines as it is too narrow for one."""
+    """Name the horizontal axis, in several lines if it is too narrow for one."""
     inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
     ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
     if ax.get_xscale() == "linear":

@@ -99,7 +99,7 @@ def reached(row: Any) -> float:
 
 
 def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
-    """What is said of the best one and the others: what needs no assumption first.
+    """Sentences on the best receiver and the others; first those that assume nothing.
 
     Who is surely better than the one with the least median comes before it.
     """
@@ -272,7 +272,7 @@ def _too_few(it: Tournament) -> Iterator[str]:
 
 
 def unbounded(it: Tournament) -> Iterator[str]:
-    """What there are too few runs for, of each receiver."""
+    """Bounds that each receiver has too few runs for."""
     runs = int(it.settings["runs"])
     share = it.settings["contamination"]
     least = least_runs(share, ALPHA / 2)
@@ -351,7 +351,7 @@ def _table(
     right: Sequence[int],
     optional: Sequence[int],
 ) -> Iterator[str]:
-    """A table without those of the optional columns in which nothing is told."""
+    """A table without optional columns that are empty."""
     kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
     return table(
         [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],

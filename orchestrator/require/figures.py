@@ -99,7 +99,7 @@ def _places(answer: Answer) -> pd.DataFrame:
 
 
 def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
-    """The designs with a finite value: large those that are named or suffice, small the others."""
+    """The designs with a finite value; those that are named or suffice are larger."""
     for verdict, (marker, number) in _LOOKS.items():
         every = at[at["verdict"] == verdict]
         mine = every[np.isfinite(every["estimate"])]

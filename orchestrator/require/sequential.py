@@ -220,7 +220,7 @@ class Elimination:
         return int(self.runs.sum())
 
     def batches(self, known: Callable[[Batch], bool] = lambda batch: False) -> list[Batch]:
-        """What comes next: nothing if all is decided, or the budget does not reach any more.
+        """The next batches; none if all is decided or the budget is used up.
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ class Elimination:
         return self.prices[verdicts.index("suffices")] < self.prices[design]
 
     def add(self, batch: Batch, passed: Mapping[int, int]) -> None:
-        """Note how many runs of a batch have passed, by design; of decided ones nothing counts."""
+        """Note how many runs of a batch have passed, by design; decided designs do not count."""
         self.runs[batch.group, batch.condition] = batch.stop
         for design in self.counting(batch):
             self.seen[design, batch.condition] = batch.stop

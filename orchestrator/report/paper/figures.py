@@ -127,7 +127,7 @@ class PaperFigure(Figure[Material]):
 
     @property
     def number(self) -> int:
-        """Of the paper's figure; 0 if there is none."""
+        """Number of the paper's figure; 0 if there is none."""
         return int(self.label.rstrip("ab") or 0)
 
 
