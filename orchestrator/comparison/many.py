@@ -192,7 +192,7 @@ def run_many(
     progress: Callable[[float], None] | None = None,
     keep: Kept | None = None,
 ) -> Many:
-    """Simulate a scenario many times, with consecutive seeds from that of the scenario.
+    """Simulate a scenario many times, each with a seed of its own, that of the scenario first.
 
     Parameters
     ----------
