@@ -77,7 +77,7 @@ def instance(value: object) -> str:
 
 
 def shortened(value: object, longest: int = LONGEST) -> str:
-    """A value for a message, without its middle if it is longer than `longest` characters.
+    """A value for a message, without its middle if it is longer than so many characters.
 
     Parameters
     ----------
