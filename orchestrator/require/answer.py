@@ -231,7 +231,7 @@ class Answer(Shown):
         of = self.of(row)
         if of["verdict"] != "undecided" or not of["runs"]:
             return ""
-        return f" {_missing(self.question.rule, int(of['passed']), int(of['runs']))}"
+        return f" {missing(self.question.rule, int(of['passed']), int(of['runs']))}"
 
     def _by(self, row: int) -> str:
         """By how much a design fails."""
@@ -271,7 +271,7 @@ class Answer(Shown):
                     f"{self._size(value)} without this one")
             text += "".join(f"; without {name} {self._size(value)}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
-            text += f" {_enough(found, limit)}"
+            text += f" {enough(found, limit)}"
         return text
 
     def sure(self) -> str:
@@ -436,7 +436,7 @@ class Answer(Shown):
         )
 
 
-def _missing(rule: Rule, passed: int, runs: int) -> str:
+def missing(rule: Rule, passed: int, runs: int) -> str:
     """How many runs would decide an arm, of which `passed` of `runs` have passed."""
     needed = rule.runs_to_decide(passed, runs)
     if needed is not None:
@@ -453,7 +453,7 @@ def _missing(rule: Rule, passed: int, runs: int) -> str:
     )
 
 
-def _enough(limits: Limiting, limit: float) -> str:
+def enough(limits: Limiting, limit: float) -> str:
     """Without which errors a design that fails would do."""
     if not limits.enough:
         return "Not even without all of them would it do."
