@@ -10,14 +10,14 @@ from pydantic import Field, create_model
 from ..scenario.json_schema import Plainly
 from .area_documents import Map
 from .budget_documents import Budget
-from .document import Claimed, Document, Entry, Number, Part
+from .document import Claimed, Document, DocumentPart, Entry, Number
 from .study_documents import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournament_documents import Comparison, Runs
 
 Frame = Literal["absolute", "relative", "own_relative"]
 Axis = Literal["x", "y", "z", "total"]
 Length = Literal["horizontal", "total"]
-Verdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
+CovarianceVerdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
 
 
 class Scenarios(Document):
@@ -26,7 +26,7 @@ class Scenarios(Document):
     scenarios: list[Entry]
 
 
-class ReceiverEntry(Part):
+class ReceiverEntry(DocumentPart):
     """A receiver that can be chosen by name."""
 
     name: str
@@ -43,7 +43,7 @@ class Receivers(Document):
     receivers: list[ReceiverEntry]
 
 
-class Statistics(Part):
+class Statistics(DocumentPart):
     """Of an error, over all estimates."""
 
     mean_m: Number
@@ -53,7 +53,7 @@ class Statistics(Part):
     """Number of estimates."""
 
 
-class Percentiles(Part):
+class Percentiles(DocumentPart):
     """Order statistics of the length of an error; of the horizontal one, p50 is CEP50."""
 
     p50_m: Number
@@ -62,7 +62,7 @@ class Percentiles(Part):
     max_m: Number
 
 
-class Covariance(Part):
+class Covariance(DocumentPart):
     """Whether a covariance is right, from the mean NEES of some runs."""
 
     verdict: Literal["in band", "optimistic", "pessimistic", "one run", "unknown"]
@@ -87,7 +87,7 @@ class Covariance(Part):
     """All this as a sentence."""
 
 
-class Possible(Part):
+class Possible(DocumentPart):
     """What was possible at the epochs of a receiver's estimates."""
 
     kind: Literal["bound", "reference"]
@@ -122,7 +122,9 @@ def _summary_fields() -> dict[str, Any]:
         fields[f"{name}_expected"] = (Number, Field(description="What it is of a right covariance"))
         fields[f"{name}_low"] = (Number, Field(description="Of its 95 % band"))
         fields[f"{name}_high"] = (Number, Field(description="Of its 95 % band"))
-        fields[f"{name}_verdict"] = (Verdict | None, Field(description="Mean against band"))
+        fields[f"{name}_verdict"] = (
+            CovarianceVerdict | None, Field(description="Mean against band"),
+        )  # fmt: skip
     return fields | {
         "inconsistent": (
             bool | None, Field(description="NEES of the position above its band; null without any")
@@ -132,7 +134,7 @@ def _summary_fields() -> dict[str, Any]:
     }  # fmt: skip
 
 
-class _Row(Part):
+class _Row(DocumentPart):
     """Availability and consistency of a receiver; null for one that failed before the end."""
 
 
@@ -168,7 +170,7 @@ class Smoothed(Run):
     converged: bool
 
 
-class Component(Part):
+class Component(DocumentPart):
     """A component of a plan."""
 
     name: str
@@ -182,7 +184,7 @@ class Component(Part):
     tick_s: Number
 
 
-class Parameter(Part):
+class Parameter(DocumentPart):
     """A parameter that is set, and the values of its elements in SI units."""
 
     name: str
@@ -192,14 +194,14 @@ class Parameter(Part):
     values: list[float | int | bool]
 
 
-class Connection(Part):
+class Connection(DocumentPart):
     """An input and the output that it is taken from."""
 
     source: str
     target: str
 
 
-class Recorded(Part):
+class Recorded(DocumentPart):
     """A recorded output."""
 
     name: str
@@ -220,14 +222,14 @@ class Plan(Document):
     recorded: list[Recorded]
 
 
-class SoundSpeed(Part):
+class SoundSpeed(DocumentPart):
     """A speed of sound and its standard uncertainty, in m/s."""
 
     value: float
     std: float
 
 
-class RangeTest(Part):
+class RangeTest(DocumentPart):
     """The ranges of one distance."""
 
     distance_m: float
@@ -255,7 +257,7 @@ class Calibration(Document):
     folder: str
 
 
-class Finding(Part):
+class Finding(DocumentPart):
     """What there is to say about a variable, or about the whole (``FMU``)."""
 
     variable: str
@@ -271,7 +273,7 @@ class Check(Document):
     findings: list[Finding]
 
 
-class CheckResult(Part):
+class CheckResult(DocumentPart):
     """What came of one check."""
 
     name: str
