@@ -26,11 +26,8 @@ from typing import Any, Literal
 import casadi as ca
 
 from .declaration import Component, Dimension
-
-Symbols = Any
-"""A namespace of CasADi symbols."""
-Values = Mapping[str, Any]
-"""CasADi expressions (or numbers) by the name of a state or an output."""
+from .symbols import Symbols as Symbols
+from .symbols import Values as Values
 
 
 @dataclass(frozen=True, slots=True)

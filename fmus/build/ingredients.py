@@ -1,8 +1,9 @@
 """What an FMU is made from, as a hash: a changed model changes its own FMU and no other.
 
 A component's sources are its module of equations and what that imports, as the import statements
-say. Reading them needs no CasADi. A module of declarations (``variables``) counts by what is taken
-from it, so that the declaration of one receiver is not an ingredient of the others.
+say; of a folder inside a component's, all modules. Reading them needs no CasADi. A module of
+declarations (``variables``) counts by what is taken from it, so that the declaration of one
+receiver is not an ingredient of the others.
 """
 
 from __future__ import annotations
@@ -85,6 +86,9 @@ def _closure(
         label = f"{wanted.module}.{wanted.name}" if value else wanted.module
         if label in parts or wanted.module in without:
             continue
+        if found := _found(wanted.module):
+            waiting += found
+            continue
         parts[label] = value or _source(wanted.module)
         if not value:
             waiting += _imports(wanted.module)
@@ -131,7 +135,24 @@ def _imports(module: str) -> tuple[Import, ...]:
         wanted
         for match in _IMPORT.finditer(_source(module))
         for wanted in _imported(module, match)
-        if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _file(wanted.module).is_file()
+        if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _is_there(wanted.module)
+    )
+
+
+def _is_there(module: str) -> bool:
+    return _file(module).is_file() or bool(_found(module))
+
+
+@cache
+def _found(package: str) -> tuple[Import, ...]:
+    """The modules of a folder inside a component's: they are found, no list names them."""
+    component, _, inner = package.removeprefix(f"{_MODELS}.").partition(".")
+    folder = resources.files(_MODELS).joinpath(component, *inner.split("."))
+    if not package.startswith(f"{_MODELS}.") or not inner or not folder.is_dir():
+        return ()
+    names = sorted(file.name for file in folder.iterdir())
+    return tuple(
+        Import(f"{package}.{name.removesuffix('.py')}") for name in names if name.endswith(".py")
     )
 
 

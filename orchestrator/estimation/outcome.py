@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     NEAREST,
@@ -19,7 +20,6 @@ from sblcosim.models.receiver.surroundings import (
     WIDEST,
     crescent,
 )
-from sblcosim.models.receiver.variables import COUPLED
 
 from ..results.result import Result
 from ..scenario.labels import RAW

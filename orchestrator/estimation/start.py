@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, SYSTEM
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     HEADING,
@@ -19,7 +20,6 @@ from sblcosim.models.receiver.surroundings import (
     VELOCITY,
     VERTICAL_ERROR,
 )
-from sblcosim.models.receiver.variables import COUPLED
 
 from ..errors import ConfigurationError
 from ..scenario.scenario import Scenario

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import Component
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario

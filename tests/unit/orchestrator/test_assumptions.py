@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.scenario import assumptions
 from sblcosim.scenario.assumptions import SOURCES
 from sblcosim.scenario.scenario import load, shipped
