@@ -26,6 +26,7 @@ _BUILD = f"{_FMUS}.build"
 _NO_INGREDIENTS = (f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source")
 """Modules that decide nothing about an FMU: files only writes what is complete, and bounds are in
 no FMU."""
+_RECEIVERS = "receiver"
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""
 
@@ -48,13 +49,33 @@ def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
         A key of `sblcosim.models.COMPONENTS`.
     """
     folder, module = module_of(name)
-    digest = hashlib.sha256(repr(declared(name, **constants)).encode())
-    for part in _closure((*_build_modules(), f"{_MODELS}.{folder}.{module}")):
-        digest.update(part.encode() + b"\0")
-    files = c_files([SHELLS[fmi], *LANES]) | engine_headers()
     readme = resources.files(f"{_MODELS}.{folder}") / "README.md"
-    if readme.is_file():
-        files["README.md"] = readme.read_bytes()
+    return _ingredients(
+        repr(declared(name, **constants)), (f"{_MODELS}.{folder}.{module}",), fmi,
+        {"README.md": readme.read_bytes()} if readme.is_file() else {},
+    )
+
+
+@cache
+def of_user(identity: str, fmi: Fmi) -> str:
+    """The same of a component that is not ours, which may be made of anything of our receivers.
+
+    Parameters
+    ----------
+    identity
+        What it is known by itself.
+    """
+    folder = resources.files(f"{_MODELS}.{_RECEIVERS}")
+    names = sorted(file.name for file in folder.iterdir() if file.name.endswith(".py"))
+    roots = tuple(f"{_MODELS}.{_RECEIVERS}.{name.removesuffix('.py')}" for name in names)
+    return _ingredients(identity, roots, fmi, {})
+
+
+def _ingredients(declared: str, roots: tuple[str, ...], fmi: Fmi, files: dict[str, bytes]) -> str:
+    digest = hashlib.sha256(declared.encode())
+    for part in _closure((*_build_modules(), *roots)):
+        digest.update(part.encode() + b"\0")
+    files |= c_files([SHELLS[fmi], *LANES]) | engine_headers()
     for file in resources.files(_BUILD).iterdir():
         if file.name.endswith(".jinja"):
             files[file.name] = file.read_bytes()

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from sblcosim.models.receiver.receivers import FOUND
 
 from ..simulation.alike import alike
+from ..simulation.user_receivers import of_fmu
 from . import arrangement
 from .assumptions import beacons_of
 from .scenario import Scenario, Source
@@ -80,8 +81,6 @@ def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[
     """Receivers for beacons with other errors than those of the scenario."""
     beacons = arrangement.errors_of(scenario.platform)
     for label, source in chosen.items():
-        declared = FOUND.get(source) if isinstance(source, str) else None
-        if declared is not None and beacons in declared.unfit:
-            yield (
-                f"receiver {label}: is for {declared.purpose}; here {declared.unfit[beacons]}"
-            )
+        declared = FOUND.get(source) if isinstance(source, str) else of_fmu(source)
+        if declared is not None and beacons is not None and beacons in declared.unfit:
+            yield f"receiver {label}: is for {declared.purpose}; here {declared.unfit[beacons]}"

@@ -237,7 +237,7 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
     return annotation
 
 
-def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
+def table_class(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
     """Make the class of a table: extra keys first, then one per parameter."""
     parameters = {v.key: v for v in variables if v.causality == "parameter"}
     keys: dict[str, Any] = dict(extra)
@@ -289,7 +289,7 @@ if TYPE_CHECKING:
         """Table ``[receiver]``: keys of all our receivers."""
 
 else:
-    Target = _table(
+    Target = table_class(
         "Target",
         COMPONENTS["target"],
         {
@@ -308,7 +308,7 @@ else:
             ),
         },
     )
-    Platform = _table(
+    Platform = table_class(
         "Platform",
         COMPONENTS["platform"],
         {
@@ -325,7 +325,7 @@ else:
             ),
         },
     )
-    Acoustics = _table(
+    Acoustics = table_class(
         "Acoustics",
         COMPONENTS["acoustics"],
         {
@@ -338,7 +338,7 @@ else:
             ),
         },
     )
-    Receiver = _table(
+    Receiver = table_class(
         "Receiver",
         {v.key: v for receiver in RECEIVERS.values() for v in receiver}.values(),
         {
