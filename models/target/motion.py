@@ -13,6 +13,7 @@ import casadi as ca
 
 from ..equations import Draw, Equations, Loop, Row, Symbols, Values
 from .course import TOLERANCE, clip, states, under_way
+from .trajectories import FOUND
 from .trajectory import Course
 
 DRAWS = (
@@ -22,6 +23,7 @@ DRAWS = (
     Draw("kick", "normal", "node", 6),
     Draw("depth", "normal", "tick", 1, ("depth_std",)),
     Draw("depth_bias", "normal", "initial", 1, ("depth_bias_std",)),
+    *(draw for it in FOUND.values() for draw in it.draws),
 )
 
 

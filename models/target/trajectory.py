@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..declaration import Variable
+from ..draws import Draw
 from ..symbols import Symbols
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class Trajectory:
         Of a horizontal course: points [m], and the length of the whole, ``length(p)`` [m].
     equations
         Makes the equations of a motion that is no such course.
+    draws
+        Random numbers of its own, for all trajectories alike, besides those that all have.
     random
         Whether it is drawn anew in each run: always, never, or where one of these is not zero.
     place
@@ -48,6 +51,7 @@ class Trajectory:
     course: Course | None = None
     length: Callable[[Symbols], Any] | None = None
     equations: Callable[[], Equations] | None = None
+    draws: tuple[Draw, ...] = ()
     random: Literal["always"] | tuple[str, ...] = ()
     place: int | None = None
 

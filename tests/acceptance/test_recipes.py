@@ -130,6 +130,11 @@ def test_an_error_of_the_ranges(copy: Copy) -> None:
     copy.run(f"{SHORT} --out runs/without")
     pd.testing.assert_frame_equal(errors(copy, "before"), errors(copy, "without"))
     assert errors(copy, "bubbles")["rms_m"].mean() > errors(copy, "without")["rms_m"].mean()
+    # The bound says that it knows nothing of it, and the budget switches it.
+    said = copy.run(f"{SHORT} --set acoustics.bubble_excess_m=5 --out runs/said")
+    assert "acoustics.bubble_excess_m" in said
+    known = "from sblcosim.scenario.error_sources import SOURCES; print(SOURCES['bubbles'].words)"
+    assert copy.run(f"'{sys.executable}' -c \"{known}\"") == "the bubbles\n"
 
 
 def test_a_trajectory(copy: Copy) -> None:
