@@ -23,9 +23,11 @@ from .c_files import LANES, SHELLS, c_files, engine_headers
 
 _MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
 _BUILD = f"{_FMUS}.build"
-_NO_INGREDIENTS = (f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source")
-"""Modules that decide nothing about an FMU: files only writes what is complete, and bounds are in
-no FMU."""
+_NO_INGREDIENTS = (
+    f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source", f"{_BUILD}.ours",
+)
+"""Modules that decide nothing about an FMU: files only writes what is complete, bounds are in no
+FMU, and whether a file is ours is asked when it is there."""
 _RECEIVERS = "receiver"
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import re
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -12,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from fmpy import freeLibrary
-from sblcosim.models import COMPONENTS
 
-from ..build import factory
+from ..build.ours import is_build
 from ..errors import FmuError
-from ..files import intact, scratch, sha256_of
+from ..files import scratch
 from ..read.archive import opened
 from ..read.ports import Fmu
 from .watch import watch
@@ -29,27 +27,6 @@ def ours(fmu: Fmu) -> bool:
     if fmu.sha256 not in _OURS:
         _OURS[fmu.sha256] = is_build(fmu.identifier, fmu.sha256)
     return _OURS[fmu.sha256]
-
-
-def is_build(identifier: str, sha256: str) -> bool:
-    """Whether a file is among the FMUs that came along or are cached, built of equations.
-
-    Parameters
-    ----------
-    identifier
-        Of its model.
-    sha256
-        Of its content.
-    """
-    of_ours = (
-        path
-        for name, component in COMPONENTS.items()
-        if re.fullmatch(rf"{component.name}\d*", identifier)
-        for folder in (factory.READY, factory.cache())
-        for path in folder.glob(f"*/{name}{identifier.removeprefix(component.name)}.fmu")
-    )
-    of_users = factory.cache().glob(f"{factory.USERS}*/*.fmu")
-    return any(intact(path) and sha256_of(path) == sha256 for path in (*of_ours, *of_users))
 
 
 def trust(sha256s: Iterable[str]) -> None:

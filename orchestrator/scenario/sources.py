@@ -84,7 +84,7 @@ def known_source(source: Source) -> Source:
     path = Path(source)
     if os.path.isfile(path):
         return path
-    if os.path.isdir(path) and path.suffix != ".fmu":
+    if str(source) and os.path.isdir(path) and path.suffix != ".fmu":
         return of_folder(str(source)).fmu
     if path.suffix == ".fmu":
         got = "a folder" if os.path.isdir(path) else "no such file"

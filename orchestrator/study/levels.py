@@ -19,8 +19,8 @@ def receiver(entry: Any, folder: Path) -> Any:
     """A receiver of a study with its file found; whether there is one is checked later."""
     if isinstance(entry, str | Path):
         text = str(entry)
-        is_file = text.endswith(".fmu") or is_python(text) or (
-            text not in RECEIVERS and (folder / text).is_dir()
+        is_file = text.endswith(".fmu") or is_python(text) or bool(
+            text and text not in RECEIVERS and (folder / text).is_dir()
         )
         return str(resolved(folder / text)) if is_file else text
     return component_of(entry) if callable(entry) else entry

@@ -163,3 +163,9 @@ def test_a_folder_without_the_file_is_said_to_be_one(tmp_path: Path) -> None:
     for name, got in (("empty", "got none"), ("near", near)):
         with pytest.raises(ConfigurationError, match=f"must be a folder with receiver.py, {got}"):
             connect(sblcosim.load("harbour-square", SHORT), [str(tmp_path / name)])
+
+
+@pytest.mark.parametrize("text", ["", "no-such-folder/"])
+def test_what_is_no_folder_is_no_receiver(text: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"receiver: must be ekf, sequential, .*, got '"):
+        connect(sblcosim.load("harbour-square", SHORT), [text])
