@@ -88,7 +88,7 @@ def _declaration(module: ModuleType, path: Path, where: str) -> ReceiverDeclarat
     try:
         check_unique({**COMPONENTS, path.parent.name: component})
     except ValueError as error:
-        raise ConfigurationError(f"{where}: {error}") from None
+        raise ConfigurationError(f"{where}: {str(error).removeprefix('components: ')}") from None
     if not callable(declaration.equations):
         raise ConfigurationError(
             f"{where}: {NAME} must have equations, a function that makes them, got "

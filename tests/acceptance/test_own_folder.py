@@ -151,7 +151,7 @@ def test_what_is_wrong_is_said_in_a_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         connect(sblcosim.load("harbour-square", SHORT), [str(made)])
     said = str(caught.value)
-    assert said.startswith(f"receiver: {str(made)!r}") or "ended the process" in said
+    assert re.match(r"receiver: '.*/damped'|receiver: the Python file receiver.py ended", said)
     assert "\n" not in said
 
 

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from sblcosim.comparison import sources
-from sblcosim.limits.parameters import parameters
 from sblcosim.limits.unknown import left_out
 from sblcosim.models import COMPONENTS
 from sblcosim.models.declaration import Variable
-from sblcosim.scenario.error_sources import SOURCES, UNMODELLED, Part
+from sblcosim.scenario.error_sources import SOURCES, Part
 from sblcosim.scenario.scenario import Scenario, load
-from sblcosim.scenario.schema import in_file_units, in_si, rows
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.resolve import resolve
@@ -114,38 +112,6 @@ def test_whatever_makes_a_run_wrong_is_a_key_of_a_source() -> None:
 def test_the_errors_of_a_run_are_seen_alone_or_only_with_others() -> None:
     """Keys of sources that are wrong only with another key, or make the truth itself move."""
     assert {*KEYS} - wrong() == {*MOVING, "acoustics.clock_sync_age_s"}
-
-
-def changed(key: str) -> Scenario:
-    table, _, name = key.partition(".")
-    scenario = right()
-    variable = getattr(scenario, table).variables[name]
-    now = in_si(variable, getattr(getattr(scenario, table), name))
-    more = a_little_more(variable, now)
-    flat = tuple(in_file_units(variable, float(x)) for x in np.ravel(more))
-    value = rows(variable, flat) if variable.shape else flat[0]
-    given = {key: value}
-    if key == "acoustics.clock_sync_age_s":
-        given["acoustics.clock_drift_s_s"] = 1e-5
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load(right().given(), given)
-
-
-NOT_IN_THE_MODEL_S_PARAMETERS = {
-    "acoustics.loss_probability": "what is lost is not in the record that the bound takes",
-    "platform.heave_amplitude_m": "the depth of the platform is what its GPS says",
-    "acoustics.packet_angle_resolution_deg": "rounding of the pose, which counts with positions",
-}
-
-
-@pytest.mark.parametrize("key", KEYS)
-def test_an_error_is_in_the_model_of_the_bound_or_named_as_left_out(key: str) -> None:
-    named = key.removeprefix("platform.") in left_out(changed(key))
-    assert named == (key in UNMODELLED)
-    if key not in UNMODELLED and key not in NOT_IN_THE_MODEL_S_PARAMETERS:
-        before, after = (vars(parameters(s)) for s in (right(), changed(key)))
-        assert any(not np.array_equal(before[n], after[n]) for n in before), key
 
 
 def test_what_is_unmodelled_is_a_key_of_the_part() -> None:
