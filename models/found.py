@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from importlib import import_module
-from pkgutil import iter_modules
 from types import ModuleType
 
 
 def modules_of(package: str) -> Mapping[str, ModuleType]:
     """The modules of a package by name, in the order of their names."""
-    path = import_module(package).__path__
-    return {m.name: import_module(f"{package}.{m.name}") for m in iter_modules(path)}
+    # Not pkgutil: it takes 5 ms to import, at the start of every command.
+    files = {file for folder in import_module(package).__path__ for file in os.listdir(folder)}
+    names = sorted(file.removesuffix(".py") for file in files if file.endswith(".py"))
+    return {name: import_module(f"{package}.{name}") for name in names if name != "__init__"}
