@@ -78,7 +78,11 @@ def of_folder(text: str, beacons: int = BEACONS, fmi: Fmi = 2) -> UserReceiver:
     asked = (folder.name or "receiver", told, int(beacons), fmi)
     (fmu, parameters, purpose, unfit), _ = found(building.receiver, path, content, asked, where)
     known = UserReceiver(folder, fmu, int(beacons), fmi, parameters, purpose, unfit)
-    return _BY_FMU.setdefault(fmu, known)
+    before = _BY_FMU.get(fmu)
+    if before is not None and before.folder == folder:
+        return before
+    _BY_FMU[fmu] = known
+    return known
 
 
 def of_fmu(source: object) -> UserReceiver | None:
