@@ -13,8 +13,6 @@ from math import hypot
 from types import MappingProxyType
 from typing import Any
 
-from sblcosim.models.settings.presets import preset
-
 from ..errors import ConfigurationError, nearest, quoted
 from ..scenario.error_sources import OF_BITS, SOURCES, Part, Source
 from ..scenario.scenario import Scenario

@@ -35,7 +35,6 @@ from sblcosim.models import COMPONENTS
 from sblcosim.models.acoustics.range_errors import FOUND
 from sblcosim.models.settings.presets import preset
 
-
 FLOOR = 0.01
 """Standard deviation [m] of ranges and depth readings that are switched off. A diver moves so far
 while the sound travels: told of less, a receiver believes its model too much."""
