@@ -32,6 +32,7 @@ from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.scenario.likes import LIKES
+from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
 from typer.testing import CliRunner
@@ -172,7 +173,7 @@ def test_no_two_runs_share_their_noise() -> None:
     dot = Grid((9.0, 9.0), (2.0, 2.0), 4, 6, 5.0)
     still = simulator(dot)
     still.bearings = lambda cell, replicate: np.zeros(len(cell))  # type: ignore[method-assign]
-    sample = still.run(cell, replicate, 2, lambda share: None)
+    sample = still.run(cell, replicate, How(workers=2))
     assert len(np.unique(sample.lengths, axis=0)) == len(cell)
     rows = np.log(sample.lengths[:, 5].reshape(4, -1))
     correlation = np.corrcoef(rows[:, np.isfinite(rows).all(axis=0)])
@@ -181,15 +182,15 @@ def test_no_two_runs_share_their_noise() -> None:
 
 def test_a_run_is_the_same_whatever_others_there_are() -> None:
     cell, replicate = np.array([3, 17, 3, 20]), np.array([0, 1, 5, 2])
-    every = simulator(GRID).run(cell, replicate, 2, lambda share: None)
-    alone = simulator(GRID).run(cell[2:3], replicate[2:3], 1, lambda share: None)
+    every = simulator(GRID).run(cell, replicate, How(workers=2))
+    alone = simulator(GRID).run(cell[2:3], replicate[2:3], How(workers=1))
     np.testing.assert_array_equal(alone.lengths[0], every.lengths[2])
 
 
 def test_a_run_of_a_cell_is_that_of_its_scenario() -> None:
     one = simulator(GRID)
     cell, replicate = np.array([13]), np.array([2])
-    sample = one.run(cell, replicate, 1, lambda share: None)
+    sample = one.run(cell, replicate, How(workers=1))
     bearing = float(one.bearings(cell, replicate)[0])
     record = sblcosim.run(
         one.base, overrides={
@@ -342,7 +343,7 @@ def test_pooled_percentiles_are_those_of_cells_with_2000_runs(cells: int) -> Non
     rows = np.linspace(0, found.grid.rows - 1, 4).astype(int)
     some = (rows[:, None] * found.grid.columns + rows).ravel()
     sample = one.run(
-        np.repeat(some, 2000), np.tile(np.arange(2000), len(some)), None, lambda share: None
+        np.repeat(some, 2000), np.tile(np.arange(2000), len(some)), How()
     )
     true = np.array([np.quantile(sample.lengths[sample.cell == k], 0.95) for k in some])
     mapped, std = found.cells.loc[some, ["p95_m", "std_error_m"]].to_numpy().T
@@ -752,7 +753,7 @@ def test_errors_of_a_cell_are_those_that_were_asked_for(
     one = runs.Simulator(base, None, grid, error, 8.0)
     assert one.receiver == receiver
     cell, replicate = np.array([4]), np.array([1])
-    sample = one.run(cell, replicate, 1, lambda share: None)
+    sample = one.run(cell, replicate, How(workers=1))
     record = sblcosim.run(base, overrides={
         "seed": int(one.seeds(cell, replicate)[0]),
         "target.heading_deg": float(np.rad2deg(one.bearings(cell, replicate)[0])),
