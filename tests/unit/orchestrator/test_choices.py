@@ -219,8 +219,9 @@ ELSEWHERE = {
     "comparison.budget_result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
+    "simulation.user_receivers.of_folder fmi": "api.run",
 }
-"""Those that hand the argument on before they do anything with it, and to what."""
+"""Those that hand the argument on before they do anything with it, or get it checked; and where."""
 
 
 def literals() -> set[str]:
