@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import GenericAlias
 from typing import Any, Literal
 
 from pydantic import Field, create_model
 
-from ..results.columns import ERRORS, PERCENTILES, SUMMARY, Table
+from ..results.columns import ERRORS, PERCENTILES, SUMMARY, RunTable
 from ..scenario.json_schema import Plainly
 from .area_documents import Map
 from .budget_documents import Budget
-from .document import Claimed, Document, Entry, Number, Part
+from .document import Claimed, Document, DocumentPart, Entry, Number
 from .study_documents import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournament_documents import Comparison, Runs
 
@@ -22,7 +23,7 @@ class Scenarios(Document):
     scenarios: list[Entry]
 
 
-class ReceiverEntry(Part):
+class ReceiverEntry(DocumentPart):
     """A receiver that can be chosen by name."""
 
     name: str
@@ -39,7 +40,7 @@ class Receivers(Document):
     receivers: list[ReceiverEntry]
 
 
-def _part(table: Table) -> Any:
+def _part(table: RunTable) -> Any:
     """A row of a table."""
     fields: dict[str, Any] = {
         column.name: (
@@ -48,14 +49,14 @@ def _part(table: Table) -> Any:
         )
         for column in table.columns
     }
-    return create_model(table.part, __base__=Part, __doc__=table.about, **fields)
+    return create_model(table.part, __base__=DocumentPart, __doc__=table.about, **fields)
 
 
-def _by_index(table: Table) -> Any:
+def _by_index(table: RunTable) -> Any:
     """A row for each name of the first column of the index, in it for each of the next, …"""
-    rows = _part(table)
+    rows: Any = _part(table)
     for column in reversed(table.index):
-        rows = dict.__class_getitem__((column.type, rows))
+        rows = GenericAlias(dict, (column.type, rows))
     return rows
 
 
@@ -64,7 +65,7 @@ Percentiles: Any = _by_index(PERCENTILES)
 Summary: Any = _by_index(SUMMARY)
 
 
-class Covariance(Part):
+class Covariance(DocumentPart):
     """Whether a covariance is right, from the mean NEES of some runs."""
 
     verdict: Literal["in band", "optimistic", "pessimistic", "one run", "unknown"]
@@ -89,7 +90,7 @@ class Covariance(Part):
     """All this as a sentence."""
 
 
-class Possible(Part):
+class Possible(DocumentPart):
     """What was possible at the epochs of a receiver's estimates."""
 
     kind: Literal["bound", "reference"]
@@ -132,7 +133,7 @@ class Smoothed(Run):
     converged: bool
 
 
-class Component(Part):
+class Component(DocumentPart):
     """A component of a plan."""
 
     name: str
@@ -146,7 +147,7 @@ class Component(Part):
     tick_s: Number
 
 
-class Parameter(Part):
+class Parameter(DocumentPart):
     """A parameter that is set, and the values of its elements in SI units."""
 
     name: str
@@ -156,14 +157,14 @@ class Parameter(Part):
     values: list[float | int | bool]
 
 
-class Connection(Part):
+class Connection(DocumentPart):
     """An input and the output that it is taken from."""
 
     source: str
     target: str
 
 
-class Recorded(Part):
+class Recorded(DocumentPart):
     """A recorded output."""
 
     name: str
@@ -184,14 +185,14 @@ class Plan(Document):
     recorded: list[Recorded]
 
 
-class SoundSpeed(Part):
+class SoundSpeed(DocumentPart):
     """A speed of sound and its standard uncertainty, in m/s."""
 
     value: float
     std: float
 
 
-class RangeTest(Part):
+class RangeTest(DocumentPart):
     """The ranges of one distance."""
 
     distance_m: float
@@ -219,7 +220,7 @@ class Calibration(Document):
     folder: str
 
 
-class Finding(Part):
+class Finding(DocumentPart):
     """What there is to say about a variable, or about the whole (``FMU``)."""
 
     variable: str
@@ -235,7 +236,7 @@ class Check(Document):
     findings: list[Finding]
 
 
-class CheckResult(Part):
+class CheckResult(DocumentPart):
     """What came of one check."""
 
     name: str

@@ -29,12 +29,12 @@ from .definitions import (
 
 Number = float | None
 """Type of a number in JSON, where what is missing or not finite is null."""
-Compared = Literal["consistent", "optimistic", "pessimistic", "unknown"]
+CovarianceVerdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
 """What `metrics.verdict` says of a mean NEES or NIS."""
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column of a table.
 
     Parameters
@@ -74,7 +74,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class RunTable:
     """A table: the columns that say what a row is about, and the others.
 
     Attributes
@@ -89,8 +89,8 @@ class Table:
 
     part: str
     about: str
-    index: tuple[Column, ...]
-    columns: tuple[Column, ...]
+    index: tuple[TableColumn, ...]
+    columns: tuple[TableColumn, ...]
     title: str = ""
     unit: str = "m"
 
@@ -100,11 +100,11 @@ class Table:
         return [column.name for column in self.columns]
 
     @property
-    def printed(self) -> tuple[Column, ...]:
+    def printed(self) -> tuple[TableColumn, ...]:
         """The columns that are printed."""
         return tuple(column for column in self.columns if column.heading)
 
-    def heading(self, column: Column) -> str:
+    def heading(self, column: TableColumn) -> str:
         """What is printed over a column."""
         other = column.unit not in ("", self.unit)
         return f"{column.heading} [{column.unit}]" if other else column.heading
@@ -114,36 +114,37 @@ class Table:
         return {c.name: c.of(values) if len(values) else c.without for c in self.columns if c.of}
 
 
-RECEIVER = Column("receiver", "Label of the receiver", type=str)
-FRAME = Column("frame", "What the error is relative to", type=Literal[FRAMES])
-AXIS = Column("axis", "Axis of the error", heading="axis", type=Literal[(*AXES, "total")])
-LENGTH = Column("length", "Which length", heading="error", type=Literal["horizontal", "total"])
+RECEIVER = TableColumn("receiver", "Label of the receiver", type=str)
+FRAME = TableColumn("frame", "What the error is relative to", type=Literal[FRAMES])
+AXIS = TableColumn("axis", "Axis of the error", heading="axis", type=Literal[(*AXES, "total")])
+LENGTH = TableColumn("length", "Which length", heading="error", type=Literal["horizontal", "total"])
 
-ERRORS = Table(
+ERRORS = RunTable(
     "Statistics",
     "Of an error, over all estimates.",
     (RECEIVER, FRAME, AXIS),
     (
-        Column("mean_m", "Mean: signed for an axis, of the length for total", "m", "mean",
-               of=lambda e: e.mean()),
-        Column("rms_m", "Root mean square; the square for total is the sum of those of the axes",
-               "m", "RMS", of=lambda e: np.sqrt((e * e).mean())),
-        Column("std_m", "Standard deviation about the mean: rms² = mean² + std²", "m", "std",
-               of=lambda e: e.std()),
-        Column("n", "Number of estimates", type=int, of=len, without=0),
+        TableColumn("mean_m", "Mean: signed for an axis, of the length for total", "m", "mean",
+                    of=lambda e: e.mean()),
+        TableColumn("rms_m",
+                    "Root mean square; the square for total is the sum of those of the axes", "m",
+                    "RMS", of=lambda e: np.sqrt((e * e).mean())),
+        TableColumn("std_m", "Standard deviation about the mean: rms² = mean² + std²", "m", "std",
+                    of=lambda e: e.std()),
+        TableColumn("n", "Number of estimates", type=int, of=len, without=0),
     ),
     title="Error",
 )  # fmt: skip
 """Functions of the errors of an axis, or of their lengths, [m], of the m estimates that count."""
 
 
-def _percentile(p: int) -> Column:
+def _percentile(p: int) -> TableColumn:
     rank = f"of n errors the one of rank {p / 100:g} n, rounded up"
     words = "Largest error" if p == 100 else f"Radius that holds {p} % of the estimates: {rank}"
-    return Column(percentile_column(p), words, "m", "all" if p == 100 else f"{p} %")
+    return TableColumn(percentile_column(p), words, "m", "all" if p == 100 else f"{p} %")
 
 
-PERCENTILES = Table(
+PERCENTILES = RunTable(
     "Percentiles",
     "Order statistics of the length of an error; of the horizontal one, p50 is CEP50.",
     (RECEIVER, FRAME, LENGTH),
@@ -171,14 +172,14 @@ class ChiSquare:
     description: str
     degrees: int | None
 
-    def columns(self) -> Iterator[Column]:
+    def columns(self) -> Iterator[TableColumn]:
         """What the summary says of it (see `metrics.of_chi_square`)."""
-        name, verdict = self.name, Compared | None
-        yield Column(name, self.description)
-        yield Column(f"{name}_expected", "What it is of a right covariance")
-        yield Column(f"{name}_low", "Of its 95 % band")
-        yield Column(f"{name}_high", "Of its 95 % band")
-        yield Column(f"{name}_verdict", "Mean against band", type=verdict)
+        name, verdict = self.name, CovarianceVerdict | None
+        yield TableColumn(name, self.description)
+        yield TableColumn(f"{name}_expected", "What it is of a right covariance")
+        yield TableColumn(f"{name}_low", "Of its 95 % band")
+        yield TableColumn(f"{name}_high", "Of its 95 % band")
+        yield TableColumn(f"{name}_verdict", "Mean against band", type=verdict)
 
 
 CHI_SQUARES = (
@@ -191,20 +192,20 @@ CHI_SQUARES = (
     ChiSquare("nis", "NIS", "Mean NIS", None),
 )  # fmt: skip
 
-SUMMARY = Table(
+SUMMARY = RunTable(
     "Summary",
     "Availability and consistency of a receiver; null for one that failed before the end.",
     (RECEIVER,),
     (
-        Column("estimates", "Number of valid estimates", type=int | None),
-        Column("first_fix_s", "Epoch of the first one", "s"),
-        Column("availability", "Share of the time with a fix"),
-        Column("update_share", "Share of the updates with a new estimate"),
+        TableColumn("estimates", "Number of valid estimates", type=int | None),
+        TableColumn("first_fix_s", "Epoch of the first one", "s"),
+        TableColumn("availability", "Share of the time with a fix"),
+        TableColumn("update_share", "Share of the updates with a new estimate"),
         *(column for one in CHI_SQUARES for column in one.columns()),
-        Column("inconsistent", "NEES of the position above its band; null without any",
-               type=bool | None),
-        Column("lost", "No good estimate in the last quarter", type=bool | None),
-        Column("failure", "Why the receiver has failed", type=str | None, sometimes=True),
+        TableColumn("inconsistent", "NEES of the position above its band; null without any",
+                    type=bool | None),
+        TableColumn("lost", "No good estimate in the last quarter", type=bool | None),
+        TableColumn("failure", "Why the receiver has failed", type=str | None, sometimes=True),
     ),
 )  # fmt: skip
 
@@ -268,43 +269,44 @@ def _component(of: Callable[[Judged], Floats | None], i: int, judged: Judged) ->
 
 def _by_axis(
     prefix: str, description: str, of: Callable[[Judged], Floats | None]
-) -> Iterator[Column]:
+) -> Iterator[TableColumn]:
     for i, axis in enumerate(AXES):
-        yield Column(f"{prefix}{axis}_m", description, "m", of=partial(_component, of, i))
+        yield TableColumn(f"{prefix}{axis}_m", description, "m", of=partial(_component, of, i))
 
 
-def _errors() -> Iterator[Column]:
+def _errors() -> Iterator[TableColumn]:
     for frame in FRAMES:
         words = f"{frame.replace('_', ' ').capitalize()} error"
         yield from _by_axis(f"{PREFIXES[frame]}error_", words, partial(_error, frame))
         total = f"{PREFIXES[frame]}error_total_m"
-        yield Column(total, f"Length of the {words.lower()}", "m", of=partial(_length, frame))
+        yield TableColumn(total, f"Length of the {words.lower()}", "m", of=partial(_length, frame))
 
 
-ESTIMATES = Table(
+ESTIMATES = RunTable(
     "Estimate",
     "A valid estimate with the truth.",
     (RECEIVER,),
     (
-        Column("epoch_s", "Time to which the estimate belongs", "s", of=lambda j: j.epoch_s),
+        TableColumn("epoch_s", "Time to which the estimate belongs", "s", of=lambda j: j.epoch_s),
         *_by_axis("", "The estimate", lambda j: j.estimates.position),
         *_by_axis("true_", "The truth at that epoch", lambda j: j.true_position),
         *_errors(),
         *_by_axis("std_", "Standard deviation that the receiver claims", _claimed_std),
-        Column("nees_position", "NEES of the absolute error, 3 degrees of freedom",
-               of=_position_nees),
-        Column("relative_nees_position", "NEES of the relative error, 3 degrees of freedom",
-               of=_relative_nees),
-        Column("nees_state", "NEES of the errors of position and velocity, 6 degrees of freedom",
-               of=_state_nees),
+        TableColumn("nees_position", "NEES of the absolute error, 3 degrees of freedom",
+                    of=_position_nees),
+        TableColumn("relative_nees_position", "NEES of the relative error, 3 degrees of freedom",
+                    of=_relative_nees),
+        TableColumn("nees_state",
+                    "NEES of the errors of position and velocity, 6 degrees of freedom",
+                    of=_state_nees),
         *_by_axis("own_relative_std_", "Standard deviation that the receiver claims of its own "
                   "relative position", _own_std),
-        Column("own_relative_nees_position", "NEES of the own relative error, 3 degrees of freedom",
-               of=_own_nees),
-        Column("nis", "Sum of the squared innovations, normalised",
-               of=lambda j: j.estimates.nis),
-        Column("nis_degrees", "Degrees of freedom of the NIS",
-               of=lambda j: j.estimates.nis_degrees),
+        TableColumn("own_relative_nees_position",
+                    "NEES of the own relative error, 3 degrees of freedom", of=_own_nees),
+        TableColumn("nis", "Sum of the squared innovations, normalised",
+                    of=lambda j: j.estimates.nis),
+        TableColumn("nis_degrees", "Degrees of freedom of the NIS",
+                    of=lambda j: j.estimates.nis_degrees),
     ),
 )  # fmt: skip
 """What a receiver does not have, or depends on a platform's true motion that is not known, is left

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
-from ..layout import WIDTH, fitted, meters
+from ..layout import WIDTH, fitted
 from ..scenario.labels import RAW
+from ..words.lists import plural
+from ..words.numbers import meters
+from ..words.shares import percent
 from . import possible
-from .columns import CHI_SQUARES, ERRORS, PERCENTILES, Column, Table
+from .columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
 from .consistency import COVARIANCES, Verdict
 from .definitions import AXES, FRAMES, Judged
 
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
     from ..limits.verdict import Possible
 
 
-class Result(Protocol):
-    """What is told of a `sblcosim.Result`."""
+class ToldResult(Protocol):
+    """What is told of a `sblcosim.ToldResult`."""
 
     record: Record
     receivers: tuple[str, ...]
@@ -99,7 +102,7 @@ _CONSISTENCY_NOTES = (
 )
 
 
-def of_run(result: Result, verbose: bool = False, width: int | None = None) -> str:
+def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) -> str:
     """Verdicts, then the tables of errors.
 
     Parameters
@@ -128,7 +131,7 @@ def of_run(result: Result, verbose: bool = False, width: int | None = None) -> s
     return fitted("\n".join(lines), width)
 
 
-def verdicts(result: Result) -> Iterator[str]:
+def verdicts(result: ToldResult) -> Iterator[str]:
     """What came out: a line for each receiver, what was possible, and remarks on the run."""
     for receiver in result.receivers:
         yield f"{receiver}: {_verdict(result, receiver)}"
@@ -141,7 +144,7 @@ def verdicts(result: Result) -> Iterator[str]:
     yield from result.remarks
 
 
-def _verdict(result: Result, receiver: str) -> str:
+def _verdict(result: ToldResult, receiver: str) -> str:
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return f"no estimate; {silence(result, receiver)}"
@@ -150,15 +153,14 @@ def _verdict(result: Result, receiver: str) -> str:
     most: Any = result.percentiles.loc[which, "p95_m"]
     lost = "lost; " if row.lost else ""
     if row.estimates < _FEW and row.update_share < 0.5:
-        several = "" if row.estimates == 1 else "s"
         updates = row.estimates / row.update_share
-        lost += f"{row.estimates} estimate{several} in {updates:.0f} updates; "
+        lost += f"{row.estimates} {plural(row.estimates, 'estimate')} in {updates:.0f} updates; "
     return (
         f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
     )
 
 
-def _claim(result: Result, receiver: str) -> str:
+def _claim(result: ToldResult, receiver: str) -> str:
     """What a receiver says of its own error, and whether to believe it, unless it is lost."""
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
@@ -179,7 +181,7 @@ def _claim(result: Result, receiver: str) -> str:
     return f"claims {meters(said)}: {trust}"
 
 
-def _without_covariance(result: Result, receiver: str) -> str:
+def _without_covariance(result: ToldResult, receiver: str) -> str:
     claims = result.judged[receiver].estimates.covariance is not None
     return "its covariance is never positive definite" if claims else "no covariance"
 
@@ -196,7 +198,7 @@ def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) ->
     Parameters
     ----------
     width
-        Columns that there are.
+        Columns of the terminal.
     """
     yield from _blocks(ERRORS, table, receivers, 9, width)
 
@@ -209,7 +211,7 @@ def percentiles(
 
 
 def _blocks(
-    declared: Table, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
+    declared: RunTable, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
 ) -> Iterator[str]:
     """A table for as many frames as fit beside each other, then one for the next.
 
@@ -254,25 +256,25 @@ def _blocks(
                 yield f"{name:<{label}}{kind:<{first - label}}{cells}"
 
 
-def _cell(value: Any, column: Column, size: int) -> str:
+def _cell(value: Any, column: TableColumn, size: int) -> str:
     if pd.isna(value):
         return f"{'–':>{size}}"
     text = f"{value:{size}.{0 if column.type is int else 3}f}"
     return text if len(text) <= size else f"{value:{size}.1e}"
 
 
-def about(result: Result, receiver: str) -> list[str]:
+def about(result: ToldResult, receiver: str) -> list[str]:
     """Availability and consistency of a receiver, in words."""
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return [f"{receiver}: no estimate; {silence(result, receiver)}"]
-    first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
+    first = f"{row.estimates} {plural(row.estimates, 'estimate')}"
     lines = [
         f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
-        f"{100 * row.availability:.1f} % of the time"
+        f"{percent(row.availability, '.1f')} of the time"
     ]
     if pd.notna(row.update_share):
-        lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
+        lines.append(f"  {percent(row.update_share, '.1f')} of the updates gave a new estimate")
     for name, words in _CONSISTENCY.items():
         if pd.notna(row[name]):
             lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
@@ -290,7 +292,7 @@ def about(result: Result, receiver: str) -> list[str]:
     return lines
 
 
-def silence(result: Result, receiver: str) -> str:
+def silence(result: ToldResult, receiver: str) -> str:
     """Why there may be no estimate, and which outputs to look at."""
     values = result.record.values
     count = values[f"{receiver}.update_count"].astype(int)
@@ -309,7 +311,7 @@ def silence(result: Result, receiver: str) -> str:
     return f"{why}; look at {', '.join(look)} in the record"
 
 
-def notes(result: Result) -> list[str]:
+def notes(result: ToldResult) -> list[str]:
     """Explanations of the printed numbers."""
     raw = [_RAW_NOTE] if RAW in result.receivers else []
     claims = result.summary[list(_CONSISTENCY)].notna().any(axis=None)

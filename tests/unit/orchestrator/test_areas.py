@@ -247,11 +247,11 @@ def test_failed_runs_are_counted_by_what_is_said_of_them() -> None:
 # --- Pooling -------------------------------------------------------------------------------------
 
 
-def sample_of(lengths_: Any, cells: int, each: int) -> runs.Sample:
+def sample_of(lengths_: Any, cells: int, each: int) -> runs.CellRuns:
     cell = np.repeat(np.arange(cells), each)
     n = len(cell)
     wide = np.broadcast_to(np.asarray(lengths_, float), (n, len(runs.PERCENTAGES)))
-    return runs.Sample(cell, wide, np.zeros(n, bool), np.ones(n))
+    return runs.CellRuns(cell, wide, np.zeros(n, bool), np.ones(n))
 
 
 def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> None:
@@ -796,10 +796,10 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     cell = np.array([0, 1, 2, 3, 1, 1, 1, 3])
     lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
     available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
-    sample = runs.Sample(cell, np.ones((8, 10)), lost, available)
+    sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available)
     grid = Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0)
     pooled = pooling.pooled(sample, np.ones(4), grid.shape, 1)
-    best = possible_.Possible(np.ones(4), np.ones(4, bool), np.ones(4))
+    best = possible_.PossibleInCells(np.ones(4), np.ones(4, bool), np.ones(4))
     cells = survey._table(grid, sample, pooled, best)
     assert cells["runs"].tolist() == [1, 4, 1, 2]
     assert cells["lost_share"].tolist() == [0.0, 0.5, 0.0, 0.5]
@@ -811,12 +811,12 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     assert summary["lost_share"] == 3 / 8
     # A cell with more runs weighs more among its neighbours, run by run.
     large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, 10))
-    found = pooling.pooled(runs.Sample(cell, large, lost, available), np.ones(4), (2, 2), 1)
+    found = pooling.pooled(runs.CellRuns(cell, large, lost, available), np.ones(4), (2, 2), 1)
     weights = {0: np.exp(-0.5), 1: 1.0, 2: np.exp(-1.0), 3: np.exp(-0.5)}
     share = 4 * weights[1] / sum(weights[c] for c in cell.tolist())
     assert share > 0.05
     np.testing.assert_allclose(found.percentile[1], 3.0, rtol=0.01)
-    few = pooling.pooled(runs.Sample(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
+    few = pooling.pooled(runs.CellRuns(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
                                      available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
     np.testing.assert_allclose(few.percentile, 1.0, rtol=0.01)
 

@@ -9,7 +9,15 @@ import pytest
 import sblcosim
 from sblcosim.cli.documents import schema
 from sblcosim.results import metrics, notebook, text
-from sblcosim.results.columns import CHI_SQUARES, ERRORS, ESTIMATES, SUMMARY, TABLES, Column, Table
+from sblcosim.results.columns import (
+    CHI_SQUARES,
+    ERRORS,
+    ESTIMATES,
+    SUMMARY,
+    TABLES,
+    RunTable,
+    TableColumn,
+)
 from synthetic_record import make_record, track
 
 
@@ -46,16 +54,17 @@ def test_names_end_with_the_unit_and_every_column_is_described():
 
 
 MORE = (
-    Column("big", "Number of large errors", heading="large", type=int, without=0,
-           of=lambda e: int((abs(e) > 1).sum())),
-    Column("furthest_m", "Largest size", "m", "furthest from the truth", of=lambda e: abs(e).max()),
-    Column("square_m2", "Mean square", "m²", "square", of=lambda e: (e * e).mean()),
-    Column("least_m", "Smallest size", "m", of=lambda e: abs(e).min()),
+    TableColumn("big", "Number of large errors", heading="large", type=int, without=0,
+                of=lambda e: int((abs(e) > 1).sum())),
+    TableColumn("furthest_m", "Largest size", "m", "furthest from the truth",
+                of=lambda e: abs(e).max()),
+    TableColumn("square_m2", "Mean square", "m²", "square", of=lambda e: (e * e).mean()),
+    TableColumn("least_m", "Smallest size", "m", of=lambda e: abs(e).min()),
 )  # fmt: skip
 
 
 @pytest.fixture
-def more(monkeypatch: pytest.MonkeyPatch) -> Table:
+def more(monkeypatch: pytest.MonkeyPatch) -> RunTable:
     table = replace(ERRORS, columns=(*ERRORS.columns, *MORE))
     for module in (metrics, text, notebook):
         monkeypatch.setattr(module, "ERRORS", table)

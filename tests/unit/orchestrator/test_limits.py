@@ -53,7 +53,9 @@ def a_record(n: int = 30, step_s: float = 1.0, heard: bool = True) -> Record:
     )
 
 
-def stacked(model: recursion.Model, epochs: recursion.Epochs, position: Any, q: float) -> Any:
+def stacked(
+    model: recursion.ReceiverModel, epochs: recursion.Epochs, position: Any, q: float
+) -> Any:
     """Covariances of the last epoch from all equations at once, without a recursion.
 
     Unknowns are the initial state and the noise of every interval, whitened; the state of epoch k
