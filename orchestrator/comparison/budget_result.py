@@ -15,11 +15,11 @@ from .. import artifacts, layout, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..lazy import Module
 from ..results.definitions import LOST
+from ..scenario.error_sources import SOURCES
 from ..shown import Picture, Shown, page, verbatim
 from ..words.numbers import short_length
 from ..words.shares import percent, whole_percent
 from .shares import CONFIDENCE
-from .sources import SOURCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import Component
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors

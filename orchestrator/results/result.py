@@ -15,7 +15,7 @@ from ..data.truth import of_record
 from ..lazy import Module
 from ..scenario.labels import RAW
 from ..shown import Picture, Shown
-from . import metrics, notebook, possible, text
+from . import metrics, more, notebook, possible, text
 from .artist import drawing
 from .catalogue import Figure, by_name, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
@@ -45,6 +45,7 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
            lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
     Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,),
            condition=lambda run: metrics.inclines(run.record)),
+    *more.rows("FIGURES"),
 )
 """The figures in the folder of a run."""
 

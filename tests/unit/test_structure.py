@@ -48,9 +48,7 @@ LONG_FUNCTIONS = {
 """Functions that are longer, or take more, and why."""
 
 _WHERE_FMUS_ARE_MADE_FROM = "renaming it in `models/` or `fmus/build/` would rebuild every FMU"
-_DOCUMENTED = "both names are documented"
 TWICE = {
-    "Estimates": _DOCUMENTED,
     "Grade": _WHERE_FMUS_ARE_MADE_FROM,
     "Level": "one is documented; the other is in `models/`",
     "Part": "a component of a scenario that is put together; keys that are switched together",

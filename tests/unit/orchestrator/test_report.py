@@ -14,11 +14,11 @@ from sblcosim import style
 from sblcosim.analysis import figures
 from sblcosim.analysis.factorial import analyse
 from sblcosim.analysis.ranking import ranking
+from sblcosim.data.record import Record
 from sblcosim.report import factorial, paper
 from sblcosim.report.page import Code, Page, PagePicture, PageTable, Section, Text, inline, render
 from sblcosim.report.paper.figures import FIGURES, plot_waves
 from sblcosim.results.catalogue import by_name
-from sblcosim.simulation.record import Record
 from sblcosim.study import study
 from synthetic_record import make_record
 
