@@ -196,7 +196,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     printed = json.loads(copy.run(f"{short} --out runs/json"))
     assert printed["errors"]["raw"]["absolute"]["total"]["median_m"] == total
     part = json.loads(copy.run("sblcosim schema run.json"))["$defs"]["Statistics"]
-    assert part["properties"]["median_m"]["description"].startswith("Median: signed")
+    assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
     assert "median_m" in part["required"]
 
     (copy.folder / "show.py").write_text(SHOW, "utf-8")
@@ -207,7 +207,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
     (row,) = shown["reference"]
-    assert row == "| `median_m` | m | Median: signed for an axis, of the length for total |"
+    assert row == "| `median_m` | m | Median; for total, of the length |"
 
 
 def test_a_command(copy: Copy) -> None:
