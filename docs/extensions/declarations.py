@@ -316,9 +316,11 @@ def columns(table: str) -> Iterator[str]:
         words = _plain(column.description) + (f": {one_of}" if one_of else "")
         others = alike.pop((column.unit, words), [])
         alike[column.unit, words] = [*others, f"`{column.name}`"]
-    yield from ("| column | unit | what it is |", "|---|---|---|")
+    yield from (":::{list-table}", ":header-rows: 1", ":widths: 9 2 11")
+    yield "* - column\n  - unit\n  - what it is"
     for (unit, words), names in alike.items():
-        yield f"| {', '.join(names)} | {unit} | {words} |"
+        yield f"* - {', '.join(names)}\n  - {unit}\n  - {words}"
+    yield ":::"
 
 
 def _plain(text: str) -> str:

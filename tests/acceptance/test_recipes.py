@@ -207,7 +207,7 @@ def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
     assert "<th>median_m</th>" in shown["html"]
     assert f" {total:.3f}" in shown["text"]
     (row,) = shown["reference"]
-    assert row == "| `median_m` | m | Median; for total, of the length |"
+    assert row == "* - `median_m`\n  - m\n  - Median; for total, of the length"
 
 
 def test_a_command(copy: Copy) -> None:
