@@ -10,6 +10,7 @@ import pandas as pd
 from .. import shown
 from ..errors import SblcosimError
 from . import text
+from .columns import ERRORS
 from .definitions import FRAME_WORDS
 
 _HEADS = {
@@ -61,7 +62,7 @@ def _overview(result: text.ToldResult) -> pd.DataFrame:
 
 def _errors(result: text.ToldResult) -> pd.DataFrame:
     frames = {
-        FRAME_WORDS[f]: result.errors.xs(f, level="frame")[list(text.STATISTICS)]
+        FRAME_WORDS[f]: result.errors.xs(f, level="frame")[[c.name for c in ERRORS.printed]]
         for f in text.frames_in(result.errors)
     }
     whole = result.errors.xs("absolute", level="frame").index

@@ -358,22 +358,14 @@ class Result(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Errors, percentiles and summary as plain data; missing numbers are None."""
-        errors: dict[str, Any] = {}
-        for row in self.errors.reset_index().to_dict(orient="records"):
-            receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
-            errors.setdefault(receiver, {}).setdefault(frame, {})[axis] = row
-        percentiles: dict[str, Any] = {}
-        for row in self.percentiles.reset_index().to_dict(orient="records"):
-            receiver, frame, length = (row.pop(n) for n in ("receiver", "frame", "length"))
-            percentiles.setdefault(receiver, {}).setdefault(frame, {})[length] = row
         result: dict[str, Any] = artifacts.plain(
             {
                 "scenario_name": self.scenario_name,
                 "seeds": self.seeds,
                 "remarks": self.remarks,
                 **({"failures": self.failures} if self.failures else {}),
-                "errors": errors,
-                "percentiles": percentiles,
+                "errors": _nested(self.errors),
+                "percentiles": _nested(self.percentiles),
                 "consistency": {
                     receiver: {frame: verdict.to_json() for frame, verdict in found.items()}
                     for receiver, found in self.consistency.items()
@@ -404,3 +396,15 @@ class Result(Shown):
 
     def _repr_html_(self) -> str:
         return notebook.page(self)
+
+
+def _nested(table: pd.DataFrame) -> dict[str, Any]:
+    """Rows by the names of their index, one inside the other."""
+    nested: dict[str, Any] = {}
+    for row in table.reset_index().to_dict(orient="records"):
+        *outer, last = (row.pop(name) for name in table.index.names)
+        inner = nested
+        for name in outer:
+            inner = inner.setdefault(name, {})
+        inner[last] = row
+    return nested

@@ -14,8 +14,9 @@ from ..words.lists import plural
 from ..words.numbers import meters
 from ..words.shares import percent
 from . import possible
+from .columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
 from .consistency import COVARIANCES, Verdict
-from .definitions import AXES, FRAMES, PERCENTAGES, Judged
+from .definitions import AXES, FRAMES, Judged
 
 if TYPE_CHECKING:
     from ..data.record import Record
@@ -52,7 +53,6 @@ class ToldResult(Protocol):
     def verdicts(self) -> Mapping[str, Possible]: ...
 
 
-STATISTICS = ("mean_m", "rms_m", "std_m")
 _HEADS = {
     "absolute": ("absolute", ""),
     "relative": ("relative to the platform", "as it reports itself"),
@@ -67,13 +67,7 @@ _SURE = "optimistic"
 _FEW = 10
 """Fewer estimates than this are said with their number, if most updates gave none."""
 _ONE_RUN = "Whether a covariance is right, one run cannot tell; a study can."
-_CONSISTENCY = {
-    "nees_position": "NEES of the position",
-    "relative_nees_position": "relative NEES of the position",
-    "own_relative_nees_position": "own relative NEES of the position",
-    "nees_state": "NEES of the state",
-    "nis": "NIS",
-}
+_CONSISTENCY = {one.name: one.words for one in CHI_SQUARES}
 _VERDICTS = {
     "optimistic": "optimistic, errors larger than claimed",
     "pessimistic": "pessimistic, errors smaller than claimed",
@@ -206,35 +200,36 @@ def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) ->
     width
         Columns of the terminal.
     """
-    heads = ("Error [m]", "axis", "     mean      RMS      std")
-    rows = {name: list(map(_cell, row)) for name, row in _rows(table[list(STATISTICS)]).items()}
-    blank = [_cell(None)] * len(STATISTICS)
-    yield from _blocks(heads, frames_in(table), receivers, (*AXES, "total"), rows, blank, width)
+    yield from _blocks(ERRORS, table, receivers, 9, width)
 
 
 def percentiles(
     table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH
 ) -> Iterator[str]:
     """The lines of `metrics.percentile_table`; width as in `errors`."""
-    part = "".join(f"{f'{p} %' if p < 100 else 'all':>7}" for p in PERCENTAGES)
-    rows = {name: [_cell(value, 7) for value in row] for name, row in _rows(table).items()}
-    blank = [_cell(None, 7)] * len(PERCENTAGES)
-    heads = ("Within [m]", "error", part)
-    lengths = ("horizontal", "total")
-    yield from _blocks(heads, frames_in(table), receivers, lengths, rows, blank, width)
+    yield from _blocks(PERCENTILES, table, receivers, 7, width)
 
 
 def _blocks(
-    heads: tuple[str, str, str],
-    frames: Sequence[str],
-    receivers: Sequence[str],
-    kinds: Sequence[str],
-    rows: dict[Any, list[str]],
-    blank: list[str],
-    width: int,
+    declared: RunTable, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
 ) -> Iterator[str]:
-    """A table for as many frames as fit beside each other, then one for the next."""
-    title, kind_head, columns = heads
+    """A table for as many frames as fit beside each other, then one for the next.
+
+    Parameters
+    ----------
+    least
+        Width of a column, unless its heading is longer.
+    """
+    heads = {column: declared.heading(column) for column in declared.printed}
+    sizes = {column: max(least, len(head) + 1) for column, head in heads.items()}
+    columns = "".join(f"{head:>{sizes[column]}}" for column, head in heads.items())
+    blank = [_cell(None, column, size) for column, size in sizes.items()]
+    rows = {
+        name: [_cell(row[column.name], column, size) for column, size in sizes.items()]
+        for name, row in zip(table.index, table.to_dict(orient="records"), strict=True)
+    }
+    title, frames = f"{declared.title} [{declared.unit}]", frames_in(table)
+    kinds, kind_head = declared.index[-1].choices, declared.index[-1].heading
     label = max(len(name) for name in (*receivers, "receiver") if len(name) <= _LONGEST_LABEL) + 1
     first = label + max(map(len, (*kinds, kind_head))) + 1
     size = len(columns)
@@ -261,14 +256,10 @@ def _blocks(
                 yield f"{name:<{label}}{kind:<{first - label}}{cells}"
 
 
-def _rows(table: pd.DataFrame) -> dict[Any, Any]:
-    return dict(zip(table.index, table.to_numpy(), strict=True))
-
-
-def _cell(value: Any, size: int = 9) -> str:
+def _cell(value: Any, column: TableColumn, size: int) -> str:
     if pd.isna(value):
         return f"{'–':>{size}}"
-    text = f"{value:{size}.3f}"
+    text = f"{value:{size}.{0 if column.type is int else 3}f}"
     return text if len(text) <= size else f"{value:{size}.1e}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -163,6 +164,50 @@ def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
     names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
     assert {"depth.svg", "depth.png", "errors.svg"} <= names
+
+
+SHOW = """
+import json, sys
+import sblcosim
+from declarations import columns
+
+run = sblcosim.run("harbour-square", overrides={"time.duration_s": 20.0})
+print(json.dumps({
+    "frame": run.errors["median_m"].to_list(), "html": run._repr_html_(), "text": str(run),
+    "reference": [line for line in columns("errors") if "median_m" in line],
+}))
+"""
+
+
+def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
+    title = "Add a column to the table of errors"
+    edits = [text for language, text in recipe(title) if language == "diff"]
+    assert len(edits) == 1
+    text = done(copy, title)
+    assert re.search(r"^receiver +axis +mean +RMS +std +median$", text, re.MULTILINE)
+    table = errors(copy, "median")
+    assert table.columns.to_list()[-2:] == ["median_m", "n"]
+    estimates = pd.read_parquet(copy.folder / "runs" / "median" / "estimates.parquet")
+    of_raw = estimates.loc[estimates["receiver"] == "raw", "error_total_m"]
+    total = table.set_index(["receiver", "frame", "axis"])["median_m"]["raw", "absolute", "total"]
+    assert total == np.median(of_raw)
+
+    short = SHORT.replace("harbour-square", "harbour-square --json")
+    printed = json.loads(copy.run(f"{short} --out runs/json"))
+    assert printed["errors"]["raw"]["absolute"]["total"]["median_m"] == total
+    part = json.loads(copy.run("sblcosim schema run.json"))["$defs"]["Statistics"]
+    assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
+    assert "median_m" in part["required"]
+
+    (copy.folder / "show.py").write_text(SHOW, "utf-8")
+    extensions = ROOT / "docs" / "extensions"
+    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{extensions}"'
+    shown = json.loads(copy.run(f"{path} '{sys.executable}' show.py"))
+    assert shown["frame"] == table["median_m"].to_list()
+    assert "<th>median_m</th>" in shown["html"]
+    assert f" {total:.3f}" in shown["text"]
+    (row,) = shown["reference"]
+    assert row == "* - `median_m`\n  - m\n  - Median; for total, of the length"
 
 
 def test_a_command(copy: Copy) -> None:
