@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ToldResult(Protocol):
-    """What is told of a `sblcosim.ToldResult`."""
+    """What is told of a `sblcosim.Result`."""
 
     record: Record
     receivers: tuple[str, ...]
