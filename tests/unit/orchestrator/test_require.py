@@ -35,6 +35,7 @@ from sblcosim.require.weighing import answered
 from sblcosim.results.definitions import LOST
 from sblcosim.results.drawing import free_places
 from sblcosim.results.responses import RESPONSES, check_limit
+from sblcosim.simulation.how import How
 from sblcosim.study import store
 from scipy import stats
 from typer.testing import CliRunner
@@ -316,7 +317,7 @@ def test_the_folder_of_an_answer(found: tuple[Answer, Path]) -> None:
 
 def test_progress_grows_and_leaves_a_rest_for_the_answer(found: tuple[Answer, Path]) -> None:
     shares: list[float] = []
-    decided(require.load(QUESTION), found[1] / "runs", progress=shares.append)
+    decided(require.load(QUESTION), found[1] / "runs", How(progress=shares.append))
     assert shares == sorted(shares)
     assert shares[-1] == 0.99
 
