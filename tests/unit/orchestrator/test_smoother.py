@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from model_dive import dive, parameters, without
 from sblcosim.data.samples import Samples, pose_of
+from sblcosim.data.truth import Truth
 from sblcosim.estimation import late, linear, model, outcome, smoother
 from sblcosim.models.receiver import lateness
 from sblcosim.models.receiver.surroundings import STATES
+from sblcosim.results import metrics
+from sblcosim.results.definitions import judged_by
 from scipy.spatial.transform import Rotation
 from scipy.stats import exponnorm, norm
 
@@ -356,7 +359,9 @@ def test_the_covariance_of_an_estimate_is_in_the_paper_s_order() -> None:
     sampled = np.einsum("nki,nkj->kij", apart, apart) / len(draws)
     sampled[:, 2, 2] += 0.3**2
     np.testing.assert_allclose(found.relative_covariance, sampled, rtol=0.05, atol=6e-6)
-    column = outcome._columns(found)["position_std"]
+    known = Truth(time_ns=found.epoch_ns, position=found.position)
+    track = metrics.track(judged_by(found, known))
+    column = track[["std_x_m", "std_y_m", "std_z_m"]].to_numpy()
     np.testing.assert_allclose(column**2, np.stack([expected[:, i, i] for i in (0, 2, 4)], axis=1),
                                rtol=1e-5)
 
