@@ -81,10 +81,13 @@ class Seam:
     def __exit__(self, *_: object) -> None:
         self.undo()
 
-    def instead(self, thing: Any, stand_in: Any) -> None:
-        """Put a stand-in where the product has a function, a class, a method or another object."""
+    def instead(self, thing: Any, stand_in: Any, only: ModuleType | None = None) -> None:
+        """Put a stand-in where the product has a function, a class, a method or another object.
+
+        With ``only`` nobody but that module finds it.
+        """
         assert not isinstance(thing, int | float | str | None), "others may be equal: use `tuned`"
-        places: list[tuple[Any, str]] = [*_holders(thing)]
+        places: list[tuple[Any, str]] = [p for p in _holders(thing) if only in (None, p[0])]
         *owners, name = getattr(thing, "__qualname__", "").split(".")
         if owners and "<locals>" not in owners:
             places.append((reduce(getattr, owners, sys.modules[thing.__module__]), name))

@@ -35,6 +35,9 @@ def test_whoever_has_imported_a_function_finds_what_stands_in_for_it() -> None:
         assert not any(_has(m, thing) for m in others)
         assert all(_has(m, stand_in) for m in others)
     assert all(_has(m, thing) for m in others)
+    with Seam() as seam:
+        seam.instead(files.write_file, stand_in, only=others[0])
+        assert [m for m in others if _has(m, stand_in)] == others[:1]
 
 
 def test_a_module_that_is_loaded_in_the_meantime_keeps_no_stand_in(

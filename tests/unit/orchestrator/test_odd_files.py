@@ -17,7 +17,7 @@ from pyarrow import parquet
 from sblcosim import study
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
-from sblcosim.study import store
+from sblcosim.study import parts
 from sblcosim.study.campaign import prepare
 from sblcosim.tracks.read import read
 from typer.testing import CliRunner
@@ -209,11 +209,9 @@ def test_times_with_and_without_a_zone_are_refused(zones: tuple[str, str], tmp_p
 @pytest.mark.parametrize("metadata", [b"", b"{", b"\xff", b"[1"])
 def test_a_part_with_broken_metadata_is_refused(metadata: bytes, tmp_path: Path) -> None:
     table = pa.table({"point": [1], "replicate": [1], "run_id": ["a"]})
-    (tmp_path / "parts").mkdir()
-    path = tmp_path / "parts" / "p.parquet"
-    parquet.write_table(table.replace_schema_metadata({"pandas": metadata}), path)
+    parquet.write_table(table.replace_schema_metadata({"pandas": metadata}), tmp_path / "p.parquet")
     with pytest.raises(ConfigurationError, match=r"p\.parquet: must be"):
-        store.table(tmp_path)
+        parts._opened(tmp_path / "p.parquet")
 
 
 @pytest.mark.parametrize("cost", ["1e308", "1e16"])
