@@ -14,7 +14,7 @@ import pytest
 import sblcosim
 import sblcosim.cli
 from sblcosim import style
-from sblcosim.comparison import cost, many, tournament, tournament_figures
+from sblcosim.comparison import alike, cost, many, tournament, tournament_figures
 from sblcosim.comparison.evaluation import ALL, PERCENTILE
 from sblcosim.comparison.tournament import RESPONSE, Tournament, evaluate
 from sblcosim.errors import ConfigurationError
