@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from .acoustics.variables import COMPONENT as _ACOUSTICS
 from .declaration import Component
 from .platform.variables import COMPONENT as _PLATFORM
 from .range_model.variables import COMPONENT as _RANGE_MODEL
-from .receiver.variables import (
-    COUPLED,
-    EKF,
-    FIXED_LAG,
-    LONG_BASELINE,
-    MULTILATERATION,
-    SEQUENTIAL,
-)
+from .receiver.receivers import FOUND
 from .target.variables import COMPONENT as _TARGET
 
-RECEIVERS: Mapping[str, Component] = {
-    "ekf": EKF,
-    "sequential": SEQUENTIAL,
-    "coupled": COUPLED,
-    "fixed_lag": FIXED_LAG,
-    "long_baseline": LONG_BASELINE,
-    "multilateration": MULTILATERATION,
-}
+if TYPE_CHECKING:
+    from .equations import Equations
+
+RECEIVERS: Mapping[str, Component] = {name: it.component for name, it in FOUND.items()}
 COMPONENTS: Mapping[str, Component] = {
     "target": _TARGET,
     "platform": _PLATFORM,
@@ -96,7 +87,19 @@ def of_file(stem: str) -> tuple[str, dict[str, int]] | None:
 
 def module_of(name: str) -> tuple[str, str]:
     """Folder and module with the equations of a component."""
-    return ("receiver", name) if name in RECEIVERS else (name, "equations")
+    if name not in FOUND:
+        return name, "equations"
+    return "receiver", name if FOUND[name].equations is None else f"receivers.{name}"
 
 
-__all__ = ["COMPONENTS", "RECEIVERS", "declared", "file_name", "module_of", "of_file"]
+def equations_of(name: str) -> Equations | Mapping[int, Equations]:
+    """The equations of a component, which need CasADi; of one with variants, of each."""
+    own = FOUND[name].equations if name in FOUND else None
+    module = import_module(".".join((__name__, *module_of(name))))
+    equations: Equations | Mapping[int, Equations] = module.EQUATIONS if own is None else own()
+    return equations
+
+
+__all__ = [
+    "COMPONENTS", "RECEIVERS", "declared", "equations_of", "file_name", "module_of", "of_file",
+]

@@ -19,57 +19,16 @@ Each returns a dict; ``tick`` and loop bodies return only the states that they c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 
-from .declaration import Component, Dimension
-
-Symbols = Any
-"""A namespace of CasADi symbols."""
-Values = Mapping[str, Any]
-"""CasADi expressions (or numbers) by the name of a state or an output."""
-
-
-@dataclass(frozen=True, slots=True)
-class Draw:
-    """Random numbers that are drawn anew on each occasion of one kind.
-
-    Attributes
-    ----------
-    name, size
-        Attribute of ``w``, and its number of elements (a column).
-    each
-        A constant of the build: so many times ``size`` numbers, and their scales; None: once.
-    kind
-        ``normal``: mean 0, variance 1. ``uniform``: an integer below 2**53, as a float; compare it
-        with ``probability * 2**53`` or scale it by ``2**-53``.
-    occasion
-        ``initial``, ``tick``, or the name of a loop.
-    scale
-        Scalar parameters, one per number. If the parameter is 0, its number has no effect: nothing
-        is drawn and the number is 0. Empty: always drawn.
-    """
-
-    name: str
-    kind: Literal["normal", "uniform"]
-    occasion: str
-    size: int = 1
-    scale: tuple[str, ...] = ()
-    each: Dimension | None = None
-
-    def __post_init__(self) -> None:
-        if self.scale and len(self.scale) != self.size:
-            raise ValueError(f"{self.name}: must have {self.size} scales, got {len(self.scale)}")
-
-    def of(self, component: Component) -> Draw:
-        """The draw with all its numbers, as many as the component's constants ask for."""
-        if self.each is None:
-            return self
-        times = component.constants[self.each.name]
-        return replace(self, size=times * self.size, scale=times * self.scale, each=None)
+from .declaration import Component
+from .draws import Draw as Draw
+from .symbols import Symbols as Symbols
+from .symbols import Values as Values
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +171,8 @@ class Model:
         Declared names (output, input) with direct feedthrough.
     inner
         Number of loops inside each, by name.
+    readme
+        What is said of it, in Markdown, if it is none of ours.
     """
 
     component: Component
@@ -222,6 +183,7 @@ class Model:
     iterate: Sequence[str]
     feedthrough: frozenset[tuple[str, str]] = field(default_factory=frozenset)
     inner: Mapping[str, int] = field(default_factory=dict)
+    readme: str | None = None
 
 
 def build(component: Component, equations: Equations | Mapping[int, Equations]) -> Model:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
-from . import declared, module_of
+from . import declared, equations_of
 from .equations import Model, build
 
 
@@ -18,6 +16,4 @@ def load(name: str, **constants: int) -> Model:
     ValueError
         It cannot be made for such a value.
     """
-    component = declared(name, **constants)
-    equations = import_module(".".join(("", *module_of(name))), __package__).EQUATIONS
-    return build(component, equations)
+    return build(declared(name, **constants), equations_of(name))

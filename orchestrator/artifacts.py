@@ -43,10 +43,18 @@ class Draft:
         Temporary folder; write into this one.
     path
         Intended path of the result; after the end, its actual path.
+    given
+        The path as the caller has given it.
     """
 
     folder: Path
     path: Path
+    given: Path
+
+    @property
+    def saved(self) -> Path:
+        """Where the result is after the end, beside the path that was given."""
+        return self.given.with_name(self.path.name)
 
 
 @contextmanager
@@ -83,9 +91,9 @@ def draft(
     ConfigurationError
         The path holds something else, or its parent is not writable.
     """
-    path = Path(path)
-    check(path, manifest, other)
-    path = resolved(path)
+    given = Path(path)
+    check(given, manifest, other)
+    path = resolved(given)
     try:
         empty = _is_empty(path)
         # Keep a folder that the user made: it may have its own permissions.
@@ -93,7 +101,7 @@ def draft(
         files.make_folder(above)
         with files.unfinished(above) as part:
             part.mkdir()
-            result = Draft(part, path)
+            result = Draft(part, path, given)
             yield result
             _finish(part, manifest)
             stopping.check()

@@ -128,7 +128,7 @@ class CalibrationResult(Shown):
             artifacts.write_table(self.table, draft.folder, "range_test")
             for job in jobs(FIGURES, self):
                 job.save(draft.folder, theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def __str__(self) -> str:
         s, known, line = self.settings, self.known_distance, self.line

@@ -9,7 +9,6 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
-from math import isfinite
 
 WIDTH = 80
 """Columns of what has a layout of its own, where no terminal says otherwise."""
@@ -41,16 +40,6 @@ def _wrapped(line: str, width: int) -> list[str]:
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
     return [part.replace(_KEPT, " ") for part in parts]
-
-
-def meters(length: float) -> str:
-    """A length in m for a sentence, with two digits that mean something."""
-    if not isfinite(length):
-        return "– m"
-    if length >= 1e6:  # of a filter that diverges
-        return f"{length:.1e} m"
-    digits = 0 if length >= 9.95 else 1 if length >= 0.995 else 2 if length >= 0.0995 else 3
-    return f"{length:,.{digits}f} m"
 
 
 def table(

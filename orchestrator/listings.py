@@ -1,4 +1,4 @@
-"""What comes along, by name: scenarios, studies and receivers."""
+"""What is included, by name: scenarios, studies and receivers."""
 
 from __future__ import annotations
 

@@ -8,6 +8,8 @@ from dataclasses import fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from .words.lists import plural
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -101,7 +103,7 @@ class Picture(Shown):
     def _gist(self) -> str:
         width, height = self.figure.get_size_inches()
         panels = sum(ax.axison for ax in self.axes)
-        return f"of {panels} panel{'' if panels == 1 else 's'}, {width:g} × {height:g} inch"
+        return f"of {panels} {plural(panels, 'panel')}, {width:g} × {height:g} inch"
 
     def savefig(self, *arguments: Any, **options: Any) -> None:
         """Write the figure to a file; see `matplotlib.figure.Figure.savefig`."""

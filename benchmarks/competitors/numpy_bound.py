@@ -11,14 +11,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from sblcosim.limits.recursion import Epochs, Model
+from sblcosim.limits.recursion import Epochs, ReceiverModel
 from sblcosim.models.receiver.bound import BOUNDS, Bound, least
 
 TOGETHER = 128
 
 
 def covariances(
-    model: Model, epochs: Epochs, position: Any, acceleration_psd: Any, keep: Any
+    model: ReceiverModel, epochs: Epochs, position: Any, acceleration_psd: Any, keep: Any
 ) -> tuple[Any, Any]:
     """As `sblcosim.limits.recursion.covariances`."""
     parts = [
@@ -31,7 +31,7 @@ def covariances(
 
 
 def _part(
-    model: Model, epochs: Epochs, position: Any, acceleration_psd: Any, keep: set[int]
+    model: ReceiverModel, epochs: Epochs, position: Any, acceleration_psd: Any, keep: set[int]
 ) -> tuple[Any, Any]:
     bound = BOUNDS[model.name]
     (n, divers), count = position.shape[:2], epochs.heard.shape[1]

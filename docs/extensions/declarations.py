@@ -2,7 +2,8 @@
 
 ``{scenario-keys} TABLE`` lists the keys of a table of a scenario file, from the declarations of the
 components and the schema; ``{commands}`` all commands of ``sblcosim`` with their options;
-``{json-documents}`` what they print with ``--json``.
+``{json-documents}`` what they print with ``--json``; ``{columns} TABLE`` the columns of a table of
+a run, from `sblcosim.results.columns`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.declaration import INT32_MAX, UNITS, Component, Condition, Variable
 from sblcosim.models.settings.assumptions import SOURCES
 from sblcosim.models.settings.keys import default, in_file_units
+from sblcosim.results.columns import TABLES
 from sblcosim.scenario.scenario import Scenario
 from sblcosim.scenario.schema import (
     COMMON,
@@ -53,6 +55,15 @@ class JsonDocuments(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         return self.parse_text_to_nodes("\n".join(json_pages()), allow_section_headings=True)
+
+
+class Columns(SphinxDirective):
+    """The columns of a table of a run."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(columns(self.arguments[0])))
 
 
 # --- Keys of scenario files ----------------------------------------------------------------------
@@ -293,6 +304,25 @@ def _json_type(said: Mapping[str, Any]) -> str:
     return str(said["type"])
 
 
+# --- Columns of tables ---------------------------------------------------------------------------
+
+
+def columns(table: str) -> Iterator[str]:
+    """Markdown of the columns of a table; those of which the same is said share the last's row."""
+    declared = TABLES[table]
+    alike: dict[tuple[str, str], list[str]] = {}
+    for column in (*declared.index, *declared.columns):
+        one_of = ", ".join(f"`{word}`" for word in column.choices)
+        words = _plain(column.description) + (f": {one_of}" if one_of else "")
+        others = alike.pop((column.unit, words), [])
+        alike[column.unit, words] = [*others, f"`{column.name}`"]
+    yield from (":::{list-table}", ":header-rows: 1", ":widths: 9 2 11")
+    yield "* - column\n  - unit\n  - what it is"
+    for (unit, words), names in alike.items():
+        yield f"* - {', '.join(names)}\n  - {unit}\n  - {words}"
+    yield ":::"
+
+
 def _plain(text: str) -> str:
     """A help text as Markdown that shows it as it is."""
     return re.sub(r"([<*_`])", r"\\\1", text.replace("\b", ""))
@@ -308,4 +338,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_object_type("json-part", "part", "pair: %s; JSON", objname="part of JSON")
     app.add_directive("json-documents", JsonDocuments)
+    app.add_directive("columns", Columns)
     return {"parallel_read_safe": True}

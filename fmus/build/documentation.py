@@ -11,7 +11,7 @@ import jinja2
 from markdown_it import MarkdownIt
 from markdown_it.rules_inline import StateInline
 from sblcosim.models import COMPONENTS, module_of
-from sblcosim.models.declaration import Component, Variable
+from sblcosim.models.declaration import Variable
 
 from ..standard import Fmi
 from .description import literal
@@ -42,7 +42,7 @@ def index_html(model: Model, fmi: Fmi) -> str:
             for causality, heading in _HEADINGS.items()
         ],
         feedthrough=sorted(model.feedthrough),
-        readme=_readme(component),
+        readme=_readme(model),
     )
 
 
@@ -79,10 +79,12 @@ def _range(variable: Variable) -> str:
     return "" if high is None else f"≤ {high}"
 
 
-def _readme(component: Component) -> str:
+def _readme(model: Model) -> str:
     """Return the README of the component's folder as HTML, its headings one level down."""
+    if model.readme is not None:
+        return markdown(model.readme)
     for name, known in COMPONENTS.items():
-        if known.name == component.name:
+        if known.name == model.component.name:
             path = files(f"sblcosim.models.{module_of(name)[0]}").joinpath("README.md")
             return markdown(path.read_text("utf-8")) if path.is_file() else ""
     return ""

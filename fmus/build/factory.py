@@ -5,15 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import tempfile
-import uuid
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache as remember
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +23,7 @@ from sblcosim.models.declaration import Component
 
 from .. import stopping, unchanged
 from ..errors import BuildError, DamageWarning, nearest
-from ..files import SEAL, intact, scratch, sha256_of, write_sealed
+from ..files import SEAL, intact, scratch, write_sealed
 from ..platforms import suffix, this_platform
 from ..standard import Fmi
 from . import compiler as compilers
@@ -37,6 +36,8 @@ if TYPE_CHECKING:
 CACHE_VARIABLE = "SBLCOSIM_CACHE"
 """Environment variable that names the folder for built FMUs, instead of the user's cache."""
 
+USERS = "user-"
+"""Begins the names of folders in the cache that hold FMUs of users' receivers."""
 READY = Path(__file__).parents[1] / "ready"
 """The folder for what a release brings ready-made, in folders named after its `key`."""
 
@@ -130,19 +131,49 @@ def write(
     # CasADi and the XML are loaded only when something has to be built.
     from sblcosim.models.loading import load
 
-    from .archive import contents, pack
-
     model = load(name, **constants)
     if baked is not None:
-        model = replace(model, component=baked)
-    sources = _sources(model, fmi)
-    token = _token(model, sources, fmi)
-    sources["tables.h"] = _tables(model, token)
+        _write_model(path, replace(model, component=baked), fmi, ccs, lambda cc: ())
+        return
+    _write_model(path, model, fmi, ccs, lambda cc: _lane_objects(name, cc, **constants))
+
+
+def kept_fmu(file: str, of: str, make: Callable[[], Model], fmi: Fmi) -> Path:
+    """The FMU of a model that is not ours, for this machine; it is built if it has changed.
+
+    Parameters
+    ----------
+    of
+        Key of all that the model is made from, which is made only where it must be compiled.
+
+    Raises
+    ------
+    BuildError
+        CasADi or a compiler is missing, or the compiler fails.
+    """
+    _versions()  # without CasADi no compiler helps
+    compiler = compilers.find()
+    folder = f"{USERS}{_fingerprint(_digest([of, fmi]).hexdigest(), (compiler,))}"
+    path = cache() / folder / file
+    if not _usable(path):
+        model = make()
+        _make_folder(path)
+        _write_model(path, model, fmi, (compiler,), partial(_lanes_of, model))
+    return path
+
+
+def _write_model(
+    path: Path, model: Model, fmi: Fmi, ccs: Sequence[compilers.Compiler],
+    lanes: Callable[[compilers.Compiler], Sequence[bytes]],
+) -> None:
+    from .archive import contents, pack
+    from .tables import tables_of, token_of
+
+    sources = {**engine_sources(model), **c_files([SHELLS[fmi]])}
+    token = token_of(model, sources, fmi)
+    sources["tables.h"] = tables_of(model, token)
     shell = [Unit(SHELLS[fmi])]
-    binaries = {}
-    for cc in ccs:
-        lanes = _lane_objects(name, cc, **constants) if baked is None else ()
-        binaries[cc.platform] = compile_shared(sources, shell, cc, lanes)
+    binaries = {cc.platform: compile_shared(sources, shell, cc, lanes(cc)) for cc in ccs}
     with _caching():
         write_sealed(path, pack(contents(model, fmi, token, sources, binaries)))
 
@@ -171,25 +202,6 @@ def _usable(path: Path) -> bool:
 
 def _warn(message: str) -> None:
     warnings.warn(message, DamageWarning, stacklevel=4)
-
-
-def is_build(identifier: str, sha256: str) -> bool:
-    """Whether a file is among the FMUs that came along or are cached.
-
-    Parameters
-    ----------
-    identifier
-        Of its model.
-    sha256
-        Of its content.
-    """
-    return any(
-        intact(path) and sha256_of(path) == sha256
-        for name, component in COMPONENTS.items()
-        if re.fullmatch(rf"{component.name}\d*", identifier)
-        for folder in (READY, cache())
-        for path in folder.glob(f"*/{name}{identifier.removeprefix(component.name)}.fmu")
-    )
 
 
 def cache() -> Path:
@@ -357,13 +369,17 @@ def compile_objects(
 
 @remember
 def _lane_objects(name: str, compiler: compilers.Compiler, **constants: int) -> list[bytes]:
+    from sblcosim.models.loading import load
+
+    return _lanes_of(load(name, **constants), compiler)
+
+
+def _lanes_of(model: Model, compiler: compilers.Compiler) -> list[bytes]:
     """The engines for many simulations; kept, as they are the most of a build.
 
     They are the same for both versions of FMI, and whatever is said about the variables.
     """
-    from sblcosim.models.loading import load
-
-    sources = {**engine_sources(load(name, **constants)), **c_files(LANES)}
+    sources = {**engine_sources(model), **c_files(LANES)}
     units = [Unit("dispatch.c"), *lane_units("lanes.c", compiler.platform)]
     facts = [compiler.command, compiler.identity, compiler.platform, SEAL]
     folder = cache() / key_of_sources(facts, units, sources)
@@ -382,27 +398,6 @@ def fmi_headers() -> Path:
     import fmpy
 
     return Path(fmpy.__file__).parent / "c-code"
-
-
-def _sources(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    return {**engine_sources(model), **c_files([SHELLS[fmi]])}
-
-
-def _tables(model: Model, token: str) -> bytes:
-    from .description import value_references
-    from .tables import table_source
-
-    return table_source(model.component, token, value_references(model.component)).encode()
-
-
-def _token(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
-    """GUID or instantiation token: the same for the same interface and equations."""
-    digest = hashlib.sha256(_tables(model, ""))
-    for file in sorted(sources):
-        digest.update(file.encode() + b"\0" + sources[file])
-    return f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}" if fmi == 2 else str(
-        uuid.UUID(bytes=digest.digest()[:16])
-    )
 
 
 def key(name: str, fmi: Fmi, **constants: int) -> str:

@@ -1,8 +1,9 @@
 """What an FMU is made from, as a hash: a changed model changes its own FMU and no other.
 
 A component's sources are its module of equations and what that imports, as the import statements
-say. Reading them needs no CasADi. A module of declarations (``variables``) counts by what is taken
-from it, so that the declaration of one receiver is not an ingredient of the others.
+say; of a folder inside a component's, all modules. Reading them needs no CasADi. A module of
+declarations (``variables``) counts by what is taken from it, so that the declaration of one
+receiver is not an ingredient of the others.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ from .c_files import LANES, SHELLS, c_files, engine_headers
 
 _MODELS, _FMUS = "sblcosim.models", "sblcosim.fmus"
 _BUILD = f"{_FMUS}.build"
-_NO_INGREDIENTS = (f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source")
-"""Modules that decide nothing about an FMU: files only writes what is complete, and bounds are in
-no FMU."""
+_NO_INGREDIENTS = (
+    f"{_FMUS}.files", f"{_BUILD}.bound", f"{_BUILD}.bound_source", f"{_BUILD}.ours",
+)
+"""Modules that decide nothing about an FMU: files only writes what is complete, bounds are in no
+FMU, and whether a file is ours is asked when it is there."""
+_RECEIVERS = "receiver"
 _DECLARATIONS = "variables"
 """Name of the modules that hold a folder's declarations."""
 
@@ -47,13 +51,33 @@ def ingredients(name: str, fmi: Fmi, **constants: int) -> str:
         A key of `sblcosim.models.COMPONENTS`.
     """
     folder, module = module_of(name)
-    digest = hashlib.sha256(repr(declared(name, **constants)).encode())
-    for part in _closure((*_build_modules(), f"{_MODELS}.{folder}.{module}")):
-        digest.update(part.encode() + b"\0")
-    files = c_files([SHELLS[fmi], *LANES]) | engine_headers()
     readme = resources.files(f"{_MODELS}.{folder}") / "README.md"
-    if readme.is_file():
-        files["README.md"] = readme.read_bytes()
+    return _ingredients(
+        repr(declared(name, **constants)), (f"{_MODELS}.{folder}.{module}",), fmi,
+        {"README.md": readme.read_bytes()} if readme.is_file() else {},
+    )
+
+
+@cache
+def of_user(identity: str, fmi: Fmi) -> str:
+    """The same of a component that is not ours, which may be made of anything of our receivers.
+
+    Parameters
+    ----------
+    identity
+        What it is known by itself.
+    """
+    folder = resources.files(f"{_MODELS}.{_RECEIVERS}")
+    names = sorted(file.name for file in folder.iterdir() if file.name.endswith(".py"))
+    roots = tuple(f"{_MODELS}.{_RECEIVERS}.{name.removesuffix('.py')}" for name in names)
+    return _ingredients(identity, roots, fmi, {})
+
+
+def _ingredients(declared: str, roots: tuple[str, ...], fmi: Fmi, files: dict[str, bytes]) -> str:
+    digest = hashlib.sha256(declared.encode())
+    for part in _closure((*_build_modules(), *roots)):
+        digest.update(part.encode() + b"\0")
+    files |= c_files([SHELLS[fmi], *LANES]) | engine_headers()
     for file in resources.files(_BUILD).iterdir():
         if file.name.endswith(".jinja"):
             files[file.name] = file.read_bytes()
@@ -84,6 +108,9 @@ def _closure(
         value = _declared(wanted)
         label = f"{wanted.module}.{wanted.name}" if value else wanted.module
         if label in parts or wanted.module in without:
+            continue
+        if found := _found(wanted.module):
+            waiting += found
             continue
         parts[label] = value or _source(wanted.module)
         if not value:
@@ -131,7 +158,24 @@ def _imports(module: str) -> tuple[Import, ...]:
         wanted
         for match in _IMPORT.finditer(_source(module))
         for wanted in _imported(module, match)
-        if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _file(wanted.module).is_file()
+        if wanted.module.startswith((f"{_MODELS}.", f"{_FMUS}.")) and _is_there(wanted.module)
+    )
+
+
+def _is_there(module: str) -> bool:
+    return _file(module).is_file() or bool(_found(module))
+
+
+@cache
+def _found(package: str) -> tuple[Import, ...]:
+    """The modules of a folder inside a component's: they are found, no list names them."""
+    component, _, inner = package.removeprefix(f"{_MODELS}.").partition(".")
+    folder = resources.files(_MODELS).joinpath(component, *inner.split("."))
+    if not package.startswith(f"{_MODELS}.") or not inner or not folder.is_dir():
+        return ()
+    names = sorted(file.name for file in folder.iterdir())
+    return tuple(
+        Import(f"{package}.{name.removesuffix('.py')}") for name in names if name.endswith(".py")
     )
 
 

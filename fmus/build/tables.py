@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import uuid
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sblcosim.models.declaration import Component, Variable
 from sblcosim.models.equations import Draw
+
+from ..standard import Fmi
+from .description import value_references
+
+if TYPE_CHECKING:
+    from sblcosim.models.equations import Model
 
 _TYPES = {"Float64": "FLOAT64", "Int32": "INT32", "Boolean": "BOOLEAN"}
 _CAUSALITIES = {"parameter": "PARAMETER", "input": "INPUT", "output": "OUTPUT"}
@@ -109,3 +117,17 @@ def table_source(component: Component, token: str, references: Mapping[str, int]
             "",
         ]
     )
+
+
+def tables_of(model: Model, token: str) -> bytes:
+    """The tables of a component's variables."""
+    return table_source(model.component, token, value_references(model.component)).encode()
+
+
+def token_of(model: Model, sources: Mapping[str, bytes], fmi: Fmi) -> str:
+    """GUID or instantiation token: the same for the same interface and equations."""
+    digest = hashlib.sha256(tables_of(model, ""))
+    for file in sorted(sources):
+        digest.update(file.encode() + b"\0" + sources[file])
+    token = str(uuid.UUID(bytes=digest.digest()[:16]))
+    return f"{{{token}}}" if fmi == 2 else token

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from .environment import of_loader
-from .library import Instance, Library, output_names
-from .subject import Number, Subject, Variable
+from .library import Library, TracedInstance, output_names
+from .subject import Number, Subject, SubjectVariable
 from .trace import Trace
 
 Values = list[Any]
@@ -112,9 +112,9 @@ class Bench:
         """Leave facts for later checks."""
         (self.folder / "facts.json").write_text(json.dumps(facts))
 
-    def instance(self, name: str = "conformance") -> Instance:
+    def instance(self, name: str = "conformance") -> TracedInstance:
         """A new instance."""
-        return Instance(self.library, name, talks=self.talks)
+        return TracedInstance(self.library, name, talks=self.talks)
 
     def accept(self, call: str, clause: str | None) -> None:
         """Note that a call was done which should have been refused.
@@ -151,7 +151,7 @@ class Bench:
 
 def stimulus(
     subject: Subject, level: str, step: int, number: int = 0
-) -> Iterator[tuple[Variable, list[Number]]]:
+) -> Iterator[tuple[SubjectVariable, list[Number]]]:
     """What is set before a step: inputs near their start values, times that go with the time.
 
     Parameters
@@ -181,7 +181,7 @@ def stimulus(
             yield v, values
 
 
-def _within(variable: Variable, value: Number) -> Number:
+def _within(variable: SubjectVariable, value: Number) -> Number:
     if variable.min is not None:
         value = max(value, variable.min if variable.real else int(variable.min))
     if variable.max is not None:
@@ -189,7 +189,7 @@ def _within(variable: Variable, value: Number) -> Number:
     return value
 
 
-def begin(instance: Instance, level: str, number: int = 0) -> Instance:
+def begin(instance: TracedInstance, level: str, number: int = 0) -> TracedInstance:
     """From instantiated to ready for steps, perhaps with real parameters changed a little."""
     if level == ALL:
         share = 0.1 * (number + 1) / INSTANCES
@@ -202,7 +202,9 @@ def begin(instance: Instance, level: str, number: int = 0) -> Instance:
     return instance.begin()
 
 
-def advance(instance: Instance, level: str, step: int, number: int = 0, cut: int = 1) -> Values:
+def advance(
+    instance: TracedInstance, level: str, step: int, number: int = 0, cut: int = 1
+) -> Values:
     """Set the inputs, take a step, perhaps in parts, and return the outputs."""
     subject = instance.subject
     instance.set_all(instance.library.settings(stimulus(subject, level, step, number)))
@@ -213,7 +215,7 @@ def advance(instance: Instance, level: str, step: int, number: int = 0, cut: int
 
 
 def run(
-    instance: Instance, level: str, number: int = 0, cut: int = 1, first: int = 0
+    instance: TracedInstance, level: str, number: int = 0, cut: int = 1, first: int = 0
 ) -> list[Values]:
     """The outputs now and after each step to the end of the run."""
     steps = range(first, instance.subject.steps)
@@ -257,7 +259,7 @@ def middle(bench: Bench) -> int:
     return bench.subject.steps // 2
 
 
-def half_way(bench: Bench) -> Instance:
+def half_way(bench: Bench) -> TracedInstance:
     """An instance in the middle of a run."""
     level = bench.facts["level"]
     instance = begin(bench.instance(), level)

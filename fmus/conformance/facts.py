@@ -13,7 +13,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..build.factory import fmi_headers
 from ..read.description import DESCRIPTION
-from .subject import Number, Subject, Variable
+from .subject import Number, Subject, SubjectVariable
 
 _STEPS = 20
 _STEP = 0.1
@@ -108,7 +108,7 @@ def _dependencies(
             )
 
 
-def _variable(variable: ModelVariable, description: ModelDescription) -> Variable:
+def _variable(variable: ModelVariable, description: ModelDescription) -> SubjectVariable:
     def attribute(name: str) -> Any:
         value = getattr(variable, name)
         return getattr(variable.declaredType, name, None) if value is None else value
@@ -117,7 +117,7 @@ def _variable(variable: ModelVariable, description: ModelDescription) -> Variabl
     if kind == "Enumeration":
         kind = "Integer" if description.fmiMajorVersion == 2 else "Int64"
     size = math.prod(variable.shape or ())
-    return Variable(
+    return SubjectVariable(
         name=variable.name,
         reference=variable.valueReference,
         kind=kind,

@@ -26,7 +26,7 @@ from ..read.description import DescriptionError, check_interface, describe, libr
 from . import receiver_contract as plug
 from .bench import STANDARDS
 from .checks import CHECKS
-from .runner import PATIENCE, Outcome, State, run, unpacked
+from .runner import PATIENCE, CheckOutcome, State, run, unpacked
 
 _STATIC_PATIENCE = 120.0
 """Seconds that another tool may take to read the FMU."""
@@ -36,8 +36,8 @@ _TERMINAL_CLAUSES = {2: "2.3.2", 3: "2.4.9.2"}
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
-    """What came of one check.
+class CheckResult:
+    """Result of one check.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What came of all checks of an FMU.
+    """Results of all checks of an FMU.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Report:
 
     path: Path
     fmi: str
-    results: tuple[Result, ...]
+    results: tuple[CheckResult, ...]
 
     @property
     def ok(self) -> bool:
@@ -93,7 +93,7 @@ class Report:
         """What this machine lacks, so that a check could not be made; None: nothing."""
         return next((r.reason for r in self.results if r.state == "blocked"), None)
 
-    def __getitem__(self, name: str) -> Result:
+    def __getitem__(self, name: str) -> CheckResult:
         return next(result for result in self.results if result.name == name)
 
     def count(self, state: State) -> int:
@@ -119,8 +119,8 @@ class Report:
         return "\n".join([*map(str, self.results), self.summary])
 
 
-_Note = Callable[[str, str, Outcome], None]
-"""Takes the name of a check, its promise and what came of it."""
+_Note = Callable[[str, str, CheckOutcome], None]
+"""Takes the name of a check, its promise and its result."""
 
 
 def examine(
@@ -128,7 +128,7 @@ def examine(
     *,
     only: Collection[str] = (),
     patience: float = PATIENCE,
-    each: Callable[[Result], object] = lambda result: None,
+    each: Callable[[CheckResult], object] = lambda result: None,
 ) -> Report:
     """Check an FMU for Co-Simulation.
 
@@ -152,13 +152,15 @@ def examine(
         raise FmuError(
             f"check: must be one of {', '.join(NAMES)}; got {name!r}{nearest(name, NAMES)}"
         )
-    results: list[Result] = []
+    results: list[CheckResult] = []
 
-    def note(name: str, what: str, outcome: Outcome) -> None:
+    def note(name: str, what: str, outcome: CheckOutcome) -> None:
         words = ["sblcosim", "conformance", str(path), "--check", name]
         words += ["--timeout", f"{patience:g}"] if patience != PATIENCE else []
         command = shlex.join(words)
-        results.append(Result(name, what, outcome.state, outcome.reason, outcome.clause, command))
+        results.append(CheckResult(
+            name, what, outcome.state, outcome.reason, outcome.clause, command)
+        )
         each(results[-1])
 
     with opened(path) as archive:
@@ -184,7 +186,7 @@ def _run_dynamic(folder: Path, chosen: Collection[str], patience: float, note: _
         checks.insert(checks[0].name == "functions", _LIFE_CYCLE)
     alive = True
     for check in checks:
-        outcome = Outcome("not run", "there is no life cycle")
+        outcome = CheckOutcome("not run", "there is no life cycle")
         if alive:
             outcome = run(folder, check, patience)
         alive &= check.name != "life cycle" or outcome.state == "passed"
@@ -202,9 +204,9 @@ def _give_up(
         if name == "description":
             reason = str(error).removeprefix(f"{archive.path}: ")
             editions = " or ".join(f"{STANDARDS[v]}, {c}" for v, c in _DESCRIPTION_CLAUSES.items())
-            note(name, what, Outcome("failed", reason, editions))
+            note(name, what, CheckOutcome("failed", reason, editions))
         elif name in chosen:
-            note(name, what, Outcome("not run", "the description cannot be read"))
+            note(name, what, CheckOutcome("not run", "the description cannot be read"))
 
 
 # ---- static checks ----
@@ -217,28 +219,28 @@ for problem in validate_fmu(sys.argv[1]):
 """
 
 
-def _description(path: Path, description: ModelDescription) -> Outcome:
+def _description(path: Path, description: ModelDescription) -> CheckOutcome:
     try:  # in a process of its own: its parser of names can take for ever
         done = subprocess.run(
             [sys.executable, "-P", "-c", _VALIDATE, os.path.abspath(path)],
             capture_output=True, text=True, errors="replace", check=True, timeout=_STATIC_PATIENCE,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Outcome("not run", f"FMPy has not validated it after {_STATIC_PATIENCE:g} s")
+        return CheckOutcome("not run", f"FMPy has not validated it after {_STATIC_PATIENCE:g} s")
     except subprocess.CalledProcessError as error:
         last = "".join(error.stderr.strip().splitlines()[-1:])
-        return Outcome("not run", f"FMPy cannot validate it: {shown(last, 200)}")
+        return CheckOutcome("not run", f"FMPy cannot validate it: {shown(last, 200)}")
     if done.stdout:
         fmi = description.fmiMajorVersion
         clause = f"{STANDARDS[fmi]}, {_DESCRIPTION_CLAUSES[fmi]}"
-        return Outcome("failed", _listed(done.stdout.splitlines()), clause)
-    return Outcome("passed", "FMPy finds nothing against it")
+        return CheckOutcome("failed", _listed(done.stdout.splitlines()), clause)
+    return CheckOutcome("passed", "FMPy finds nothing against it")
 
 
-def _fmutool(path: Path, description: ModelDescription) -> Outcome:
+def _fmutool(path: Path, description: ModelDescription) -> CheckOutcome:
     """What another tool says; much of it is its own opinion."""
     if importlib.util.find_spec("fmu_manipulation_toolbox") is None:
-        return Outcome("not run", "it needs a package: pip install fmu-manipulation-toolbox")
+        return CheckOutcome("not run", "it needs a package: pip install fmu-manipulation-toolbox")
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
     try:
         done = subprocess.run(
@@ -246,17 +248,19 @@ def _fmutool(path: Path, description: ModelDescription) -> Outcome:
             capture_output=True, text=True, errors="replace", check=False, timeout=_STATIC_PATIENCE,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Outcome("not run", f"fmutool has not ended after {_STATIC_PATIENCE:g} s")
+        return CheckOutcome("not run", f"fmutool has not ended after {_STATIC_PATIENCE:g} s")
     errors = _ERROR_OF_FMUTOOL.findall(done.stdout + done.stderr)
     if errors:
-        return Outcome("warning", _listed([" ".join(error.split()) for error in errors]))
+        return CheckOutcome("warning", _listed([" ".join(error.split()) for error in errors]))
     if done.returncode != 0:
         last = "".join((done.stderr or done.stdout).strip().splitlines()[-1:])
-        return Outcome("warning", f"fmutool ends with code {done.returncode}: {shown(last, 200)}")
-    return Outcome("passed", "fmutool -check finds nothing against it")
+        return CheckOutcome(
+            "warning", f"fmutool ends with code {done.returncode}: {shown(last, 200)}"
+        )
+    return CheckOutcome("passed", "fmutool -check finds nothing against it")
 
 
-def _plug_contract(path: Path, description: ModelDescription) -> Outcome:
+def _plug_contract(path: Path, description: ModelDescription) -> CheckOutcome:
     """Our contract is not the standard's; that terminals name variables is."""
     report = plug.check_receiver(path)
     missing = [name for name in REQUIRED_ESTIMATE if name not in report.names]
@@ -264,16 +268,18 @@ def _plug_contract(path: Path, description: ModelDescription) -> Outcome:
     unlawful = [error for error in errors if error.startswith("terminal ")]
     if unlawful:
         fmi = description.fmiMajorVersion
-        return Outcome("failed", _listed(errors), f"{STANDARDS[fmi]}, {_TERMINAL_CLAUSES[fmi]}")
+        return CheckOutcome(
+            "failed", _listed(errors), f"{STANDARDS[fmi]}, {_TERMINAL_CLAUSES[fmi]}"
+        )
     if missing:
-        return Outcome(
+        return CheckOutcome(
             "does not apply", f"the FMU is no receiver: it has no {' and no '.join(missing)}"
         )
     if errors:
-        return Outcome("warning", _listed(errors))
+        return CheckOutcome("warning", _listed(errors))
     warnings = len(report.of("warning"))
     also = f", {warnings} with a catch: see 'sblcosim check'" if warnings else ""
-    return Outcome("passed", f"{len(report.of('ok')) - 1} ports agree with it{also}")
+    return CheckOutcome("passed", f"{len(report.of('ok')) - 1} ports agree with it{also}")
 
 
 def _listed(problems: list[str], most: int = 3) -> str:
@@ -281,7 +287,7 @@ def _listed(problems: list[str], most: int = 3) -> str:
     return "; ".join(shown(problem, 200) for problem in problems[:most]) + more
 
 
-_STATIC: tuple[tuple[str, str, Callable[[Path, ModelDescription], Outcome]], ...] = (
+_STATIC: tuple[tuple[str, str, Callable[[Path, ModelDescription], CheckOutcome]], ...] = (
     ("description", "modelDescription.xml is valid", _description),
     ("fmutool", "the FMU Manipulation Toolbox finds no error", _fmutool),
     ("plug contract", "a receiver's ports are those of 'sblcosim check'", _plug_contract),

@@ -24,7 +24,7 @@ from ..host.signatures import (
     state_function,
     status_text,
 )
-from .subject import Number, Subject, Variable
+from .subject import Number, Subject, SubjectVariable
 from .trace import Trace
 
 Setting = tuple[str, tuple[Any, ...]]
@@ -129,7 +129,7 @@ class Library:
         size = (len(buffer),) if self.fmi == 3 else ()
         return array, len(references), buffer, *size
 
-    def settings(self, values: Iterable[tuple[Variable, Sequence[Number]]]) -> list[Setting]:
+    def settings(self, values: Iterable[tuple[SubjectVariable, Sequence[Number]]]) -> list[Setting]:
         """The calls that set variables, of any instance; one per kind."""
         kinds: dict[str, tuple[list[int], list[Number]]] = {}
         for variable, elements in values:
@@ -167,7 +167,7 @@ class Library:
         return address or None
 
 
-class Instance:
+class TracedInstance:
     """An instance; what is not named ``try_…`` raises `RefusedError` for worse than a warning.
 
     One that is not ``born`` is there to be looked at: it knows its library and has no address.
@@ -234,7 +234,7 @@ class Instance:
             self.do("SetupExperiment", 0, 0.0, start, 0, 0.0)
             self.do("EnterInitializationMode")
 
-    def begin(self) -> Instance:
+    def begin(self) -> TracedInstance:
         """From instantiated to ready for steps."""
         self.enter()
         self.do("ExitInitializationMode")
@@ -256,7 +256,7 @@ class Instance:
         if self.library.fmi == 3 and any(self._kept[0][1:]):
             raise RefusedError(f"fmi3DoStep at {time:g} s", DISCARD, "it has ended the step early")
 
-    def values(self, variables: Iterable[Variable]) -> list[Any]:
+    def values(self, variables: Iterable[SubjectVariable]) -> list[Any]:
         """The values of all elements, one after another."""
         result: list[Any] = []
         for v in variables:
@@ -280,7 +280,7 @@ class Instance:
             result.extend(buffer)
         return result
 
-    def set(self, variable: Variable, values: Sequence[Number]) -> None:
+    def set(self, variable: SubjectVariable, values: Sequence[Number]) -> None:
         """Set all elements of a variable."""
         self.set_all(self.library.settings([(variable, values)]))
 
@@ -323,7 +323,7 @@ class Instance:
         return state
 
     def derivative(
-        self, unknown: Variable, knowns: Sequence[Variable], seed: Sequence[float]
+        self, unknown: SubjectVariable, knowns: Sequence[SubjectVariable], seed: Sequence[float]
     ) -> list[float]:
         """The directional derivative of one variable along a seed of all elements of others."""
         result = (ctypes.c_double * unknown.size)()
@@ -339,7 +339,7 @@ class Instance:
 
 
 def output_names(subject: Subject) -> list[str]:
-    """Names of all elements in the order of `Instance.outputs`; elements count from 1."""
+    """Names of all elements in the order of `TracedInstance.outputs`; elements count from 1."""
     return [
         v.name if v.size == 1 else f"{v.name}[{i + 1}]"
         for _, variables in _by_kind(subject.observed)
@@ -348,12 +348,12 @@ def output_names(subject: Subject) -> list[str]:
     ]
 
 
-def _by_kind(variables: Iterable[Variable]) -> list[tuple[str, list[Variable]]]:
-    kinds: dict[str, list[Variable]] = {}
+def _by_kind(variables: Iterable[SubjectVariable]) -> list[tuple[str, list[SubjectVariable]]]:
+    kinds: dict[str, list[SubjectVariable]] = {}
     for v in variables:
         kinds.setdefault(v.kind, []).append(v)
     return list(kinds.items())
 
 
-def _size(variables: Iterable[Variable]) -> int:
+def _size(variables: Iterable[SubjectVariable]) -> int:
     return sum(v.size for v in variables)

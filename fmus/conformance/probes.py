@@ -9,9 +9,9 @@ from typing import Any
 
 from ..host.signatures import OK, WARNING
 from .bench import Bench, Clauses, ConcernError, advance, begin
-from .library import Instance, RefusedError
+from .library import RefusedError, TracedInstance
 
-Act = Callable[[Instance], object]
+Act = Callable[[TracedInstance], object]
 """Returns the status where that is judged."""
 
 NONE, NEW, INITIALISING, STEPPING, STEPPED, TERMINATED = range(6)
@@ -41,7 +41,7 @@ class Probe:
     refusal: Clauses | None = None
 
 
-Row = (
+ProbeRow = (
     tuple[str, int, Act] | tuple[str, int, Act, Clauses] | tuple[str, int, Act, Clauses, Clauses]
 )
 """The attributes of a `Probe`."""
@@ -49,7 +49,7 @@ Row = (
 NOWHERE: Clauses = (None, None)
 
 
-def probed(bench: Bench, probes: Sequence[Row], what: str = "answered") -> str:
+def probed(bench: Bench, probes: Sequence[ProbeRow], what: str = "answered") -> str:
     """Make each call on an instance of its own; it must return, and some must be refused.
 
     What must be borne comes first: what an unlawful call has broken does not count.
@@ -77,9 +77,9 @@ def probed(bench: Bench, probes: Sequence[Row], what: str = "answered") -> str:
     return f"{len(probes)} calls {what}" if probes else ""
 
 
-def _ready(bench: Bench, mode: int, level: str) -> Instance:
+def _ready(bench: Bench, mode: int, level: str) -> TracedInstance:
     """An instance in a mode."""
-    instance = Instance(bench.library, born=mode != NONE)
+    instance = TracedInstance(bench.library, born=mode != NONE)
     if mode == INITIALISING:
         instance.enter()
     elif mode > INITIALISING:

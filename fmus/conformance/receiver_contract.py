@@ -54,7 +54,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ContractReport:
     """The findings about an FMU, variable by variable.
 
     Attributes
@@ -127,7 +127,7 @@ class _Declared:
         return tuple(dict.fromkeys(split(v.name)[0] for v in self.scalars.values()))
 
 
-def check_receiver(path: str | Path, *, load: bool = False) -> Report:
+def check_receiver(path: str | Path, *, load: bool = False) -> ContractReport:
     """Check an FMU against the plug contract of a receiver.
 
     Parameters
@@ -158,7 +158,7 @@ def check_receiver(path: str | Path, *, load: bool = False) -> Report:
     declared = _declared(own | {named[name]: variables[name] for name in named})
     findings += _check_ports(declared, description)
     names = {name: declared[name].names for name in _PORTS if name in declared}
-    return Report(path, tuple(findings), names)
+    return ContractReport(path, tuple(findings), names)
 
 
 def check_variables(variables: Iterable[Variable]) -> tuple[Finding, ...]:

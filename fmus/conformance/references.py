@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from ..host.signatures import C_TYPES
 from .bench import Bench, Clauses
-from .library import Instance
-from .probes import INITIALISING, NEW, NOWHERE, STEPPED, Act, Row, call, probed, room
+from .library import TracedInstance
+from .probes import INITIALISING, NEW, NOWHERE, STEPPED, Act, ProbeRow, call, probed, room
 from .subject import Subject
 
 _UNKNOWN: Clauses = ("2.1.2", None)
@@ -22,7 +22,7 @@ def unknown_references(bench: Bench) -> str:
     return probed(bench, [*probes, *_unknown_derivatives(subject)], "refused")
 
 
-def _unknown_values(subject: Subject, kind: str) -> Iterator[Row]:
+def _unknown_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
     """References of no variable of a type."""
     known = {v.reference for v in subject.variables}
     own = {v.reference for v in subject.variables if v.kind == kind}  # FMI 2 counts for each type
@@ -43,7 +43,7 @@ _FAR = (0x7FFFFFFF, 0xFFFFFFFF)
 _TOO_LARGE = 1 << 32
 
 
-def _unknown_derivatives(subject: Subject) -> Iterator[Row]:
+def _unknown_derivatives(subject: Subject) -> Iterator[ProbeRow]:
     if not subject.derivatives:
         return
     reals = [v for v in subject.variables if v.kind in ("Real", "Float64") and v.size == 1]
@@ -60,7 +60,7 @@ def _unknown_derivatives(subject: Subject) -> Iterator[Row]:
 
 
 def _access(name: str, reference: int, kind: str) -> Act:
-    def act(instance: Instance) -> int:
+    def act(instance: TracedInstance) -> int:
         size, fmi = 64, instance.library.fmi  # with room for more than is asked for
         references = (ctypes.c_uint32 * 1)(reference)
         if kind == "Binary":

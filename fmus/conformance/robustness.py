@@ -14,7 +14,7 @@ from typing import Any
 
 from ..host.signatures import C_TYPES, ERROR, OK
 from .bench import Bench, Clauses, NotApplicableError
-from .library import Instance, Library
+from .library import Library, TracedInstance
 from .probes import (
     INITIALISING,
     NEW,
@@ -24,14 +24,14 @@ from .probes import (
     STEPPING,
     TERMINATED,
     Act,
-    Row,
+    ProbeRow,
     bare,
     call,
     probed,
     room,
     step,
 )
-from .subject import Number, Subject, Variable
+from .subject import Number, Subject, SubjectVariable
 
 _SAMPLE = 40
 """Variables that are set to invalid values, at most."""
@@ -39,13 +39,13 @@ _SAMPLE_ONCE = 4
 """The same where each call takes a process of its own."""
 
 
-def _settable(subject: Subject) -> list[Variable]:
+def _settable(subject: Subject) -> list[SubjectVariable]:
     parameters = [v for v in subject.of("parameter") if v.variability in ("fixed", "tunable")]
     return [v for v in (*parameters, *subject.of("input")) if v.kind in C_TYPES[subject.fmi]]
 
 
-def _set(variable: Variable, values: Sequence[Any]) -> Act:
-    def act(instance: Instance) -> int:
+def _set(variable: SubjectVariable, values: Sequence[Any]) -> Act:
+    def act(instance: TracedInstance) -> int:
         ((function, arguments),) = instance.library.settings([(variable, values)])
         return instance.try_(function, *arguments)
 
@@ -66,16 +66,16 @@ def illegal_calls(bench: Bench) -> str:
     ])  # fmt: skip
 
 
-def _enter(instance: Instance) -> None:
+def _enter(instance: TracedInstance) -> None:
     instance.try_enter()
 
 
-def _step_after_reset(instance: Instance) -> None:
+def _step_after_reset(instance: TracedInstance) -> None:
     instance.do("Reset")
     step(instance.subject.start, instance.subject.step)(instance)
 
 
-def _out_of_order(subject: Subject) -> list[Row]:
+def _out_of_order(subject: Subject) -> list[ProbeRow]:
     """Calls of the life cycle where it has no room for them."""
     t, h = subject.start, subject.step
     return [
@@ -101,7 +101,7 @@ def _out_of_order(subject: Subject) -> list[Row]:
     ]
 
 
-def _settings_out_of_order(subject: Subject) -> Iterator[Row]:
+def _settings_out_of_order(subject: Subject) -> Iterator[ProbeRow]:
     constants = [v for v in subject.variables if v.variability == "constant" and not v.clocked]
     for v in (*subject.of("output")[:1], *subject.of("parameter")[:1], *constants[:2]):
         if v.kind not in C_TYPES[subject.fmi] or v.kind == "String":
@@ -118,7 +118,7 @@ def _settings_out_of_order(subject: Subject) -> Iterator[Row]:
             yield f"setting {v.name} between steps", STEPPED, act, NOWHERE, NOWHERE
 
 
-def _odd_states(subject: Subject, library: Library) -> Iterator[Row]:
+def _odd_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
     """Functions for states that are not claimed, and serialised states of another size."""
     pointer = ctypes.c_void_p()
     if not subject.saves:
@@ -134,7 +134,7 @@ def _odd_states(subject: Subject, library: Library) -> Iterator[Row]:
             yield f"a serialised state of {text}", STEPPED, _deserialise(size)
 
 
-def _odd_functions(subject: Subject) -> Iterator[Row]:
+def _odd_functions(subject: Subject) -> Iterator[ProbeRow]:
     """Functions that a host for Co-Simulation without event mode has no use for."""
     spare = room()
     names: dict[str, tuple[Any, ...]]
@@ -156,7 +156,7 @@ def _odd_functions(subject: Subject) -> Iterator[Row]:
         yield f"fmi{subject.fmi}{name}", STEPPED, call(name, *arguments)
 
 
-def _odd_instantiations(subject: Subject) -> Iterator[Row]:
+def _odd_instantiations(subject: Subject) -> Iterator[ProbeRow]:
     token = subject.token.encode()
     yield "instantiation with an empty name", NONE, _instantiate(b"", token)
     # That it is compared is what it is there for, and no duty (FMI 2.0.5, 2.1.5; FMI 3.0.2, 2.3.1).
@@ -167,7 +167,7 @@ def _odd_instantiations(subject: Subject) -> Iterator[Row]:
 
 
 def _instantiate(name: bytes | None, token: bytes | None, logger: bool = True) -> Act:
-    def act(instance: Instance) -> int:
+    def act(instance: TracedInstance) -> int:
         library = instance.library
         other = library.instantiate(name, token, logger)
         if other is None:
@@ -181,7 +181,7 @@ def _instantiate(name: bytes | None, token: bytes | None, logger: bool = True) -
 def _deserialise(change: int) -> Act:
     """Bytes of a state, with some left out or put on; 0: none at all."""
 
-    def act(instance: Instance) -> None:
+    def act(instance: TracedInstance) -> None:
         state = instance.state()
         data = instance.serialised(state)
         size = len(data) + change if change else 0
@@ -197,7 +197,7 @@ def _deserialise(change: int) -> Act:
 
 def invalid_values(bench: Bench) -> str:
     subject = bench.subject
-    probes: list[Row] = []
+    probes: list[ProbeRow] = []
     settable = [v for v in _settable(subject) if v.number or v.choice]
     most = _SAMPLE_ONCE if subject.once else _SAMPLE
     for v in settable[:: max(1, len(settable) // most)]:
@@ -217,16 +217,16 @@ def invalid_values(bench: Bench) -> str:
     return probed(bench, probes)
 
 
-def _cast(variable: Variable, value: float) -> Number:
+def _cast(variable: SubjectVariable, value: float) -> Number:
     return value if variable.real else int(value)
 
 
-def _live_with(variable: Variable, value: Number, mode: int) -> Act:
+def _live_with(variable: SubjectVariable, value: Number, mode: int) -> Act:
     """Set a value and go on to the end of a step, unless the FMU has refused it."""
 
     leave = "ExitInitializationMode"
 
-    def act(instance: Instance) -> None:
+    def act(instance: TracedInstance) -> None:
         subject = instance.subject
         ((function, arguments),) = instance.library.settings([(variable, [value] * variable.size)])
         if instance.try_(function, *arguments) > 1:
@@ -249,7 +249,7 @@ def null_pointers(bench: Bench) -> str:
     ])  # fmt: skip
 
 
-def _null_texts(subject: Subject) -> Iterator[Row]:
+def _null_texts(subject: Subject) -> Iterator[ProbeRow]:
     """NULL where texts and callbacks are expected."""
     fmi, token = subject.fmi, subject.token.encode()
     yield (
@@ -268,7 +268,7 @@ def _null_texts(subject: Subject) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _null_values(subject: Subject, kind: str) -> Iterator[Row]:
+def _null_values(subject: Subject, kind: str) -> Iterator[ProbeRow]:
     """NULL for the arrays of the functions that get and set a type."""
     fmi, spare = subject.fmi, room()
     nothing = (0,) if fmi == 3 else ()
@@ -296,7 +296,7 @@ def _null_values(subject: Subject, kind: str) -> Iterator[Row]:
             )  # fmt: skip
 
 
-def _null_instances(subject: Subject) -> Iterator[Row]:
+def _null_instances(subject: Subject) -> Iterator[ProbeRow]:
     """NULL for the instance, and for the results of a step."""
     fmi, t, h = subject.fmi, subject.start, subject.step
     for name in ("ExitInitializationMode", "Terminate", "Reset"):
@@ -312,7 +312,7 @@ def _null_instances(subject: Subject) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _null_states(subject: Subject, library: Library) -> Iterator[Row]:
+def _null_states(subject: Subject, library: Library) -> Iterator[ProbeRow]:
     fmi, state, spare = subject.fmi, library.state, room()
     empty = ctypes.byref(ctypes.c_void_p())
     if subject.saves:
@@ -329,7 +329,7 @@ def _null_states(subject: Subject, library: Library) -> Iterator[Row]:
         yield f"fmi{fmi}{name}(…, NULL, …)", STEPPED, call(name, None, 16, empty)
 
 
-def _null_derivatives(subject: Subject) -> Iterator[Row]:
+def _null_derivatives(subject: Subject) -> Iterator[ProbeRow]:
     size = (1,) if subject.fmi == 3 else ()
     if subject.derivatives:
         yield (

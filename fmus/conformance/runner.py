@@ -35,8 +35,8 @@ _CRASHES = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What came of a check.
+class CheckOutcome:
+    """Result of a check.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ def unpacked(archive: Archive, description: ModelDescription) -> Iterator[Path]:
         yield folder
 
 
-def run(folder: Path, check: Check, patience: float) -> Outcome:
+def run(folder: Path, check: Check, patience: float) -> CheckOutcome:
     """Run a check on an unpacked FMU.
 
     Parameters
@@ -78,7 +78,7 @@ def run(folder: Path, check: Check, patience: float) -> Outcome:
         Seconds after which a call that has not returned counts as hanging.
     """
     subject: Subject = pickle.loads((folder / "subject").read_bytes())
-    outcome = Outcome("passed", "")
+    outcome = CheckOutcome("passed", "")
     for step in range(len(check.steps)):
         outcome = _step(folder, subject, check, step, patience)
         if outcome.state != "passed":
@@ -95,7 +95,7 @@ class _Finding:
     clause: str | None
 
 
-def _step(folder: Path, subject: Subject, check: Check, step: int, patience: float) -> Outcome:
+def _step(folder: Path, subject: Subject, check: Check, step: int, patience: float) -> CheckOutcome:
     standard = STANDARDS[subject.fmi]
     findings: list[_Finding] = []
     first = 0
@@ -111,7 +111,7 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
             if findings or (result["state"] == "passed" and (folder / ACCEPTED).exists()):
                 break
             clause = f"{standard}, {result['clause']}" if result["clause"] else ""
-            return Outcome(result["state"], _without(folder, result["reason"]), clause)
+            return CheckOutcome(result["state"], _without(folder, result["reason"]), clause)
         position = read_trace(folder / "trace")
         violated = check.clauses[subject.fmi - 2] if position.probe is None else position.clause
         said = f" ({position.said})" if position.said else ""
@@ -127,9 +127,9 @@ def _step(folder: Path, subject: Subject, check: Check, step: int, patience: flo
     also += ["other calls were not tried"] if untried else []
     reason = _without(folder, "; ".join([_told(blamed or findings), *also]))
     if not blamed:
-        return Outcome("warning", reason)
+        return CheckOutcome("warning", reason)
     cited = ", ".join(dict.fromkeys(finding.clause or "" for finding in blamed))
-    return Outcome("failed", reason, f"{standard}, {cited}")
+    return CheckOutcome("failed", reason, f"{standard}, {cited}")
 
 
 def _accepted(folder: Path) -> list[_Finding]:

@@ -18,8 +18,8 @@ from .bench import (
     run,
     stimulus,
 )
-from .library import Instance, RefusedError
-from .subject import Subject, Variable
+from .library import RefusedError, TracedInstance
+from .subject import Subject, SubjectVariable
 
 CUTS = (2, 5)
 """Into how many parts a step is cut."""
@@ -92,12 +92,12 @@ def derivatives(bench: Bench) -> str:
     return f"{compared} directions agree with differences"
 
 
-def _smooth(variable: Variable) -> bool:
+def _smooth(variable: SubjectVariable) -> bool:
     """Whether differences of its values are exact enough."""
     return variable.real and variable.kind != "Float32" and not variable.clocked
 
 
-def _inside(variable: Variable, value: float) -> float:
+def _inside(variable: SubjectVariable, value: float) -> float:
     """A value that can be moved to both sides."""
     low, high = variable.min, variable.max
     if low is not None and high is not None:
@@ -108,7 +108,10 @@ def _inside(variable: Variable, value: float) -> float:
 
 
 def _compare_derivative(
-    instance: Instance, y: Variable, u: Sequence[Variable], point: dict[Variable, list[float]]
+    instance: TracedInstance,
+    y: SubjectVariable,
+    u: Sequence[SubjectVariable],
+    point: dict[SubjectVariable, list[float]],
 ) -> int:
     """How many random directions agree."""
     generator = random.Random(y.reference)
@@ -138,9 +141,9 @@ def _compare_derivative(
 
 
 def _difference(
-    instance: Instance,
-    y: Variable,
-    u: Sequence[Variable],
+    instance: TracedInstance,
+    y: SubjectVariable,
+    u: Sequence[SubjectVariable],
     point: Sequence[float],
     seed: Sequence[float],
     h: float,

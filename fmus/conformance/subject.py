@@ -12,7 +12,7 @@ Number = float | int | bool
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class SubjectVariable:
     """A variable: a scalar, or an array of FMI 3.
 
     Attributes
@@ -91,15 +91,15 @@ class Subject:
     steps: int
     tolerance: float
     internal_step: float | None
-    variables: tuple[Variable, ...]
+    variables: tuple[SubjectVariable, ...]
     dependencies: tuple[tuple[int, tuple[int, ...]], ...]
 
-    def of(self, *causalities: str) -> tuple[Variable, ...]:
+    def of(self, *causalities: str) -> tuple[SubjectVariable, ...]:
         """The variables of these causalities that are always there."""
         return tuple(v for v in self.variables if v.causality in causalities and not v.clocked)
 
     @property
-    def observed(self) -> tuple[Variable, ...]:
+    def observed(self) -> tuple[SubjectVariable, ...]:
         """The variables that are compared: the outputs, else what there is to be seen."""
         seen = self.of("output") or self.of("local")
         return tuple(v for v in seen if v.kind not in ("Binary", "Clock"))

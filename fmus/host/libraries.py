@@ -12,7 +12,7 @@ from typing import Any
 
 from fmpy import freeLibrary
 
-from ..build.factory import is_build
+from ..build.ours import is_build
 from ..errors import FmuError
 from ..files import scratch
 from ..read.archive import opened

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from math import pi, sqrt
 from typing import Any
 
 import casadi as ca
@@ -12,14 +10,12 @@ import casadi as ca
 from ..declaration import number_of
 from ..equations import Draw, Equations, Loop, Symbols, Values
 from ..geometry import rotation
-from .variables import COMPONENT, OUTLIERS, PACKET_CONTENT, SCHEDULE
+from .range_errors import FOUND
+from .variables import COMPONENT, PACKET_CONTENT, SCHEDULE
 
 _UNIFORMS = 2.0**53
 """Number of values of a uniform draw."""
 
-RangeError = Callable[[Symbols, Symbols], Any]
-"""``error(p, w)``: an error of a range [m], from the parameters and the draws."""
-_EXPONENTIAL = number_of(OUTLIERS, "exponential")
 _SIMULTANEOUS = number_of(SCHEDULE, "simultaneous")
 _EVERYTHING = number_of(PACKET_CONTENT, "everything")
 _OWN_BEACON = number_of(PACKET_CONTENT, "own_beacon")
@@ -66,40 +62,15 @@ def _path_length(p: Symbols, u: Symbols, beacon: Any) -> Any:
     return ca.if_else(p.motion_during_travel, c * tau, ca.sqrt(ca.sumsqr(offset)))
 
 
-def _excess(p: Symbols, w: Symbols) -> Any:
-    """Excess of an outlier [m]: never negative, with mean ``outlier_mean``.
-
-    The half-normal distribution is the absolute value of a Box-Muller normal.
-    """
-    u = (w.excess + 0.5) / _UNIFORMS
-    exponential = -ca.log(u[0])
-    half_normal = sqrt(pi / 2) * ca.sqrt(2 * exponential) * ca.fabs(ca.cos(2 * pi * u[1]))
-    return p.outlier_mean * ca.if_else(
-        p.outlier_distribution == _EXPONENTIAL, exponential, half_normal
-    )
-
-
-def _noise(p: Symbols, w: Symbols) -> Any:
-    """White noise of a range [m]."""
-    return p.range_std * w.noise
-
-
-def _outlier(p: Symbols, w: Symbols) -> Any:
-    """Excess of a range if it is an outlier, else 0 [m]."""
-    return ca.if_else(w.outlier < p.outlier_probability * _UNIFORMS, _excess(p, w), 0)
-
-
-RANGE_ERRORS: tuple[RangeError, ...] = (_noise, _outlier)
-"""All errors added to a range."""
 _DRAWS = (
     Draw("clock_offset", "normal", "initial", 1, ("clock_offset_std",)),
     Draw("clock_drift", "normal", "initial", 1, ("clock_drift_std",)),
     Draw("loss", "uniform", "tick", 1, ("loss_probability",)),
-    Draw("outlier", "uniform", "tick", 1, ("outlier_probability",)),
-    Draw("excess", "uniform", "tick", 2, ("outlier_probability",) * 2),
-    Draw("noise", "normal", "tick", 1, ("range_std",)),
+    *FOUND["outliers"].draws,
+    *FOUND["noise"].draws,
+    *(draw for name, it in FOUND.items() if name not in ("outliers", "noise") for draw in it.draws),
 )
-"""Draws of the clock, the loss and the errors. Append new ones, so that the others keep their
+"""Draws of the clock, the loss and the errors. New ones come last, so that the others keep their
 numbers."""
 _OTHERS = "others"
 """The loop over the beacons that ping at once with the first one."""
@@ -138,8 +109,8 @@ def _ping(p: Symbols, x: Symbols, u: Symbols, w: Symbols, t: Any, turn: Any) -> 
     )
     travel_time = true_range / p.sound_speed
     measured = p.assumed_sound_speed * (travel_time + delay)
-    for error in RANGE_ERRORS:
-        measured = measured + error(p, w)
+    for it in FOUND.values():
+        measured = measured + it.error(p, w)
     received = w.loss >= p.loss_probability * _UNIFORMS
 
     def latch(new: Any, old: Any) -> Any:

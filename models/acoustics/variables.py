@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain, product
+
 from ..declaration import (
     Component,
+    Condition,
     choice,
     is_one_of,
     noise_keys,
@@ -24,16 +28,18 @@ from ..ports import (
     ports,
     terminal,
 )
+from .range_errors import FOUND
 
 SCHEDULE = {1: "round_robin", 2: "simultaneous"}
-OUTLIERS = {1: "exponential", 2: "half_normal"}
 PACKET_CONTENT = {1: "everything", 2: "own_beacon", 3: "all_beacons", 4: "pose"}
 
 _CLOCK = ("clock_offset_std", "clock_drift_std")
-_RANDOM = tuple(
-    not_zero("range_std", "loss_probability", *_CLOCK, outlier)
-    for outlier in ("outlier_probability", "outlier_mean")
-)
+
+
+def _random() -> Iterator[tuple[Condition, ...]]:
+    """What must hold for anything to be random, as groups of which each must hold somewhere."""
+    for first, *rest in product(*(it.random for it in FOUND.values() if it.random)):
+        yield not_zero(*first, "loss_probability", *_CLOCK, *chain(*rest))
 
 
 def _in_turn(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -48,7 +54,7 @@ COMPONENT = Component(
     interval="sampling_time",
     variables=(
         tick_interval("sampling_time", "Time between pings: the slot of the round robin"),
-        *noise_keys(*_RANDOM),
+        *noise_keys(*_random()),
         choice("schedule", "Whether one beacon pings in each slot, or all", SCHEDULE, 1),
         parameter("slot_order", "Beacon that pings in each slot of a round", shape=(BEACONS,),
                   type="Int32", start=_in_turn, min=1, max=BEACONS.most,
@@ -57,16 +63,10 @@ COMPONENT = Component(
         parameter("assumed_sound_speed", "Speed of sound with which the receiver forms ranges",
                   "m/s", start=1500.0, min=1.0, max=10000.0),
         switch("motion_during_travel", "Whether the diver moves while the sound travels", True),
-        parameter("range_std", "Standard deviation of the range's white noise", "m", start=0.1,
-                  min=0.0),
+        *FOUND["noise"].parameters,
         parameter("loss_probability", "Probability that a packet is lost", start=0.0, min=0.0,
                   max=1.0),
-        parameter("outlier_probability", "Probability that a range is an outlier", start=0.0,
-                  min=0.0, max=1.0, needs=(not_zero("outlier_mean"),)),
-        choice("outlier_distribution", "Distribution of an outlier's excess", OUTLIERS, 1,
-               needs=(not_zero("outlier_probability"), not_zero("outlier_mean"))),
-        parameter("outlier_mean", "Mean excess of an outlier", "m", start=1.0, min=0.0,
-                  needs=(not_zero("outlier_probability"),)),
+        *FOUND["outliers"].parameters,
         parameter("clock_offset", "Receiver's clock minus the beacons' at the start", "s"),
         parameter("clock_offset_std", "Standard deviation of what a run adds to that difference",
                   "s", min=0.0),
@@ -88,6 +88,8 @@ COMPONENT = Component(
         parameter("packet_angle_resolution", "Angles in a packet are multiples of this; 0: not "
                   "rounded", "rad", min=0.0, max=1.0,
                   needs=((is_one_of("packet_content", PACKET_CONTENT, "everything", "pose"),),)),
+        *(v for name, it in FOUND.items() if name not in ("noise", "outliers")
+          for v in it.parameters),
         *ports(MOTION, "input", "target_"),
         *ports(BEACON_POSITIONS, "input"),
         *ports(REPORTED_POSE, "input"),

@@ -2,8 +2,8 @@
 
 Formulas on scalars, written once for two worlds: ``m`` is the module ``casadi`` for the component,
 ``numpy`` for bounds and smoothers, where a scalar may also be an array. ``p`` has the parameters of
-`sblcosim.models.receiver.variables.COUPLED` as attributes, and ``x`` is a sequence of `STATES`
-scalars. A row of H is a mapping from the indices of states to derivatives.
+`sblcosim.models.receiver.receivers.coupled.COMPONENT` as attributes, and ``x`` is a sequence of
+`STATES` scalars. A row of H is a mapping from the indices of states to derivatives.
 """
 
 from __future__ import annotations

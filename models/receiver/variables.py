@@ -1,4 +1,7 @@
-"""Declarations of the receivers: equal ports, and parameters for what differs."""
+"""What the declarations of receivers are made of: equal ports, and parameters that several have.
+
+The declarations are in ``receivers``, one module each.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,16 @@ PROCESS_NOISE = {1: "white_noise_acceleration", 2: "piecewise_constant_accelerat
 
 POSE_SOURCE = {1: "reported_pose", 2: "beacon_positions", 3: "own_beacon"}
 
-_SENSORS = (
+SENSORS = (
     tick_interval("update_interval", "Time between updates: the EKF ratio times the sampling time"),
     parameter("range_std", "Assumed standard deviation of a range", "m", start=0.1, min=1e-9),
     parameter("depth_std", "Assumed standard deviation of a depth reading", "m", start=0.1,
               min=1e-9),
 )
-_BEACONS = choice("beacon_position_source", "Beacon position that goes with a range",
+BEACON_SOURCE = choice("beacon_position_source", "Beacon position that goes with a range",
                   BEACON_POSITION_SOURCE, 1)
 _WITH_PRIOR = ((is_one_of("initialisation", INITIALISATION, "prior"),),)
-_START = (
+START = (
     choice("initialisation", "Where the first estimate comes from", INITIALISATION, 1),
     parameter("prior_position", "Prior: position at the start, NED", "m", shape=(3,),
               needs=_WITH_PRIOR),
@@ -45,77 +48,22 @@ _START = (
     parameter("prior_velocity_std", "Prior, and after the first receptions: standard deviation of "
               "the velocity, per axis", "m/s", start=1.0, min=0.0),
 )
-_PSD = parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
+PSD = parameter("acceleration_psd", "Power spectral density q of the white acceleration per axis; "
                  "the other form of Q takes the variance q / dt", "m2/s3", start=0.01, min=0.0)
-_MOTION = (
-    *_START,
+MODEL = (
+    *START,
     choice("process_noise", "Form of Q", PROCESS_NOISE, 1, needs=(not_zero("acceleration_psd"),)),
-    _PSD,
+    PSD,
 )
-_NOISE = choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "
+NOISE = choice("measurement_noise", "Diagonal of R: squares of the standard deviations, or "
                 "literally the standard deviations", MEASUREMENT_NOISE, 1)
-
-
-def _receiver(
-    name: str, number: int, description: str, parameters: tuple[Variable, ...],
-    inputs: Sequence[Variable] = (), outputs: Sequence[Variable] = (),
-    terminals: Sequence[Terminal] = (),
-) -> Component:
-    return Component(
-        name=name,
-        number=number,
-        description=description,
-        interval="update_interval",
-        variables=(
-            *_SENSORS,
-            *parameters,
-            *ports(RECEPTION, "input"),
-            *ports(DEPTH, "input"),
-            *ports(inputs, "input"),
-            *ports(ESTIMATE, "output"),
-            *ports(outputs, "output"),
-        ),
-        terminals=(
-            terminal("reception", "reception", "Newest reception from each beacon", RECEPTION),
-            terminal("depth_sensor", "depth", "Newest reading of the depth sensor", DEPTH),
-            terminal("estimate", "estimate", "Newest estimate", ESTIMATE),
-            *terminals,
-        ),
-    )
-
-
-EKF = _receiver(
-    "EKF", 4,
-    "The paper's Extended Kalman Filter on the latest ranges, stale ones included, and depth",
-    (_BEACONS, *_MOTION, _NOISE),
-)
-SEQUENTIAL = _receiver(
-    "Sequential", 5,
-    "A Kalman filter that processes each reception and depth reading at its own epoch, once",
-    (
-        _BEACONS,
-        *_MOTION,
-        _NOISE,
-        parameter("gate", "Innovations beyond this many standard deviations are rejected; 0 "
-                  "switches the gate off", start=4.0, min=0.0),
-        Variable("gate_limit", "Score of rejections at which the filter starts anew from the "
-                 "latest receptions: a rejected range adds 1, any other takes back 1/2",
-                 "parameter", start=5, min=1, max=1000, type="Int32", needs=(not_zero("gate"),)),
-    ),
-)
-MULTILATERATION = _receiver(
-    "Multilateration", 6,
-    "Damped Gauss-Newton on the latest ranges and depth, no dynamics: the raw fix",
-    (_BEACONS, _NOISE),
-)
-
-_ARRANGEMENT = (
+ARRANGEMENT = (
     choice("pose_source", "What is used of the best pose that a packet has: its own words, the "
            "positions of all beacons, or that of its own beacon only", POSE_SOURCE, 1),
     parameter("beacon_offset", "Nominal position of each beacon, body frame", "m",
               shape=(BEACONS, 3), start=usual, min=-1e4, max=1e4),
 )
-_CHANNEL = (
+CHANNEL = (
     parameter("outlier_probability", "Assumed probability that a range is too long", start=0.01,
               min=0.0, max=0.9),
     parameter("outlier_mean", "Assumed mean excess of such a range", "m", start=1.0, min=0.01),
@@ -130,7 +78,7 @@ _CHANNEL = (
     parameter("depth_bias_std", "Prior: standard deviation of the depth sensor's constant error",
               "m", start=0.05, min=0.0),
 )
-_PLATFORM = (
+PLATFORM = (
     parameter("gps_std", "GPS: standard deviation of the white error, north and east", "m",
               start=0.1, min=0.0),
     parameter("gps_markov_std", "GPS: standard deviation of the Gauss-Markov error", "m", start=1.2,
@@ -164,57 +112,51 @@ _PLATFORM = (
     parameter("imu_tilt_std", "IMU: standard deviation of the error of roll and pitch", "rad",
               start=radians(0.5), min=0.0),
 )
-_SYSTEM_TERMINALS = (
+SYSTEM_TERMINALS = (
     terminal("pose", "pose", "The platform's pose in the packets of those receptions", PING_POSE),
     terminal("system", "system", "Newest estimate of the system around the receiver", SYSTEM),
 )
-_FILTER = (
-    *_START,
-    _PSD,
+FILTER = (
+    *START,
+    PSD,
     parameter("speed_limit", "A diver estimated to be faster than this is not believed: the "
               "filter starts anew", "m/s", start=3.0, min=0.1),
-    *_ARRANGEMENT,
-    *_CHANNEL,
-    *_PLATFORM,
+    *ARRANGEMENT,
+    *CHANNEL,
+    *PLATFORM,
 )
-COUPLED = _receiver(
-    "Coupled", 8,
-    "A Kalman filter of diver, platform and their sensors' errors, with late arrivals and arcs",
-    _FILTER,
-    inputs=PING_POSE,
-    outputs=SYSTEM,
-    terminals=_SYSTEM_TERMINALS,
+
+WITH_BUOYS = (
+    "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
+    "the buoys keep their arrangement; compare it with long_baseline"
 )
-FIXED_LAG = _receiver(
-    "FixedLag", 9,
-    "The same filter, whose estimates are of some time ago and know what was received since",
-    (
-        parameter("lag", "Age of the estimates: what is received in this time after an epoch is "
-                  "used for it, too", "s", start=20.0, min=0.01, max=3600.0),
-        *_FILTER,
-    ),
-    inputs=PING_POSE,
-    outputs=SYSTEM,
-    terminals=_SYSTEM_TERMINALS,
-)
-_FIELD = (
-    parameter("beacon_error_std", "Standard deviation of each beacon's own lasting error, north "
-              "and east: of its survey, or of the coloured error of its GPS", "m", start=0.1,
-              min=0.0),
-    parameter("beacon_vertical_error_std", "The same of down", "m", start=0.1, min=0.0),
-    parameter("beacon_error_time", "Correlation time of that error", "s", start=1e6, min=0.01,
-              needs=(not_zero("beacon_error_std", "beacon_vertical_error_std"),)),
-    parameter("beacon_noise_std", "Standard deviation of the white error of a beacon's reported "
-              "position, north and east", "m", start=0.0, min=0.0),
-    parameter("beacon_vertical_noise_std", "The same of down", "m", start=0.0, min=0.0),
-)
-_OF_FIELD = tuple(
-    v for v in SYSTEM if v.name in ("clock_offset", "sound_speed", "restart_count")
-)
-LONG_BASELINE = _receiver(
-    "LongBaseline", 10,
-    "A Kalman filter of the diver, the clock, and the own error of each of some beacons far apart",
-    (*_START, _PSD, *_CHANNEL, *_FIELD),
-    outputs=_OF_FIELD,
-    terminals=(terminal("system", "system", "Newest estimate of the clock", _OF_FIELD),),
-)
+"""What is the matter with buoys where a receiver knows of one platform only."""
+
+
+def receiver(
+    name: str, number: int, description: str, parameters: tuple[Variable, ...],
+    inputs: Sequence[Variable] = (), outputs: Sequence[Variable] = (),
+    terminals: Sequence[Terminal] = (),
+) -> Component:
+    """A receiver with the ports that all have, for what `inputs` and `outputs` it has besides."""
+    return Component(
+        name=name,
+        number=number,
+        description=description,
+        interval="update_interval",
+        variables=(
+            *SENSORS,
+            *parameters,
+            *ports(RECEPTION, "input"),
+            *ports(DEPTH, "input"),
+            *ports(inputs, "input"),
+            *ports(ESTIMATE, "output"),
+            *ports(outputs, "output"),
+        ),
+        terminals=(
+            terminal("reception", "reception", "Newest reception from each beacon", RECEPTION),
+            terminal("depth_sensor", "depth", "Newest reading of the depth sensor", DEPTH),
+            terminal("estimate", "estimate", "Newest estimate", ESTIMATE),
+            *terminals,
+        ),
+    )

@@ -106,6 +106,8 @@ SOURCES: Mapping[str, Sequence[str]] = {
 
 Those of the first table decide whether anything is known of a component of somebody else.
 """
+PARAMETERS = frozenset(OF_RECEIVERS[key].name for key in SOURCES)
+"""Names of the parameters with these keys."""
 
 
 def assumed(
@@ -154,7 +156,7 @@ def assumed(
         ),
         **_known("outlier_mean_m", outliers, acoustics.outlier_mean_m),
         "assumed_sound_speed_m_s": speed,
-        **_clock(acoustics),
+        **clock(acoustics),
         "sound_speed_std": abs(speed / acoustics.sound_speed_m_s - 1),
         "depth_bias_std_m": hypot(target.depth_bias_m, target.depth_bias_std_m),
         **_of_each_beacon(platform, acoustics),
@@ -278,7 +280,7 @@ def _of_each_beacon(platform: Any, acoustics: Any) -> dict[str, Any]:
     }
 
 
-def _clock(acoustics: Any) -> dict[str, Any]:
+def clock(acoustics: Any) -> dict[str, Any]:
     """How far the clock is off at the start, and how it strays from there."""
     delay = acoustics.processing_delay_s - acoustics.processing_delay_correction_s
     drift, drift_std = acoustics.clock_drift_s_s, acoustics.clock_drift_std_s_s

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import pi
 
 from ..declaration import (
     Component,
     Condition,
-    Dimension,
     Variable,
     choice,
     is_one_of,
@@ -18,43 +19,78 @@ from ..declaration import (
     tick_interval,
 )
 from ..ports import DEPTH, MOTION, ports, terminal
+from .trajectories import FOUND
+from .trajectories.file import TRACK_POINTS as TRACK_POINTS
 
-WAYPOINTS = 64
-TRACK_POINTS = Dimension(16, "track_points", 2, 4096)
-"""Most points of a recorded track."""
+TRAJECTORIES: Mapping[int, str] = {it.number: name for name, it in FOUND.items()}
+"""Their names, by number."""
 
-TRAJECTORIES = {
-    1: "straight_line",
-    2: "semicircle",
-    3: "circle",
-    4: "square",
-    5: "spiral",
-    6: "random_path",
-    7: "waypoints",
-    8: "white_noise_acceleration",
-    9: "file",
-}
-
-_HORIZONTAL = ("straight_line", "semicircle", "circle", "square", "spiral", "random_path")
+_SHARED = (
+    parameter("speed", "Speed along the path, in space", "m/s", start=0.5, min=0.0, max=20.0),
+    parameter("departure_time", "Time after the start at which the motion begins", "s",
+              start=0.0, min=0.0, max=1e9, needs=(not_zero("speed"),)),
+    parameter("center", "Centre of the semicircle, circle, square, spiral or box; first point "
+              "of the straight line; north and east", "m", shape=(2,)),
+    parameter("heading", "Direction of the straight line; bearing from the centre to the first "
+              "point of semicircle, circle and spiral; direction of the square's first side",
+              "rad", start=0.0, min=-2 * pi, max=2 * pi),
+    parameter("depth_start", "Depth at the beginning of the path", "m", start=5.0, min=0.0,
+              max=11000.0),
+    parameter("depth_end", "Depth at the end of the path; in between it changes in proportion "
+              "to the distance gone", "m", start=5.0, min=0.0, max=11000.0,
+              needs=(not_zero("speed"),)),
+)
+"""Parameters of several trajectories; which, these say themselves."""
 
 
 def _on(*trajectories: str) -> tuple[Condition, ...]:
-    """The condition that the trajectory is one of these."""
-    return (is_one_of("trajectory", TRAJECTORIES, *trajectories),)
+    """The condition that the trajectory is one of these; none if there are none."""
+    return (is_one_of("trajectory", TRAJECTORIES, *trajectories),) if trajectories else ()
 
 
-_MOVING = not_zero("speed")
-_PATHS = _on(*_HORIZONTAL, "waypoints")
-_TRACK = _on("file")
-_STOCHASTIC = "white_noise_acceleration"
-_RANDOM = (
-    (*not_zero("depth_std", "depth_bias_std"), *_on("random_path", _STOCHASTIC)),
-    (
-        *not_zero("depth_std", "depth_bias_std", "acceleration_psd", "initial_position_std",
-                  "initial_velocity_std"),
-        *_on("random_path"),
-    ),
-)
+def _where_taken(variable: Variable) -> Variable:
+    """A parameter with the trajectories that it needs.
+
+    What it needs besides holds for trajectories that take the parameter which that is on.
+    """
+    takers = {name: it.all for name, it in FOUND.items() if variable.name in it.all}
+
+    def of_takers(group: tuple[Condition, ...]) -> tuple[Condition, ...]:
+        about = {condition.parameter for condition in group}
+        return (*group, *_on(*(name for name, own in takers.items() if not about & own)))
+
+    return replace(variable, needs=(_on(*takers), *map(of_takers, variable.needs)))
+
+
+def _of_trajectories() -> tuple[Variable, ...]:
+    """All parameters of trajectories.
+
+    Raises
+    ------
+    ValueError
+        A trajectory takes one that nobody declares.
+    """
+    ordered = sorted(FOUND.values(), key=lambda it: it.number if it.place is None else it.place)
+    variables = (*_SHARED, *(v for it in ordered for v in it.parameters))
+    known = {v.name for v in variables}
+    for name, it in FOUND.items():
+        for unknown in sorted(it.all - known):
+            raise ValueError(
+                f"trajectory {name}: must take parameters of {', '.join(sorted(known))}, got "
+                f"{unknown!r}"
+            )
+    return tuple(map(_where_taken, variables))
+
+
+def _random() -> Iterator[tuple[Condition, ...]]:
+    """What must hold for anything to be random, as groups of which each must hold somewhere."""
+    sensor = not_zero("depth_std", "depth_bias_std")
+    drawn = {name: it.random for name, it in FOUND.items() if it.random}
+    yield (*sensor, *_on(*drawn))
+    for name, stds in drawn.items():
+        if stds != "always":
+            yield (*sensor, *not_zero(*stds), *_on(*(drawn.keys() - {name})))
+
 
 COMPONENT = Component(
     name="Target",
@@ -65,63 +101,8 @@ COMPONENT = Component(
     variables=(
         choice("trajectory", "Path of the diver", TRAJECTORIES, 2),
         tick_interval("sampling_time", "Time between readings of the depth sensor"),
-        *noise_keys(*_RANDOM),
-        parameter("speed", "Speed along the path, in space", "m/s", start=0.5, min=0.0, max=20.0,
-                  needs=(_PATHS,)),
-        parameter("departure_time", "Time after the start at which the motion begins", "s",
-                  start=0.0, min=0.0, max=1e9,
-                  needs=((*_PATHS, *_TRACK), (*_MOVING, *_TRACK))),
-        parameter("center", "Centre of the semicircle, circle, square, spiral or box; first point "
-                  "of the straight line; north and east", "m", shape=(2,),
-                  needs=(_on(*_HORIZONTAL),)),
-        parameter("heading", "Direction of the straight line; bearing from the centre to the first "
-                  "point of semicircle, circle and spiral; direction of the square's first side",
-                  "rad", start=0.0, min=-2 * pi, max=2 * pi,
-                  needs=(_on("straight_line", "semicircle", "circle", "square", "spiral"),)),
-        parameter("depth_start", "Depth at the beginning of the path", "m", start=5.0, min=0.0,
-                  max=11000.0, needs=(_on(*_HORIZONTAL),)),
-        parameter("depth_end", "Depth at the end of the path; in between it changes in proportion "
-                  "to the distance gone", "m", start=5.0, min=0.0, max=11000.0,
-                  needs=(_on(*_HORIZONTAL), _MOVING)),
-        parameter("radius", "Radius of semicircle and circle", "m", start=15.0, min=0.01, max=1e5,
-                  needs=(_on("semicircle", "circle"),)),
-        parameter("turns", "Number of turns of circle and spiral", start=2.0, min=0.01, max=1000.0,
-                  needs=(_on("circle", "spiral"), _MOVING)),
-        parameter("side", "Side of the square", "m", start=15.0, min=0.01, max=1e5,
-                  needs=(_on("square"),)),
-        parameter("spiral_radius", "Distance from the centre at the beginning and at the end of "
-                  "the spiral", "m", shape=(2,), start=(2.5, 25.0), min=0.0, max=1e5,
-                  needs=(_on("spiral"),)),
-        parameter("path_length", "Length of straight line and random path, in the horizontal",
-                  "m", start=150.0, min=0.0, max=1e6,
-                  needs=(_on("straight_line", "random_path"), _MOVING)),
-        parameter("leg_length", "Mean length of a leg of the random path (exponential)", "m",
-                  start=8.0, min=0.01, max=1e5, needs=(_on("random_path"), _MOVING)),
-        parameter("box", "Half the width of the box that holds the random path, north and east",
-                  "m", shape=(2,), start=25.0, min=0.1, max=1e5, needs=(_on("random_path"),)),
-        Variable("waypoint_count", "Number of waypoints in use", "parameter", start=2, min=2,
-                 max=WAYPOINTS, type="Int32", needs=(_on("waypoints"), _MOVING)),
-        parameter("waypoint", "Waypoints, NED", "m", shape=(WAYPOINTS, 3), min=-1e5, max=1e5,
-                  needs=(_on("waypoints"),)),
-        Variable("track_count", "Number of points of the track in use", "parameter", start=2, min=2,
-                 max=TRACK_POINTS, type="Int32", needs=(_TRACK,)),
-        parameter("track_time", "When the diver is at the points of the track, from the departure; "
-                  "each later than the one before", "s", shape=(TRACK_POINTS,), min=0.0, max=1e9,
-                  needs=(_TRACK,)),
-        parameter("track", "Points of the track, NED; the diver rests before the first one and "
-                  "after the last one", "m", shape=(TRACK_POINTS, 3), min=-1e5, max=1e5,
-                  needs=(_TRACK,)),
-        parameter("initial_position", "Mean of the first position of the white-noise-acceleration "
-                  "motion, NED", "m", shape=(3,), start=(15.0, 0.0, 5.0),
-                  needs=(_on(_STOCHASTIC),)),
-        parameter("initial_position_std", "Standard deviation of that position, per axis", "m",
-                  start=0.0, min=0.0, needs=(_on(_STOCHASTIC),)),
-        parameter("initial_velocity", "Mean of the first velocity of that motion, NED", "m/s",
-                  shape=(3,), needs=(_on(_STOCHASTIC),)),
-        parameter("initial_velocity_std", "Standard deviation of that velocity, per axis", "m/s",
-                  start=0.0, min=0.0, needs=(_on(_STOCHASTIC),)),
-        parameter("acceleration_psd", "Power spectral density q of the white acceleration, per "
-                  "axis", "m2/s3", start=0.01, min=0.0, needs=(_on(_STOCHASTIC),)),
+        *noise_keys(*_random()),
+        *_of_trajectories(),
         parameter("depth_std", "Standard deviation of the depth sensor's white noise", "m",
                   start=0.1, min=0.0),
         parameter("depth_bias", "Constant error of the depth sensor, the same in every run", "m"),

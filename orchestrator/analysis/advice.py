@@ -38,10 +38,11 @@ from ..results.responses import ORDER_STATISTIC, check_limit
 from ..shown import Shown, folded, page, verbatim
 from ..study.design import Level
 from ..study.design import shown as level_shown
+from ..words.numbers import figure, ordinal
+from ..words.shares import percent
 from .bounds import LEAST_RUNS, mean_bound, percentile_bound, runs_to_see, share_bound
 from .costs import of_column
 from .runs import check_columns
-from .sentences import ordinal
 
 Floats = NDArray[np.float64]
 PERCENTILE = 90.0
@@ -49,7 +50,7 @@ PERCENTILE = 90.0
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Criterion:
     """What is asked of the runs.
 
     Attributes
@@ -82,14 +83,14 @@ class Question:
         return f"{ordinal(self.percentile)} percentile of {self.response}"
 
     def tolerable(self, points: pd.DataFrame) -> pd.Series[bool]:
-        """Which points have, as far as was seen, no more lost runs than a mean may leave out."""
+        """Points whose share of lost runs is small enough for a mean that leaves them out."""
         if self.percentile is not None:
             return pd.Series(True, points.index)
         return points["lost"] <= self.contamination * points["runs"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Advice(Shown, Question):
+class Advice(Shown, Criterion):
     """The design points by cost.
 
     Attributes
@@ -163,7 +164,7 @@ class Advice(Shown, Question):
                 return text
             return (
                 f"{text} That is of the runs that are not lost: {row.lost:g} of {row.runs:g} are, "
-                f"surely at most {100 * row.lost_upper:.2g} %."
+                f"surely at most {percent(row.lost_upper, '.2g')}."
             )
         if (self.points["runs"] < self.runs_needed).all():
             return f"{self._too_few()} {self._missing()}"
@@ -177,8 +178,8 @@ class Advice(Shown, Question):
             )
         if possible.empty:
             return (
-                f"{text} At every point more than {100 * self.contamination:.4g} % of the runs are "
-                "lost."
+                f"{text} At every point more than {percent(self.contamination, '.4g')} of the "
+                "runs are lost."
             )
         best = possible.sort_values(["upper", "estimate"], kind="stable").iloc[0]
         bound = f", at most {best['upper']:.4g}{unit}" if np.isfinite(best["upper"]) else ""
@@ -189,8 +190,8 @@ class Advice(Shown, Question):
             return f"Nothing sure can be said about the {self.statistic}: there are too few runs."
         return (
             f"Nothing sure can be said about the {self.statistic}: if "
-            f"{100 * self.contamination:.4g} % of the runs are bad ones, some point may well have "
-            "shown none."
+            f"{percent(self.contamination, '.4g')} of the runs are bad ones, some point may well "
+            "have shown none."
         )
 
     def _missing(self) -> str:
@@ -217,7 +218,7 @@ class Advice(Shown, Question):
         """
         shown = self._shown()
         rows = [
-            [_figure(x) if isinstance(x, float) else _words(x) for x in row]
+            [_cost(x) if isinstance(x, float) else _words(x) for x in row]
             for row in shown.itertuples(index=False)
         ]
         head = [str(name) for name in shown.columns]
@@ -293,13 +294,13 @@ class Advice(Shown, Question):
         return page(
             f"Designs by cost and {self.statistic}",
             f"<p>{escape(self.answer())}</p>",
-            self._shown().to_html(index=False, float_format=_figure, border=0),
+            self._shown().to_html(index=False, float_format=_cost, border=0),
             folded("How to read the numbers", verbatim("\n".join(self._notes()))),
         )
 
 
-def _figure(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "none"
+def _cost(value: float) -> str:
+    return figure(value, 4, "none")
 
 
 def _words(value: object) -> str:
@@ -333,7 +334,7 @@ def advise(
     limit
         Largest value that will do, in the unit of the response.
     percentile
-        Between 0 and 100: so many percent of the runs are to be within the limit. None: the limit
+        Between 0 and 100: the percentage of the runs that must be within the limit. None: the limit
         is for their mean.
     contamination
         Above 0 and below 1: the share of bad runs that a statement about a mean takes into
@@ -350,7 +351,7 @@ def advise(
     ConfigurationError
         A column, a cost or a number is not as it must be.
     """
-    question = Question(
+    question = Criterion(
         response, unit, tuple(factors), limit, percentile, contamination, confidence
     )
     _check(table, question, costs, lost)
@@ -368,7 +369,7 @@ def advise(
 
 def _check(
     table: pd.DataFrame,
-    question: Question,
+    question: Criterion,
     costs: Mapping[str, Mapping[Level, float]],
     lost: str | None,
 ) -> None:
@@ -400,7 +401,7 @@ def _check(
 
 
 def _answered(
-    question: Question, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
+    question: Criterion, runs: pd.DataFrame, costs: Mapping[str, Mapping[Level, float]]
 ) -> Advice:
     """The points, weighed; `runs` has the factors and ``value``, infinite if lost."""
     factors, limit, percentile = question.factors, question.limit, question.percentile

@@ -27,7 +27,7 @@ REACH = 2.0
 
 
 def runs_to_see(share: float, risk: float) -> int:
-    """Runs to take so that one of a share of bad runs is among them, but for this risk.
+    """Number of runs that hold a bad one, given their share, except for this risk.
 
     n = ln(risk)/ln(1 − share), as (1 − share)ⁿ ≤ risk: 59 for a share and a risk of 5 %.
     """
@@ -81,7 +81,7 @@ def share_bound(count: int, runs: int, risk: float) -> float:
 
 
 def percentile_bound(y: Floats, share: float, risk: float) -> tuple[float, float]:
-    """The run that so many of the others are not above, and an upper bound of the percentile.
+    """The run at a percentile, by rank, and an upper bound of the percentile.
 
     The runs are in ascending order.
     """

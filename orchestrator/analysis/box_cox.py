@@ -12,11 +12,11 @@ from scipy import optimize, stats
 
 from ..errors import ConfigurationError
 from .centred import centred_log, group_means
+from .factorial import Factorial
 from .model import Floats, coded_points, design_matrix
-from .tables import Analysis
 
 
-def box_cox(analysis: Analysis, lambdas: Sequence[float] | None = None) -> pd.DataFrame:
+def box_cox(analysis: Factorial, lambdas: Sequence[float] | None = None) -> pd.DataFrame:
     """Profile of the Box–Cox transform of the response: which power suits the model.
 
     Returns

@@ -14,20 +14,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest, quoted
+from ..study.design import Level
 from .centred import centred_log, group_means
 from .medians import median_table
 from .model import Floats
 from .options import Options
 from .runs import check_columns, transformed, usable
 
-Level = str | float | int | bool
 Indices = NDArray[np.intp]
 MOST_LEVELS = 100
 """Most levels of a factor; what has more is not a factor but a covariate."""
 NORMAL = 1.4826
 """Standard deviation of normal runs, in units of their median absolute deviation."""
 FAR = 5.0
-"""From so many robust standard deviations on, a run lies far from the others."""
+"""Robust standard deviations beyond which a run lies far from the others."""
 TAIL_RUNS = 10
 """Runs that a cell needs for its tails to be looked at."""
 HEAVY = 0.015
@@ -59,7 +59,7 @@ class Cells:
     far_log
         The same of their logarithms, where these exist and are not the response.
     heavy
-        Whether so many runs lie far from the others that the tails are heavy.
+        Whether the tails are heavy: too many runs lie far from the others.
     skewness
         Of the runs about their cells' means, averaged over the cells; NaN as `far`.
     dropped

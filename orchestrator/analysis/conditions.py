@@ -16,7 +16,7 @@ BETTER_IF_LARGE = ("availability",)
 
 
 @dataclass(frozen=True, eq=False)
-class Choices:
+class RunsOfChoices:
     """A row for each run of a choice: of all conditions together, with one receiver.
 
     Attributes
@@ -35,7 +35,7 @@ class Choices:
     response: str
 
 
-def of_choices(study: Definition, table: pd.DataFrame, column: str) -> Choices:
+def of_choices(study: Definition, table: pd.DataFrame, column: str) -> RunsOfChoices:
     """Put the runs of all conditions together, and let the receivers be a factor if they are one.
 
     What counts of the conditions is their average or the worst, as each of them says; a run that is
@@ -74,7 +74,7 @@ def of_choices(study: Definition, table: pd.DataFrame, column: str) -> Choices:
             kept = [c for c in study.conditions if c in long and c not in gone]
             by = ["replicate", "point", *([] if own is None else [own]), *kept]
             long = _combined(long, by, [f for f in factors if f != own], values, name, how)
-    return Choices(long[["point", "replicate", *factors, *values]], tuple(factors), name)
+    return RunsOfChoices(long[["point", "replicate", *factors, *values]], tuple(factors), name)
 
 
 def _combined(

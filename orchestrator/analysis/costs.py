@@ -84,7 +84,7 @@ def _by_name(at: str, given: Mapping[str, Any], levels: Sequence[Level]) -> dict
 
 
 def _as_shown(name: str, names: Mapping[str, Level]) -> str:
-    """The name of a level, if it is another way to write that number: 1.0 is 1."""
+    """The study's name of a level that is written as another number: 1.0 is 1."""
     try:
         number = shown(float(name))
     except ValueError:

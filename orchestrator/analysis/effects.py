@@ -10,13 +10,13 @@ import pandas as pd
 from scipy import stats
 
 from .fit import LeastSquares, Uncertainty
-from .model import CURVATURE, Floats, Model
+from .model import CURVATURE, Floats, TwoLevelModel
 from .noise import FTest
 from .options import Options
 
 
 def effect_table(
-    fit: LeastSquares, uncertainty: Uncertainty, model: Model, options: Options
+    fit: LeastSquares, uncertainty: Uncertainty, model: TwoLevelModel, options: Options
 ) -> pd.DataFrame:
     """One row per term; see `sblcosim.analysis.factorial.Factorial`."""
     rows = slice(1, len(model.terms) + 1)
@@ -60,7 +60,7 @@ def anova_table(
     effects: pd.DataFrame,
     fit: LeastSquares,
     uncertainty: Uncertainty,
-    model: Model,
+    model: TwoLevelModel,
     curvature: FTest | None,
 ) -> pd.DataFrame:
     """Sums of squares, one row per term and one per other source."""
@@ -94,7 +94,7 @@ def anova_table(
     return whole
 
 
-def point_table(fit: LeastSquares, model: Model) -> pd.DataFrame:
+def point_table(fit: LeastSquares, model: TwoLevelModel) -> pd.DataFrame:
     """One row per design point: factors, ``runs``, ``mean``, ``std``, ``fit``."""
     points, of_run = model.points, model.point_of_run
     low, high = np.array(list(model.levels.values())).T

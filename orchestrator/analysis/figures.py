@@ -23,12 +23,13 @@ from scipy import stats
 from ..results.drawing import free_places
 from ..study.design import INTERACTION_SIGN, shown
 from ..style import LINES, PLAIN, SMALL, Theme, ThemeName, new_figure, use
+from ..words.numbers import minus
+from ..words.shares import percent
 from .advice import Advice
 from .box_cox import box_cox
-from .general_tables import GeneralAnalysis
+from .factorial import Factorial
+from .general import GeneralFactorial
 from .model import Floats
-from .sentences import minus
-from .tables import Analysis
 
 MOST_BARS = 20
 RASTER_FROM = 1000
@@ -45,7 +46,7 @@ MARGIN = 0.35
 
 
 def plot_pareto(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light", most: int = MOST_BARS
 ) -> Axes:
     """The `most` largest standardised effects |t|, the largest on top (the paper's Figure 15).
 
@@ -101,7 +102,7 @@ def plot_pareto(
 
 
 def plot_interactions(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each pair of levels (the paper's Figure 16).
 
@@ -152,7 +153,7 @@ def plot_interactions(
 
 
 def plot_main_effects(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """Mean at both levels of each factor, and the overall mean (the paper's Figure 17).
 
@@ -198,7 +199,7 @@ def plot_main_effects(
 
 
 def plot_residuals(
-    analysis: Analysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: Factorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Residuals four times (the paper's Figure 18).
 
@@ -244,7 +245,7 @@ def plot_residuals(
 
 
 def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """The points without those that others hide, if there are many."""
+    """The points that can be seen: of many, those that are not hidden by others."""
     if len(x) <= MOST_DOTS:
         return x, y
     known = np.isfinite(x) & np.isfinite(y)
@@ -258,7 +259,7 @@ def _seen(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def plot_box_cox(
-    analysis: Analysis,
+    analysis: Factorial,
     ax: Axes | None = None,
     theme: ThemeName = "light",
     profile: pd.DataFrame | None = None,
@@ -273,7 +274,7 @@ def plot_box_cox(
         best = float(power.to_numpy()[height.argmax()])
         inside = power[profile["inside"]]
         ax.axvspan(inside.min(), inside.max(), color=look.receivers[1], alpha=0.25, lw=0,
-                   label=f"{100 * analysis.confidence:.4g}% interval")
+                   label=f"{percent(analysis.confidence, '.4g', '')} interval")
         ax.plot(power, height - height.max(), color=look.receivers[1])
         ax.axvline(best, color=look.receivers[0], ls=LINES[1],
                    label=f"best λ = {minus(f'{best:.2g}')}")
@@ -403,13 +404,13 @@ def with_unit(factor: str, units: Mapping[str, str]) -> str:
     return f"{factor} [{unit}]" if unit else factor
 
 
-def quantity_of(analysis: Analysis | GeneralAnalysis) -> str:
+def quantity_of(analysis: Factorial | GeneralFactorial) -> str:
     """The analysed quantity with its unit."""
     return f"{analysis.quantity} [{analysis.unit}]" if analysis.unit else analysis.quantity
 
 
 def wrapped(name: str, width: int) -> str:
-    """The name in lines of so many characters, broken at spaces, dots and underscores."""
+    """The name in lines of at most `width` characters, broken at spaces, dots and underscores."""
     return re.sub(r"([_.]) ", r"\1", fill(re.sub(r"([_.])", r"\1 ", name), width))
 
 

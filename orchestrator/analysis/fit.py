@@ -15,7 +15,7 @@ from scipy import stats
 
 from ..errors import ConfigurationError
 from .centred import Centred, group_means
-from .model import Floats, Model
+from .model import Floats, TwoLevelModel
 from .noise import (
     FTest,
     Lenth,
@@ -123,7 +123,7 @@ class Uncertainty:
     replicate_effects: pd.DataFrame | None = None
 
 
-def least_squares(response: Centred, model: Model) -> LeastSquares:
+def least_squares(response: Centred, model: TwoLevelModel) -> LeastSquares:
     """Fit a model to the response.
 
     The means of the points, weighted by their numbers of runs, have the coefficients of the runs
@@ -151,7 +151,7 @@ def least_squares(response: Centred, model: Model) -> LeastSquares:
     )
 
 
-def from_runs(fit: LeastSquares, model: Model, options: Options) -> Uncertainty:
+def from_runs(fit: LeastSquares, model: TwoLevelModel, options: Options) -> Uncertainty:
     """From runs that each have noise of their own."""
     y, least = fit.y, fit.least
     pure, pure_df = fit.pure, len(y) - len(model.points)
@@ -187,7 +187,7 @@ def from_runs(fit: LeastSquares, model: Model, options: Options) -> Uncertainty:
 
 
 def from_replicates(
-    fit: LeastSquares, model: Model, replicate: pd.Series[float]
+    fit: LeastSquares, model: TwoLevelModel, replicate: pd.Series[float]
 ) -> Uncertainty:
     """From replicates whose runs share their noise; `replicate` is that of each run."""
     y, points = fit.y, len(model.points)
@@ -224,7 +224,7 @@ def from_replicates(
     )
 
 
-def curvature(fit: LeastSquares, uncertainty: Uncertainty, model: Model) -> FTest | None:
+def curvature(fit: LeastSquares, uncertainty: Uncertainty, model: TwoLevelModel) -> FTest | None:
     """Test of the centre points against the mean of the others; None without them."""
     coefficient, error = fit.coefficients[-1], uncertainty.errors[-1]
     testable = model.centre.any() and uncertainty.method != "lenth"

@@ -16,9 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..style import LINES, MARKERS, PLAIN, SMALL, Theme, ThemeName, use
+from ..words.shares import percent
 from .figures import add_legend, panels_in, quantity_of, with_unit, wrapped
+from .general import GeneralFactorial
 from .general_sentences import level_text, pair_texts
-from .general_tables import GeneralAnalysis
 
 WIDTH = 4.0
 """Of a figure [inch]: 384 pixels of a browser."""
@@ -33,15 +34,15 @@ MOST_PAIRS = 15
 MOST_PANELS = 6
 """Most pairs of factors that are drawn."""
 MOST_BARS = 4
-"""Lines of up to so many levels have intervals."""
+"""Most levels of a factor whose lines have intervals."""
 
 
 def plot_means(
-    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Marginal mean at each level of each factor; bars are intervals of this mean alone.
 
-    Where means cannot be trusted (`GeneralAnalysis.by_medians`), medians instead.
+    Where means cannot be trusted (`GeneralFactorial.by_medians`), medians instead.
     """
     with use(theme) as look:
         rows = [[_name(analysis, factor, level) for level in levels]
@@ -61,13 +62,13 @@ def plot_means(
         _shared(panels, analysis.shown_of)
         line = Line2D([], [], color=look.ink, ls=LINES[2], lw=1.0, label="mean of the levels")
         dot = Line2D([], [], color=look.receivers[0], marker="o", ms=5, lw=1.3,
-                     label=f"{what}, {100 * analysis.confidence:.4g} % interval")
+                     label=f"{what}, {percent(analysis.confidence, '.4g')} interval")
         add_legend(panels[-1], ax is None, [dot, line])
     return panels
 
 
 def plot_pairs(
-    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """The largest differences of each factor's levels, with intervals that hold all at once.
 
@@ -109,7 +110,7 @@ def plot_pairs(
 
 
 def plot_interactions(
-    analysis: GeneralAnalysis, ax: Axes | None = None, theme: ThemeName = "light"
+    analysis: GeneralFactorial, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
     """Means at each two factors' levels: lines that are not parallel are an interaction.
 
@@ -148,7 +149,7 @@ def plot_interactions(
 
 def _draw_lines(
     panel: Axes,
-    analysis: GeneralAnalysis,
+    analysis: GeneralFactorial,
     factors: tuple[str, str],
     at: Any,
     look: Theme,
@@ -183,7 +184,7 @@ def _columns(names: Sequence[str]) -> int:
     return min(len(names), 1 if longest > 9 else 2 if longest > 4 else 3)
 
 
-def _surest(analysis: GeneralAnalysis) -> list[tuple[str, str]]:
+def _surest(analysis: GeneralFactorial) -> list[tuple[str, str]]:
     """Pairs of factors, that with more levels first; of many those with the smallest p."""
     names = analysis.factors
     p = {frozenset(names[i] for i in term): analysis.anova["p"].iloc[row]
@@ -210,7 +211,7 @@ def _height(names: Sequence[str]) -> int:
     return sum(1 + name.count("\n") for name in names)
 
 
-def _name(analysis: GeneralAnalysis, factor: str, level: Any) -> str:
+def _name(analysis: GeneralFactorial, factor: str, level: Any) -> str:
     return wrapped(level_text(level, analysis.units.get(factor, "")), NAME)
 
 

@@ -10,11 +10,14 @@ import pandas as pd
 from ..layout import fitted, table
 from ..results.definitions import LOST
 from ..results.responses import defined
+from ..study.design import Level
+from ..words.lists import first_of, listed
+from ..words.numbers import interval, measured, minus, p_value, quantity, rounded
+from ..words.shares import percent, tight_percent
 from .bounds import runs_for_t
-from .cells import Level
-from .general_tables import GeneralAnalysis
+from .general import GeneralFactorial
 from .model import MAX_LISTED
-from .sentences import left_out, minus, p_value, percent, quantity, rounded
+from .sentences import left_out
 
 MOST_NAMED = 3
 """Most levels or factors that a sentence names."""
@@ -37,7 +40,7 @@ def level_text(level: Level, unit: str = "") -> str:
 
 
 def summary(
-    analysis: GeneralAnalysis, most: int, verbose: bool, width: int | None, column: str
+    analysis: GeneralFactorial, most: int, verbose: bool, width: int | None, column: str
 ) -> str:
     """The answer, the analysis of variance, the means of the levels, and in detail the rest.
 
@@ -46,7 +49,7 @@ def summary(
     a = analysis
     lost = [LOST] if a.means["lost"].notna().any() else []
     said = [*dict.fromkeys((*lost, *defined(column)))]
-    level = f"{100 * a.confidence:.4g} %"
+    level = percent(a.confidence, ".4g")
     lines = [
         answer(a),
         *warnings(a),
@@ -68,16 +71,16 @@ def summary(
     return fitted("\n".join(lines), width)
 
 
-def answer(analysis: GeneralAnalysis) -> str:
+def answer(analysis: GeneralFactorial) -> str:
     """Which factor matters, and between which levels, in a few sentences.
 
-    A factor is named from its worst to its best level, as if less of the response is better.
+    A factor is named from its worst to its best level: less of the response is taken to be better.
     """
     return " ".join([*([_typical(analysis)] if analysis.by_medians else []), _by_means(analysis),
                      *([] if analysis.practical is None else [_practical(analysis)])])
 
 
-def _typical(analysis: GeneralAnalysis) -> str:
+def _typical(analysis: GeneralFactorial) -> str:
     """What medians say, where means cannot be trusted."""
     a = analysis
     unit = f" {a.measured_in}" if a.measured_in else ""
@@ -97,7 +100,7 @@ def _typical(analysis: GeneralAnalysis) -> str:
             continue
         ends = [
             f"{level_text(row['level'], a.units.get(name, ''))}, {rounded(row['median'])}{unit} "
-            f"({rounded(row['all_low'])} to {rounded(row['all_high'])})" for row in rows
+            f"({interval(row['all_low'], row['all_high'])})" for row in rows
         ]
         parts.append((worst["median"] / max(best["median"], 1e-300),
                       f"{name} from {' to '.join(ends)}"))
@@ -109,16 +112,16 @@ def _typical(analysis: GeneralAnalysis) -> str:
         rest = f"; {more} more pairs differ" if more > 0 else ""
         lines.append(f"By the medians of the pairs, {'; '.join(apart[:MOST_NAMED])}{rest}.")
     if same:
-        lines.append(f"No two levels of {_listed(same, ' or ')} surely differ in the median.")
+        levels = listed(same, "or", most=MOST_NAMED)
+        lines.append(f"No two levels of {levels} surely differ in the median.")
     return " ".join(["The means rest on few runs, so the medians first.", *lines])
 
 
 def _interval_of_less(pair: Any) -> str:
-    ends = sorted(map(abs, (pair.low, pair.high)))
-    return f"{rounded(ends[0])} to {rounded(ends[1])}"
+    return interval(*sorted(map(abs, (pair.low, pair.high))))
 
 
-def _practical(analysis: GeneralAnalysis) -> str:
+def _practical(analysis: GeneralFactorial) -> str:
     """Which pairs of levels are equal, differ, or are open, by what matters."""
     a = analysis
     limit = (f"a factor of {a.practical or 0:g}" if a.transform == "log" else
@@ -131,7 +134,7 @@ def _practical(analysis: GeneralAnalysis) -> str:
             f"{equal} are equal within it, and {undecided} are undecided.")
 
 
-def _by_means(analysis: GeneralAnalysis) -> str:
+def _by_means(analysis: GeneralFactorial) -> str:
     """What the differences of means say."""
     a = analysis
     how = "geometric mean of the " if a.transform == "log" else "mean " if a.by_medians else ""
@@ -140,10 +143,10 @@ def _by_means(analysis: GeneralAnalysis) -> str:
     same = [name for name in a.factors if name not in largest]
     parts: list[str] = []
     for name, row in list(largest.items())[:MOST_NAMED]:
-        size, interval = _size(a, row)
+        size, within = _size(a, row)
         first = not parts
-        how = f" ({100 * a.confidence:.4g}% simultaneous interval {interval})" if first else (
-            f" ({interval})")
+        level = percent(a.confidence, ".4g", "")
+        how = f" ({level} simultaneous interval {within})" if first else f" ({within})"
         parts.append(f"{name} from {_ends(a, name, row)}, by {size}{how}{_as_good(a, name, row)}")
     sentences = []
     if parts:
@@ -153,7 +156,7 @@ def _by_means(analysis: GeneralAnalysis) -> str:
                          + (f"; {more} more factors change it." if more > 1 else
                             "; 1 more factor changes it." if more else "."))
         if same:
-            named = _listed(same, " or ")
+            named = listed(same, "or", most=MOST_NAMED)
             sentences.append(f"No two levels of {named} can be told apart.")
     else:
         sentences.append(f"No two levels of a factor can be told apart by {what}.")
@@ -162,17 +165,17 @@ def _by_means(analysis: GeneralAnalysis) -> str:
     sure = several[several["p"] < 1 - a.confidence].sort_values("sum_sq", ascending=False)
     if len(sure):
         share = sure["sum_sq"].iloc[0] / a.anova.loc["total", "sum_sq"]
-        sentences.append(f"The largest interaction is {sure.index[0]} ({percent(share)} of the sum "
-                         "of squares).")
+        sentences.append(f"The largest interaction is {sure.index[0]} ({tight_percent(share)} of "
+                         "the sum of squares).")
     if a.left_out:
         sentences.append("Main effects only: the combinations of levels that have runs cannot "
-                         f"estimate {_listed(list(a.left_out), ' and ', MAX_LISTED)}.")
+                         f"estimate {listed(list(a.left_out), most=MAX_LISTED)}.")
     elif len(a.factors) > 1 and max(map(len, a.terms)) == 1:
         sentences.append("Interactions are not in the model.")
     return " ".join(sentences)
 
 
-def warnings(analysis: GeneralAnalysis) -> list[str]:
+def warnings(analysis: GeneralFactorial) -> list[str]:
     """What stands against the means and their intervals: heavy tails, or too few runs."""
     a = analysis
     lines = []
@@ -189,11 +192,11 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
         lines.append("Where a mean has no interval (–), it is not known: its interval would reach "
                      "below zero, and no run does. The medians have theirs.")
     if a.heavy:
-        text = (f"Heavy tails: {percent(a.far)} of the runs lie more than 5 robust standard "
+        text = (f"Heavy tails: {tight_percent(a.far)} of the runs lie more than 5 robust standard "
                 "deviations from the median of their combination of levels, so that means rest on "
                 "few runs and their intervals may be too short.")
         if a.far_log < a.far / 2:
-            text += (f" Of the logarithms it is {percent(a.far_log)}: transform log compares "
+            text += (f" Of the logarithms it is {tight_percent(a.far_log)}: transform log compares "
                      "typical runs.")
         if a.worst_run and not a.ran_away:
             text += f" The largest is of run {a.worst_run}: sblcosim replay RESULTS {a.worst_run}."
@@ -209,7 +212,7 @@ def warnings(analysis: GeneralAnalysis) -> list[str]:
     return lines
 
 
-def notes(analysis: GeneralAnalysis) -> list[str]:
+def notes(analysis: GeneralFactorial) -> list[str]:
     """Method and quality of the model, in sentences."""
     a = analysis
     several = [len(levels) * (len(levels) - 1) // 2 for levels in a.levels.values()]
@@ -217,7 +220,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
              f"the residual mean square {a.rmse:.4g}."]
     lines += left_out(a.dropped, a.seeding == "common")
     if a.empty:
-        lines.append(f"Levels without a run that counts: {_listed(list(a.empty), ', ')}.")
+        lines.append(f"Levels without a run that counts: {first_of(list(a.empty), MOST_NAMED)}.")
     lines.append(
         "A mean counts each combination of the other factors' levels once, and its interval holds "
         f"for it alone. Intervals of differences hold for all pairs of a factor at once (up to "
@@ -244,7 +247,7 @@ def notes(analysis: GeneralAnalysis) -> list[str]:
     return lines
 
 
-def _largest(analysis: GeneralAnalysis) -> dict[str, Any]:
+def _largest(analysis: GeneralFactorial) -> dict[str, Any]:
     """The largest sure difference of each factor that has one, the largest first."""
     sure = analysis.pairs[_told_apart(analysis.pairs)]
     ranked = sure.sort_values("difference", key=np.abs, ascending=False, kind="stable")
@@ -259,14 +262,14 @@ def _told_apart(pairs: pd.DataFrame) -> pd.Series[bool]:
     return (pairs["low"] > 0) | (pairs["high"] < 0)
 
 
-def _ends(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+def _ends(analysis: GeneralFactorial, name: str, row: Any) -> str:
     """The worse and the better level."""
     unit = analysis.units.get(name, "")
     ends = [level_text(level, unit) for level in (row.one, row.other)]
     return " to ".join(ends if row.difference > 0 else ends[::-1])
 
 
-def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
+def _as_good(analysis: GeneralFactorial, name: str, row: Any) -> str:
     """The levels that cannot be told from the better one."""
     best = row.other if row.difference > 0 else row.one
     pairs = analysis.pairs
@@ -274,33 +277,26 @@ def _as_good(analysis: GeneralAnalysis, name: str, row: Any) -> str:
     unit = analysis.units.get(name, "")
     tied = [level_text(b if a == best else a, unit)
             for a, b in zip(own["one"], own["other"], strict=True) if best in (a, b)]
-    return f", where {_listed(tied, ' and ')} cannot be told from it" if tied else ""
+    return f", where {listed(tied, most=MOST_NAMED)} cannot be told from it" if tied else ""
 
 
-def _size(analysis: GeneralAnalysis, row: Any) -> tuple[str, str]:
+def _size(analysis: GeneralFactorial, row: Any) -> tuple[str, str]:
     """The size of a difference, and its interval."""
     ends = sorted(np.sign(row.difference) * np.array([row.low, row.high]))
     size = abs(row.difference)
     if analysis.transform == "log":
         size, *ends = np.exp([size, *ends])
-    shown = f"{rounded(ends[0])} to {rounded(ends[1])}"
+    shown = interval(*ends)
     if analysis.transform == "log":
         return f"a factor of {rounded(size)}", shown
-    return f"{rounded(size)} {analysis.unit}".rstrip(), shown
+    return measured(size, analysis.unit), shown
 
 
-def _listed(names: list[str], last: str, most: int = MOST_NAMED) -> str:
-    """The first names, and how many more there are."""
-    if len(names) > most:
-        return f"{', '.join(names[:most])} and {len(names) - most} more"
-    return last.join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def _in_unit(analysis: GeneralAnalysis) -> str:
+def _in_unit(analysis: GeneralFactorial) -> str:
     return f" [{analysis.unit}]" if analysis.unit else ""
 
 
-def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _anova_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     return [
         (str(name), f"{row['df']:g}",
          *("" if np.isnan(x) else minus(f"{x:.4g}") for x in (row["sum_sq"], row["mean_sq"],
@@ -310,7 +306,7 @@ def _anova_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
     ]
 
 
-def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _mean_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     rows = []
     before = ""
     row: Any
@@ -319,12 +315,12 @@ def _mean_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
         unit = analysis.units.get(name, "")
         rows.append((name if name != before else "", level_text(row.level, unit),
                      *map(_shown, (row.mean, row.low, row.high)),
-                     f"{row.runs}", percent(float(row.lost))))
+                     f"{row.runs}", tight_percent(float(row.lost))))
         before = name
     return rows
 
 
-def _median_rows(analysis: GeneralAnalysis) -> list[tuple[str, ...]]:
+def _median_rows(analysis: GeneralFactorial) -> list[tuple[str, ...]]:
     rows = []
     before = ""
     row: Any
@@ -342,7 +338,7 @@ def _shown(value: float) -> str:
     return "–" if np.isnan(value) else minus(f"{value:.4g}")
 
 
-def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> list[str]:
+def _differences(analysis: GeneralFactorial, most: int, width: int | None) -> list[str]:
     """The largest differences of each factor."""
     a = analysis
     rows: list[tuple[str, ...]] = []
@@ -359,11 +355,11 @@ def _differences(analysis: GeneralAnalysis, most: int, width: int | None) -> lis
         f"Differences of the {'medians' if a.by_medians else 'means'} of {a.quantity}{_in_unit(a)}")
     head = ("factor", "levels", "ratio" if ratios else "difference", "low", "high", "p",
             *([] if a.practical is None else ["verdict"]))
-    return [f"{what}, {100 * a.confidence:.4g} % intervals for all pairs of a factor at once:",
+    return [f"{what}, {percent(a.confidence, '.4g')} intervals for all pairs of a factor at once:",
             *table(rows, width, head, range(2, 6))]
 
 
-def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str, ...]:
+def _difference_row(analysis: GeneralFactorial, name: str, row: Any) -> tuple[str, ...]:
     ratios, pair = analysis.transform == "log", pair_texts(row, analysis)
     values = ((row.ratio, row.ratio_low, row.ratio_high) if ratios else
               (row.difference, row.low, row.high))
@@ -372,7 +368,7 @@ def _difference_row(analysis: GeneralAnalysis, name: str, row: Any) -> tuple[str
             *([] if analysis.practical is None else [verdict_text(row.verdict, analysis)]))
 
 
-def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
+def verdict_text(verdict: str, analysis: GeneralFactorial) -> str:
     """What is said of a pair of levels, in words."""
     limit = f"{analysis.practical or 0:g}"
     within = f"a factor of {limit}" if analysis.transform == "log" else (
@@ -380,7 +376,7 @@ def verdict_text(verdict: str, analysis: GeneralAnalysis) -> str:
     return verdict + (f" within {within}" if verdict == "equal" else "")
 
 
-def pair_texts(row: Any, analysis: GeneralAnalysis) -> tuple[str, str]:
+def pair_texts(row: Any, analysis: GeneralFactorial) -> tuple[str, str]:
     """The two levels of a difference."""
     unit = analysis.units.get(str(row.factor), "")
     return level_text(row.one, unit), level_text(row.other, unit)

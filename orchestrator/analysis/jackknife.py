@@ -43,23 +43,23 @@ from scipy import special
 Floats = NDArray[np.float64]
 
 
-class Estimate(NamedTuple):
+class IndexEstimates(NamedTuple):
     """Indices of all columns, with their intervals; the shape of each is (…, columns)."""
 
     value: Floats
     low: Floats
     high: Floats
 
-    def inside(self) -> Estimate:
+    def inside(self) -> IndexEstimates:
         """The same without what no index can be: below 0 or above 1."""
-        return Estimate(*(np.clip(ends, 0.0, 1.0) for ends in self))
+        return IndexEstimates(*(np.clip(ends, 0.0, 1.0) for ends in self))
 
-    def within(self, low: Floats, high: Floats) -> Estimate:
+    def within(self, low: Floats, high: Floats) -> IndexEstimates:
         """The values, moved into another interval."""
-        return Estimate(np.clip(self.value, low, high), low, high)
+        return IndexEstimates(np.clip(self.value, low, high), low, high)
 
 
-def indices(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
+def indices(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstimates]:
     """First-order and total indices with intervals, none of them below 0 or above 1.
 
     Parameters
@@ -104,8 +104,13 @@ def scaled(y: Floats) -> Floats:
 
 
 def _with_the_unseen(
-    first: Estimate, total: Estimate, rest: Floats, far: Floats, rows: int, confidence: float
-) -> tuple[Estimate, Estimate]:
+    first: IndexEstimates,
+    total: IndexEstimates,
+    rest: Floats,
+    far: Floats,
+    rows: int,
+    confidence: float,
+) -> tuple[IndexEstimates, IndexEstimates]:
     """Intervals that reach to the estimates with rows that the sample need not show; see above.
 
     Parameters
@@ -125,8 +130,8 @@ def _with_the_unseen(
     high = np.where(still, most / (2 + most), np.minimum(total.high, 1.0))
     first_high = np.where(still, high, np.minimum(1 - rest / (1 + many), high))
     return (
-        Estimate(first.value, first.low, np.maximum(first.high, first_high)),
-        Estimate(total.value, np.minimum(total.low, total.value / (1 + most)), high),
+        IndexEstimates(first.value, first.low, np.maximum(first.high, first_high)),
+        IndexEstimates(total.value, np.minimum(total.low, total.value / (1 + most)), high),
     )
 
 
@@ -137,12 +142,12 @@ def _means(values: Floats) -> tuple[Floats, Floats]:
     return total / n, (total - values) / (n - 1)
 
 
-def _columns(estimates: list[Estimate]) -> Estimate:
+def _columns(estimates: list[IndexEstimates]) -> IndexEstimates:
     """Estimates of shape (…, 1), one after the other."""
-    return Estimate(*(np.concatenate(ends, axis=-1) for ends in zip(*estimates, strict=True)))
+    return IndexEstimates(*(np.concatenate(ends, axis=-1) for ends in zip(*estimates, strict=True)))
 
 
-def _interval(value: Floats, left: Floats, confidence: float) -> Estimate:
+def _interval(value: Floats, left: Floats, confidence: float) -> IndexEstimates:
     """Student's interval from the values without each row; shape (…, rows).
 
     Without limits where some of them is not finite: a single row makes all of it.
@@ -155,11 +160,11 @@ def _interval(value: Floats, left: Floats, confidence: float) -> Estimate:
     error = np.sqrt(total * (n - 1) / n)
     reach = special.stdtrit(freedom, (1 + confidence) / 2) * error
     reach = np.where(total == 0, 0.0, np.where(np.isfinite(reach), reach, np.inf))
-    return Estimate(value, value - reach, value + reach)
+    return IndexEstimates(value, value - reach, value + reach)
 
 
-def _of_logarithm(value: Floats, left: Floats, confidence: float) -> Estimate:
+def _of_logarithm(value: Floats, left: Floats, confidence: float) -> IndexEstimates:
     """Student's interval on the logarithmic scale; nothing at all where no row has a change."""
     log = _interval(np.log(value), np.log(left), confidence)
     ends = (np.where(value == 0, 0.0, np.exp(end)) for end in (log.low, log.high))
-    return Estimate(value, *ends)
+    return IndexEstimates(value, *ends)

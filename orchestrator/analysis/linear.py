@@ -19,10 +19,11 @@ from typing import Literal
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..words.lists import first_of
 from .cells import Cells, Indices
 from .model import MAX_LISTED, Floats, Term, term_name, terms_up_to
 
-Type = Literal[2, 3]
+SumsType = Literal[2, 3]
 RANK = 1e-9
 """Eigenvalues below this fraction of the largest are zero."""
 MOST_NUMBERS = 20_000_000
@@ -125,7 +126,7 @@ class LinearModel:
 
 
 def fitted_model(cells: Cells, order: int) -> LinearModel:
-    """The model with interactions of up to so many factors, or main effects alone if need be.
+    """The model with interactions of up to `order` factors, or main effects alone if need be.
 
     Raises
     ------
@@ -145,9 +146,10 @@ def fitted_model(cells: Cells, order: int) -> LinearModel:
         model = LinearModel(cells, terms_up_to(1, count), interactions)
         alone = inestimable(model)
         if alone:
+            names = [term_name(term, cells.factors) for term in alone]
             raise ConfigurationError(
                 f"factors: must be told apart by the {len(cells.runs)} combinations of levels that "
-                f"have runs, got {_listed(alone, cells.factors)} mixed up with other factors"
+                f"have runs, got {first_of(names, MAX_LISTED)} mixed up with other factors"
             )
     _check_error(model)
     return model
@@ -172,7 +174,7 @@ def width(term: Term, sizes: Sequence[int]) -> int:
 
 
 def inestimable(model: LinearModel) -> tuple[Term, ...]:
-    """Terms of which a part cannot be told from the other terms."""
+    """Terms that cannot be told, in part, from the other terms."""
     x, owner = model.x, model.owner
     if _rank(x) == x.shape[1]:
         return ()
@@ -185,12 +187,6 @@ def inestimable(model: LinearModel) -> tuple[Term, ...]:
 
 def _rank(x: Floats) -> int:
     return int(np.linalg.matrix_rank(x.T @ x, hermitian=True, rtol=RANK))
-
-
-def _listed(terms: Sequence[Term], factors: Sequence[str]) -> str:
-    names = [term_name(term, factors) for term in terms]
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    return ", ".join(names[:MAX_LISTED]) + more
 
 
 def _check_size(model: LinearModel) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, nearest
 from ..study.design import INTERACTION_SIGN
+from ..words.lists import first_of
 from .runs import points_of
 
 Floats = NDArray[np.float64]
@@ -29,7 +30,7 @@ MAX_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class TwoLevelModel:
     """The terms and the coded design points.
 
     Attributes
@@ -95,7 +96,7 @@ def estimable(
     terms: tuple[Term, ...],
     order: int | None,
     reducible: bool,
-) -> Model:
+) -> TwoLevelModel:
     """The model of some runs, or main effects alone if that is allowed and necessary.
 
     Raises
@@ -108,7 +109,7 @@ def estimable(
     main_effects = terms_up_to(1, len(factors))
     x = design_matrix(points, terms)
     reduced = reducible and _rank(x) < x.shape[1]
-    model = Model(levels, main_effects if reduced else terms, points, of_run, reduced)
+    model = TwoLevelModel(levels, main_effects if reduced else terms, points, of_run, reduced)
     extra = [CURVATURE] if model.centre.any() else []
     try:
         _check_estimable(model.x, ["mean", *model.names, *extra])
@@ -123,7 +124,7 @@ def estimable(
 
 
 def terms_up_to(order: int, factors: int) -> tuple[Term, ...]:
-    """Main effects and interactions of up to so many factors."""
+    """Main effects, and interactions of up to `order` factors."""
     return tuple(term for n in range(1, order + 1) for term in combinations(range(factors), n))
 
 
@@ -159,7 +160,7 @@ def chosen_terms(
 
 
 def term_name(term: Term, factors: Sequence[str]) -> str:
-    """``A × B``; of the mean nothing."""
+    """``A × B``; empty for the mean."""
     return INTERACTION_SIGN.join(factors[i] for i in term)
 
 
@@ -256,8 +257,7 @@ def _check_estimable(x: Floats, columns: Sequence[str]) -> None:
             aliased.append(f"{name} aliased with {' and '.join(others)}")
         else:
             free.append(i)
-    more = f" and {len(aliased) - MAX_LISTED} more" if len(aliased) > MAX_LISTED else ""
     raise ConfigurationError(
         f"terms: must be told apart by the {len(distinct)} design points, got "
-        f"{'; '.join(aliased[:MAX_LISTED])}{more}"
+        f"{first_of(aliased, MAX_LISTED, '; ')}"
     )

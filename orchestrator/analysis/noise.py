@@ -52,7 +52,7 @@ class Lenth:
 
 
 def lenth(effects: Floats, confidence: float = 0.95) -> Lenth:
-    """Lenth's pseudo standard error of effects of which most are noise.
+    """Lenth's pseudo standard error, from effects that are mostly noise.
 
     s₀ = 1.5 median|c|, PSE = 1.5 median of those |c| below 2.5 s₀, ME = t(1−α/2, m/3) PSE and
     SME = t(γ, m/3) PSE with γ = (1 + (1−α)^(1/m))/2 for m effects c.

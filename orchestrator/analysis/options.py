@@ -1,4 +1,4 @@
-"""What is asked of a factorial analysis, and the checks of it."""
+"""Options of a factorial analysis, and their checks."""
 
 from __future__ import annotations
 

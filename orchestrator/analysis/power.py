@@ -7,10 +7,10 @@ import pandas as pd
 from scipy import optimize, stats
 
 from ..errors import ConfigurationError
-from .tables import Analysis
+from .factorial import Factorial
 
 
-def detectable(analysis: Analysis, power: float = 0.8) -> pd.Series[float]:
+def detectable(analysis: Factorial, power: float = 0.8) -> pd.Series[float]:
     """Smallest true effect of each term that the experiment detects with the given probability.
 
     From the noncentral t distribution, two-sided at the level of the analysis, with its standard

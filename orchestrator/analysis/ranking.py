@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .tables import Analysis
+from .factorial import Factorial
 
 
-def tied(analysis: Analysis, one: str, other: str) -> bool:
+def tied(analysis: Factorial, one: str, other: str) -> bool:
     """Whether the sizes of two effects differ by no more than chance allows."""
     a, b = (analysis.effects.loc[name] for name in (one, other))
     if analysis.replicate_effects is not None:
@@ -19,7 +19,7 @@ def tied(analysis: Analysis, one: str, other: str) -> bool:
     return bool(abs(abs(a.effect) - abs(b.effect)) <= analysis.reference * error)
 
 
-def tied_groups(analysis: Analysis, names: list[str]) -> list[list[str]]:
+def tied_groups(analysis: Factorial, names: list[str]) -> list[list[str]]:
     """Terms, the largest first, in groups that cannot be told from their first one."""
     groups = []
     while names:
@@ -28,7 +28,7 @@ def tied_groups(analysis: Analysis, names: list[str]) -> list[list[str]]:
     return groups
 
 
-def ranking(analysis: Analysis) -> dict[str, str]:
+def ranking(analysis: Factorial) -> dict[str, str]:
     """Rank of each main effect by its size; those that cannot be told apart share their ranks."""
     ranked = analysis.ranked()
     ranks: dict[str, str] = {}

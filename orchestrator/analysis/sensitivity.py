@@ -19,24 +19,38 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from math import ceil
-from typing import TYPE_CHECKING, get_args
+from math import ceil, log2
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, check_choice, nearest, quoted
+from ..lazy import Module
 from ..shown import Picture, Shown, folded, page, verbatim
 from ..study.space import LEAST_BASE_ROWS, SEED_FACTOR, Sample
-from . import jackknife, sobol, two_values
-from .sobol import TAIL, Flags, Floats, Scale, SobolIndices
+from ..words.shares import percent, rough_percent
+from . import jackknife, two_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..style import ThemeName
 
+sentences: Any = Module("sblcosim.analysis.sensitivity_sentences")
+figures: Any = Module("sblcosim.analysis.sensitivity_figures")
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Scale = Literal["none", "log"]
+WIDEST = 0.2
+"""Width of an interval from which on more base rows are advised."""
+LEAST_EVENTS = 20
+"""Independent runs off the commonest value that indices can be made of."""
+TAIL, HEAVY = 0.01, 0.5
+"""Tails are heavy if this share of the runs, the farthest, has this share of the variance."""
+CHANCE = "chance (the seed)"
 MOST_LEFT_OUT = 0.2
 """Share of base rows without a response above which there are no indices.
 
@@ -47,18 +61,135 @@ rows are left out, 0.05 at 20 %, 0.13 at 35 % and 0.22 at 50 %, over ten shapes 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Shown, SobolIndices):
-    __doc__ = SobolIndices.__doc__  # the class that users see
+class Sensitivity(Shown):
+    """Sobol' indices of a response.
+
+    Attributes
+    ----------
+    response, transform
+        The analysed quantity; with ``log`` its natural logarithm.
+    sample
+        The runs that were analysed.
+    values
+        The response of each run, not transformed; shape (rows,).
+    done
+        Whether all runs of a base row were made; shape (base rows,).
+    used
+        Whether a base row counts; shape (base rows,). Those with a run without a finite response do
+        not.
+    indices
+        One row per factor, the last for the seed: ``first``, ``first_low``, ``first_high``,
+        ``total``, ``total_low``, ``total_high``: the indices and their confidence intervals, all of
+        them from 0 to 1.
+    tail
+        Share of the variance that the farthest 1 % of the runs make.
+    confidence
+        Of the intervals.
+    lost
+        Share of lost runs, where it is known.
+    label
+        The response's name for people, if it has one.
+    """
+
+    response: str
+    transform: Scale
+    sample: Sample
+    values: Floats
+    done: Flags
+    used: Flags
+    indices: pd.DataFrame
+    tail: float
+    confidence: float
+    lost: float | None = None
+    label: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """The analysed quantity in words."""
+        return f"{'ln ' if self.transform == 'log' else ''}{self.label or self.response}"
+
+    @property
+    def runs(self) -> int:
+        """Runs that were analysed."""
+        return int(self.used.sum()) * self.sample.runs_per_row
+
+    @property
+    def left_out(self) -> int:
+        """Base rows without a response in all of their runs."""
+        return int((self.done & ~self.used).sum())
+
+    @property
+    def share_left_out(self) -> float:
+        """Share of the base rows that are left out, of those that are done."""
+        return self.left_out / int(self.done.sum())
+
+    @property
+    def dropped(self) -> int:
+        """Runs without a finite response."""
+        rows = self.values.reshape(self.sample.base_rows, -1)[self.done]
+        return int((~np.isfinite(rows)).sum())
+
+    @property
+    def few(self) -> int | None:
+        """Independent runs that differ from the others, if indices of so few say little."""
+        number = events(self.independent)
+        return number if number < LEAST_EVENTS else None
+
+    @property
+    def independent_runs(self) -> NDArray[np.int64]:
+        """The runs at A and at B, from 0; shape (2, base rows used)."""
+        at_a = np.flatnonzero(self.used) * self.sample.runs_per_row
+        return np.array([at_a, at_a + self.sample.runs_per_row - 1])
+
+    @property
+    def independent(self) -> Floats:
+        """The response in the independent runs; shape (2, base rows used)."""
+        return self.values[self.independent_runs]
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether the response is 0 or 1, as ``lost``."""
+        return self.transform == "none" and bool(np.isin(self.independent, (0.0, 1.0)).all())
+
+    @property
+    def heavy(self) -> bool:
+        """Whether few runs make most of the variance."""
+        return self.transform == "none" and not self.is_flag and self.tail > HEAVY
+
+    @property
+    def widest(self) -> float:
+        """Width of the widest interval."""
+        i = self.indices
+        widths = [i["first_high"] - i["first_low"], i["total_high"] - i["total_low"]]
+        return float(max(width.max() for width in widths))
+
+    @property
+    def base_rows_needed(self) -> int:
+        """Base rows for intervals that are no wider than `WIDEST`, as widths fall with 1/√n."""
+        n = self.sample.base_rows
+        if self.widest <= WIDEST:
+            return n
+        return int(2 ** ceil(log2(n * (self.widest / WIDEST) ** 2)))
+
+    def ranked(self) -> pd.DataFrame:
+        """The indices, the largest total first."""
+        return self.indices.sort_values("total", ascending=False, kind="stable")
+
+    def name_of(self, factor: str) -> str:
+        """Name of a factor for people."""
+        labels = {f.name: f.label or f.name for f in self.sample.factors}
+        return labels.get(factor, CHANCE)
 
     def text(self, *, width: int | None = None) -> str:
-        """The indices in words: the answer, the table, and what is to be minded.
+        """The indices in words: the answer, the table, and the notes.
 
         Parameters
         ----------
         width
             Columns to fit into; None: sentences are not wrapped.
         """
-        return sobol.summary(self, width)
+        text: str = sentences.summary(self, width)
+        return text
 
     def __str__(self) -> str:
         return self.text()
@@ -72,23 +203,19 @@ class Sensitivity(Shown, SobolIndices):
         table = self.ranked().rename(index=self.name_of)
         return page(
             f"Sobol' indices of {self.quantity}",
-            f"<p>{escape(sobol.answer(self))}</p>",
+            f"<p>{escape(sentences.answer(self))}</p>",
             table.to_html(float_format="{:.3f}".format, border=0),
-            folded("How to read the numbers", verbatim("\n".join(sobol.notes(self)))),
+            folded("How to read the numbers", verbatim("\n".join(sentences.notes(self)))),
         )
 
     def plot_indices(self, ax: Axes | None = None, theme: ThemeName = "light") -> Picture:
         """See `sblcosim.analysis.sensitivity_figures.plot_indices`."""
-        from . import sensitivity_figures as figures  # loads Matplotlib
-
         return Picture(figures.plot_indices(self, ax, theme), ax)
 
     def plot_scatter(
         self, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
     ) -> Picture:
         """See `sblcosim.analysis.sensitivity_figures.plot_scatter`."""
-        from . import sensitivity_figures as figures  # loads Matplotlib
-
         return Picture(figures.plot_scatter(self, ax, theme), ax)
 
 
@@ -159,8 +286,8 @@ def _checked(y: Floats, done: int, response: str, transform: Scale) -> Floats:
     if rows < (1 - MOST_LEFT_OUT) * done:
         raise ConfigurationError(
             f"{response}: must be finite in all {runs} runs of at least "
-            f"{100 * (1 - MOST_LEFT_OUT):.0f} % of the base rows, got "
-            f"{sobol.percent(rows / done)}: {done - rows} of {done} are left out, and the others "
+            f"{percent(1 - MOST_LEFT_OUT, '.0f')} of the base rows, got "
+            f"{rough_percent(rows / done)}: {done - rows} of {done} are left out, and the others "
             "do not stand for the space; analyse a response that every run has, or narrow the "
             "ranges"
         )
@@ -183,7 +310,7 @@ def _table(sample: Sample, y: Floats, confidence: float) -> pd.DataFrame:
     if np.isin(y, (y.min(), y.max())).all():
         pairs = two_values.intervals((y == y.max()) * 1.0, confidence)
         first, total = first.within(*pairs[0][1:]), total.within(*pairs[1][1:])
-    elif sobol.events(y[:, [0, -1]]) < sobol.LEAST_EVENTS:
+    elif events(y[:, [0, -1]]) < LEAST_EVENTS:
         for found in (first, total):
             found.low[:], found.high[:] = 0.0, 1.0
     columns: dict[str, Floats] = {}
@@ -289,3 +416,8 @@ def _places(sample: Sample, table: pd.DataFrame) -> NDArray[np.int64]:
                     f"{at[first] + 1}, got {got[first]:g}; is it another version of the sample?"
                 )
     return at
+
+
+def events(independent: Floats) -> int:
+    """Independent runs that do not have the commonest value."""
+    return independent.size - int(np.unique(independent, return_counts=True)[1].max())

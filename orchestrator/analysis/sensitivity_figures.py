@@ -18,10 +18,11 @@ from scipy import stats
 
 from ..results.responses import unit_of
 from ..study.distributions import is_number
-from ..study.space import Factor
+from ..study.space import DrawnFactor
 from ..style import PLAIN, Theme, ThemeName, new_figure, use
-from .sentences import minus
-from .sobol import Floats, SobolIndices
+from ..words.numbers import minus
+from ..words.shares import percent
+from .sensitivity import Floats, Sensitivity
 
 RASTER_FROM = 1000
 """From this many points on, an SVG holds a raster image of them."""
@@ -33,11 +34,11 @@ _THICK = 0.36  # of a bar
 
 
 def plot_indices(
-    found: SobolIndices, ax: Axes | None = None, theme: ThemeName = "light"
+    sobol: Sensitivity, ax: Axes | None = None, theme: ThemeName = "light"
 ) -> Axes:
     """First-order and total indices with their intervals, the largest total on top; and chance."""
     with use(theme, ax) as look:
-        table = found.ranked().iloc[::-1]
+        table = sobol.ranked().iloc[::-1]
         own = ax is None
         if ax is None:
             ax = new_figure(4.8, 1.7 + 0.5 * len(table)).add_subplot()
@@ -53,12 +54,13 @@ def plot_indices(
             ax.errorbar(size, places + side * _THICK / 2, xerr=reach, fmt="none", ecolor=look.ink,
                         elinewidth=1, capsize=2.5)
         ax.axvline(0, color=look.ink, lw=0.8)
-        ax.set_yticks(places, [fill(found.name_of(str(name)), 18) for name in table.index], **PLAIN)
+        ax.set_yticks(places, [fill(sobol.name_of(str(name)), 18) for name in table.index], **PLAIN)
         ax.tick_params(axis="y", length=0)
         ax.grid(axis="y", visible=False)
         ax.set_xlim(right=max(1.0, ax.get_xlim()[1]))
-        ax.set_xlabel(f"Share of the variance;\nlines: {100 * found.confidence:.4g} % intervals")
-        ax.set_title(fill(f"Sobol' indices of {found.quantity}", 38), loc="left")
+        level = percent(sobol.confidence, ".4g")
+        ax.set_xlabel(f"Share of the variance;\nlines: {level} intervals")
+        ax.set_title(fill(f"Sobol' indices of {sobol.quantity}", 38), loc="left")
         if own:
             ax.figure.legend(loc="outside lower center", ncols=1)
         else:
@@ -67,16 +69,16 @@ def plot_indices(
 
 
 def plot_scatter(
-    found: SobolIndices, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
+    sobol: Sensitivity, ax: Sequence[Axes] | None = None, theme: ThemeName = "light"
 ) -> Sequence[Axes]:
-    """The independent runs against each factor, and the mean of those with like values of it.
+    """The independent runs against each factor, and the mean of runs with similar values.
 
     The variance of that mean is the share that the factor's first-order index says. Axes are
     logarithmic where a distribution is, or the analysed response. Of ``lost``, the means are shares
     of lost runs.
     """
     with use(theme, ax) as look:
-        factors = found.sample.factors
+        factors = sobol.sample.factors
         own = ax is None
         if ax is None:
             columns = _columns(factors)
@@ -86,10 +88,10 @@ def plot_scatter(
         for panel in ax[len(factors):]:
             panel.set_axis_off()
         for panel, factor in zip(ax, factors, strict=False):
-            _panel(panel, found, factor, look)
+            _panel(panel, sobol, factor, look)
         per_row = _columns(factors) if own else 1
         for panel in ax[: len(factors) : per_row]:
-            panel.set_ylabel(fill(_response(found), 34))
+            panel.set_ylabel(fill(_response(sobol), 34))
         if own:
             handles, labels = ax[0].get_legend_handles_labels()
             legend = ax[0].figure.legend(handles, labels, loc="outside lower center", ncols=1)
@@ -100,15 +102,15 @@ def plot_scatter(
     return ax
 
 
-def _columns(factors: Sequence[Factor]) -> int:
-    """One panel beside the other only where there are many: a telephone has room for one."""
+def _columns(factors: Sequence[DrawnFactor]) -> int:
+    """One column, which fits a telephone; two only where there are many panels."""
     return 1 if len(factors) <= MOST_IN_COLUMN else 2
 
 
-def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> None:
+def _panel(panel: Axes, sobol: Sensitivity, factor: DrawnFactor, look: Theme) -> None:
     """One factor's points and conditional mean."""
-    runs = found.independent_runs.ravel()
-    x, y = found.sample.values[factor.name].to_numpy()[runs], found.values[runs]
+    runs = sobol.independent_runs.ravel()
+    x, y = sobol.sample.values[factor.name].to_numpy()[runs], sobol.values[runs]
     levels = factor.distribution.levels
     if levels is not None:
         places = {level: float(i) for i, level in enumerate(levels)}
@@ -120,16 +122,16 @@ def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> Non
     panel.plot(x + beside, y, ".", color=look.soft, ms=3 if many else 5, mew=0, rasterized=many,
                alpha=min(0.5, 4000 / len(x)), label="independent runs")
     centres, means, errors = conditional_mean(
-        x, np.log(y) if found.transform == "log" else y, discrete=levels is not None
+        x, np.log(y) if sobol.transform == "log" else y, discrete=levels is not None
     )
-    reach = float(stats.norm.ppf((1 + found.confidence) / 2)) * errors
+    reach = float(stats.norm.ppf((1 + sobol.confidence) / 2)) * errors
     ends = np.array([means - reach, means + reach])
-    if found.transform == "log":
+    if sobol.transform == "log":
         means, ends = np.exp(means), np.exp(ends)
         panel.set_yscale("log")
         _plain_ticks(panel.yaxis, y)
     panel.errorbar(centres, means, np.abs(ends - means), fmt="o" if levels else "-o", ms=4,
-                   capsize=2, elinewidth=1, color=look.receivers[0], label=_mean(found))
+                   capsize=2, elinewidth=1, color=look.receivers[0], label=_mean(sobol))
     if levels is not None:
         names = [f"{level:g}" if is_number(level) else str(level) for level in levels]
         panel.set_xticks(range(len(levels)), [fill(name, 12) for name in names], **PLAIN)
@@ -140,7 +142,7 @@ def _panel(panel: Axes, found: SobolIndices, factor: Factor, look: Theme) -> Non
         panel.xaxis.set_major_locator(MaxNLocator(5))
     name = factor.label or factor.name
     panel.set_xlabel(fill(f"{name} [{factor.unit}]" if factor.unit else name, 34))
-    row: Any = found.indices.loc[factor.name]
+    row: Any = sobol.indices.loc[factor.name]
     panel.set_title(f"first {_index(row['first'])}, total {_index(row['total'])}", loc="left")
 
 
@@ -187,13 +189,13 @@ def conditional_mean(
     return np.array(medians), np.array(means), np.array(errors)
 
 
-def _mean(found: SobolIndices) -> str:
-    what = "geometric mean" if found.transform == "log" else "share" if found.is_flag else "mean"
-    return f"{what} of like runs, {100 * found.confidence:.4g} % intervals"
+def _mean(sobol: Sensitivity) -> str:
+    what = "geometric mean" if sobol.transform == "log" else "share" if sobol.is_flag else "mean"
+    return f"{what} of like runs, {percent(sobol.confidence, '.4g')} intervals"
 
 
-def _response(found: SobolIndices) -> str:
-    name, unit = found.label or found.response, unit_of(found.response)
+def _response(sobol: Sensitivity) -> str:
+    name, unit = sobol.label or sobol.response, unit_of(sobol.response)
     return f"{name} [{unit}]" if unit else name
 
 

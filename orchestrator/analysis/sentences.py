@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
 
 from ..layout import fitted, table
 from ..results.responses import defined
+from ..words.lists import first_of
+from ..words.numbers import interval, measured, p_value, quantity, rounded, signed
+from ..words.shares import percent, tight_percent
+from .factorial import Factorial
 from .model import MAX_LISTED
 from .ranking import tied_groups
-from .tables import Analysis
-
-
-def ordinal(number: float) -> str:
-    """``90th``, ``91st``, ``97.5th``."""
-    last, tens = number % 10, number % 100 // 10
-    endings: dict[float, str] = {1: "st", 2: "nd", 3: "rd"}
-    ending = endings.get(last, "th") if tens != 1 else "th"
-    return f"{number:g}{ending}"
 
 
 def summary(
-    analysis: Analysis, most: int, verbose: bool = False, width: int | None = None,
+    analysis: Factorial, most: int, verbose: bool = False, width: int | None = None,
     column: str = "",
 ) -> str:
     """The answer, then the `most` largest effects.
@@ -40,7 +34,9 @@ def summary(
     shown = analysis.ranked().head(most)
     columns = ["effect", "low", "high", *(["std_error", "t", "p"] if verbose else []), "share"]
     columns += [c for c in ("ratio", "verdict") if c in shown]
-    formats: dict[str, Any] = {"share": percent, "p": p_value, "t": "{:.2f}".format, "verdict": str}
+    formats: dict[str, Any] = {
+        "share": tight_percent, "p": p_value, "t": "{:.2f}".format, "verdict": str,
+    }  # fmt: skip
     rows = [
         (str(term), *(formats.get(str(c), "{:.4g}".format)(value) for c, value in row.items()))
         for term, row in zip(shown.index, shown[columns].to_dict(orient="records"), strict=True)
@@ -49,7 +45,7 @@ def summary(
     lines = [
         answer(analysis),
         "",
-        f"Effects on {analysis.quantity}, {100 * analysis.confidence:.4g} % intervals:",
+        f"Effects on {analysis.quantity}, {percent(analysis.confidence, '.4g')} intervals:",
         *table(rows, width, ("", *columns), range(1, len(columns) + 1)),
         *([f"and {rest} smaller"] if rest else []),
         *(["undecided: the interval reaches to both sides of what matters; more runs decide"]
@@ -61,15 +57,10 @@ def summary(
     return fitted("\n".join(lines), width)
 
 
-def p_value(p: float) -> str:
-    """A probability."""
-    return "<1e-300" if p < 1e-300 else f"{p:.2g}"
-
-
-def answer(analysis: Analysis, most: int = 3) -> str:
+def answer(analysis: Factorial, most: int = 3) -> str:
     """What matters, in a few sentences: the largest main effects and the largest interaction.
 
-    A factor is named from its worse to its better level, as if less of the response is better.
+    A factor is named from its worse to its better level: less of the response counts as better.
     Factors whose effects cannot be told apart share a rank; ranks are named until there are
     `most` factors.
     """
@@ -86,7 +77,8 @@ def answer(analysis: Analysis, most: int = 3) -> str:
             return (f"No effect on {what} is large enough to matter: those that can be told from "
                     f"noise are smaller than {limit_of(a)}.")
     single, several = ranked[worth & (ranked["order"] == 1)], ranked[worth & (ranked["order"] > 1)]
-    level = f"{100 * a.confidence:.4g}% interval" + (" by Lenth's method" if a.lenth else "")
+    method = " by Lenth's method" if a.lenth else ""
+    level = f"{percent(a.confidence, '.4g', '')} interval{method}"
     parts: list[str] = []
     named: list[str] = []
     for same in tied_groups(a, [str(name) for name in single.index]):
@@ -95,11 +87,11 @@ def answer(analysis: Analysis, most: int = 3) -> str:
         shown, rest, words = same[: most + 1], len(same) - most - 1, list[str]()
         named += shown
         for name in shown:
-            size, interval = _reach(a, name)
+            size, within = _reach(a, name)
             first = not parts and not words
             words.append(
                 f"{name} from {_worse_to_better(a, name)}, by {size}"
-                + (f" on average ({level} {interval})" if first else f" ({interval})")
+                + (f" on average ({level} {within})" if first else f" ({within})")
             )
         text = ", tied with ".join(words)
         parts.append(text + (f", and with {rest} more" if rest > 0 else ""))
@@ -111,11 +103,9 @@ def answer(analysis: Analysis, most: int = 3) -> str:
     if len(several):
         name = str(several.index[0])
         named.append(name)
-        size, interval = _signed(a, name)
-        sentences.append(
-            f"The largest interaction is {name} ({size}, {interval})." if parts else
-            f"The largest interaction is {name} ({size}, {level} {interval})."
-        )
+        size, within = _signed(a, name)
+        how = "" if parts else f"{level} "
+        sentences.append(f"The largest interaction is {name} ({size}, {how}{within}).")
     same_as = [f"{name} from {' and '.join(a.aliases[name])}" for name in named
                if name in a.aliases]
     if same_as:
@@ -128,7 +118,7 @@ def answer(analysis: Analysis, most: int = 3) -> str:
     return " ".join(sentences)
 
 
-def limit_of(analysis: Analysis) -> str:
+def limit_of(analysis: Factorial) -> str:
     """The smallest effect that matters, in words."""
     assert analysis.practical is not None
     if analysis.transform != "none":
@@ -136,58 +126,29 @@ def limit_of(analysis: Analysis) -> str:
     return f"{analysis.practical:g} {analysis.unit}".rstrip()
 
 
-def quantity(value: float | str, unit: str) -> str:
-    """A number with its unit; a name is as it is."""
-    if isinstance(value, str):
-        return value
-    return minus(f"{value:g}{unit}" if unit == "°" else f"{value:g} {unit}".rstrip())
-
-
-def rounded(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, trailing zeros among them, and a true minus."""
-    if not np.isfinite(value):
-        return "–" if np.isnan(value) else "∞" if value > 0 else "−∞"
-    if value == 0:
-        return "0"
-    text = f"{value:#.{digits}g}" if abs(value) < 10**digits else f"{value:,.0f}"
-    return minus(text.removesuffix("."))
-
-
-def percent(share: float) -> str:
-    """A share."""
-    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
-
-
-def minus(text: str) -> str:
-    """With true minus signs before numbers."""
-    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<=\de)-(?=\d)", "−", text))
-
-
-def _worse_to_better(analysis: Analysis, name: str) -> str:
+def _worse_to_better(analysis: Factorial, name: str) -> str:
     low, high = (quantity(x, analysis.units.get(name, "")) for x in analysis.levels[name])
     row: Any = analysis.effects.loc[name]
     return f"{high} to {low}" if row.effect > 0 else f"{low} to {high}"
 
 
-def _reach(analysis: Analysis, name: str) -> tuple[str, str]:
-    """By how much the response falls to the better level, and the interval of it."""
+def _reach(analysis: Factorial, name: str) -> tuple[str, str]:
+    """How much the response falls at the better level, and the interval."""
     row: Any = analysis.effects.loc[name]
     ends = sorted(np.sign(row.effect) * np.array([row.low, row.high]))
     if analysis.transform != "none":
         size, *ends = np.exp([abs(row.effect), *ends])
-        return f"a factor of {rounded(size)}", f"{rounded(ends[0])} to {rounded(ends[1])}"
-    unit = f" {analysis.unit}" if analysis.unit else ""
-    return f"{rounded(abs(row.effect))}{unit}", f"{rounded(ends[0])} to {rounded(ends[1])}"
+        return f"a factor of {rounded(size)}", interval(*ends)
+    return measured(abs(row.effect), analysis.unit), interval(*ends)
 
 
-def _signed(analysis: Analysis, name: str) -> tuple[str, str]:
-    """An effect and its interval, as a ratio if it is one of logarithms."""
+def _signed(analysis: Factorial, name: str) -> tuple[str, str]:
+    """An effect and its interval; a ratio for logarithms."""
     row: Any = analysis.effects.loc[name]
     if analysis.transform != "none":
-        return f"×{rounded(row.ratio)}", f"{rounded(row.ratio_low)} to {rounded(row.ratio_high)}"
+        return f"×{rounded(row.ratio)}", interval(row.ratio_low, row.ratio_high)
     unit = f" {analysis.unit}" if analysis.unit else ""
-    sign = "+" if row.effect > 0 else ""
-    return f"{sign}{rounded(row.effect)}{unit}", f"{rounded(row.low)} to {rounded(row.high)}"
+    return f"{signed(row.effect)}{unit}", interval(row.low, row.high)
 
 
 def left_out(dropped: int, common: bool) -> list[str]:
@@ -198,7 +159,7 @@ def left_out(dropped: int, common: bool) -> list[str]:
     return [f"{dropped} runs are left out: no finite response{why}."]
 
 
-def notes(analysis: Analysis) -> list[str]:
+def notes(analysis: Factorial) -> list[str]:
     """Method, quality and tests of the model, in sentences."""
     a = analysis
     points = len(a.points)
@@ -239,6 +200,5 @@ def notes(analysis: Analysis) -> list[str]:
                      "factors apart.")
     if a.aliases:
         pairs = [f"{term} with {', '.join(same)}" for term, same in a.aliases.items()]
-        more = f" and {len(pairs) - MAX_LISTED} more" if len(pairs) > MAX_LISTED else ""
-        lines.append(f"Aliased: {'; '.join(pairs[:MAX_LISTED])}{more}.")
+        lines.append(f"Aliased: {first_of(pairs, MAX_LISTED, '; ')}.")
     return lines

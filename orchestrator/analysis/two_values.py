@@ -18,12 +18,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from .jackknife import Estimate, Floats
+from .jackknife import Floats, IndexEstimates
 
 _HALVINGS = 34  # of a range of 1: to 1e-10
 
 
-def intervals(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
+def intervals(y: Floats, confidence: float) -> tuple[IndexEstimates, IndexEstimates]:
     """First-order and total indices with intervals, none of them below 0 or above 1.
 
     Parameters
@@ -34,10 +34,10 @@ def intervals(y: Floats, confidence: float) -> tuple[Estimate, Estimate]:
     swapped = y[..., 1:-1]
     first = correlation(swapped, y[..., -1:], confidence)
     same = correlation(y[..., :1], swapped, confidence)
-    return first, Estimate(1 - same.value, 1 - same.high, 1 - same.low)
+    return first, IndexEstimates(1 - same.value, 1 - same.high, 1 - same.low)
 
 
-def correlation(one: Floats, other: Floats, confidence: float) -> Estimate:
+def correlation(one: Floats, other: Floats, confidence: float) -> IndexEstimates:
     """The correlation of pairs of two values, 0 to 1, with its interval; pairs along axis −2."""
     counts = np.stack([
         (one * other).sum(axis=-2), (one != other).sum(axis=-2),
@@ -57,7 +57,7 @@ def correlation(one: Floats, other: Floats, confidence: float) -> Estimate:
             good = _likelihood(middle, counts) >= worst
             inside, outside = np.where(good, middle, inside), np.where(good, outside, middle)
         ends.append(np.where(_likelihood(np.full_like(value, end), counts) >= worst, end, inside))
-    return Estimate(value, *ends)
+    return IndexEstimates(value, *ends)
 
 
 def _likelihood(rho: Floats, counts: Floats) -> Floats:

@@ -93,7 +93,7 @@ def _within_replicates(cells: Cells, basis: Floats, ss: float) -> tuple[float, .
     return df, ss, ss / df, f, p, epsilon, error
 
 
-class Errors:
+class WeightedMeans:
     """Estimates from weighted means of the cells, their standard errors and degrees of freedom."""
 
     def __init__(self, model: LinearModel) -> None:
@@ -126,7 +126,7 @@ class Errors:
         return weights @ self.cells.mean, np.sqrt(variance), df
 
 
-def means_table(model: LinearModel, errors: Errors, confidence: float) -> pd.DataFrame:
+def means_table(model: LinearModel, errors: WeightedMeans, confidence: float) -> pd.DataFrame:
     """Marginal mean of each level: ``factor``, ``level``, then as `interval_columns` says."""
     cells = model.cells
     parts = []
@@ -137,7 +137,7 @@ def means_table(model: LinearModel, errors: Errors, confidence: float) -> pd.Dat
     return pd.concat(parts, ignore_index=True)
 
 
-def cell_table(model: LinearModel, errors: Errors, confidence: float) -> pd.DataFrame:
+def cell_table(model: LinearModel, errors: WeightedMeans, confidence: float) -> pd.DataFrame:
     """Mean of each two factors' levels: ``first``, ``second`` (factors), ``first_level`` …"""
     cells = model.cells
     names = cells.factors
@@ -161,7 +161,7 @@ INTERVAL = ["runs", "lost", "mean", "std_error", "df", "low", "high"]
 
 
 def _columns(
-    cells: Cells, term: Sequence[int], weights: Floats, errors: Errors, confidence: float
+    cells: Cells, term: Sequence[int], weights: Floats, errors: WeightedMeans, confidence: float
 ) -> pd.DataFrame:
     """Runs, share of lost runs, mean and its interval at each of a term's levels."""
     sizes = tuple(cells.sizes[i] for i in term)
@@ -181,7 +181,9 @@ def _columns(
     })
 
 
-def pair_table(model: LinearModel, errors: Errors, confidence: float, ratio: bool) -> pd.DataFrame:
+def pair_table(
+    model: LinearModel, errors: WeightedMeans, confidence: float, ratio: bool
+) -> pd.DataFrame:
     """Difference of each two levels of each factor, with intervals that hold all at once."""
     parts = []
     for i, (name, levels) in enumerate(model.cells.levels.items()):

@@ -15,9 +15,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from ..data.estimates import Floats
-from ..layout import meters
 from ..results.drawing import LINE, short
 from ..style import SIZE, Theme, ThemeName, new_figure, use
+from ..words.numbers import meters
 from .result import MANY_LOST, AreaMap, part, widened
 from .survey import NEAR
 
@@ -34,7 +34,7 @@ _SHORTEST = 13
 """Characters of a line of a title, however narrow its map is."""
 
 
-def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
+def plot_map(area: AreaMap, *, narrow: bool = False, theme: ThemeName = "light") -> list[Axes]:
     """The receiver's 95 % error, what is possible, and HDOP; the first two in the same colours.
 
     Parameters
@@ -43,25 +43,25 @@ def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light"
         Panels one above the other, for a narrow page.
     """
     with use(theme) as look:
-        receiver, possible, hdop = (found.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
-        norm = _norm(receiver, possible, bounds=found.colours)
-        figure, axes = _panels(found, 3, narrow, 0.0 if found.limit_m is None else 2 * LINE)
+        receiver, possible, hdop = (area.of(c) for c in ("p95_m", "possible_p95_m", "hdop"))
+        norm = _norm(receiver, possible, bounds=area.colours)
+        figure, axes = _panels(area, 3, narrow, 0.0 if area.limit_m is None else 2 * LINE)
         first, second, third = axes
-        shown = _cells(first, found, receiver, norm)
-        _cells(second, found, possible, norm)
-        dilution = _cells(third, found, hdop, _norm(hdop))
-        handles = [_beacons(ax, found) for ax in axes][:1]
-        lines = _requirement(first, found, receiver)
-        lines |= _requirement(second, found, possible, band=False)
+        shown = _cells(first, area, receiver, norm)
+        _cells(second, area, possible, norm)
+        dilution = _cells(third, area, hdop, _norm(hdop))
+        handles = [_beacons(ax, area) for ax in axes][:1]
+        lines = _requirement(first, area, receiver)
+        lines |= _requirement(second, area, possible, band=False)
         handles += lines.values()
         lost = f"more than {MANY_LOST:.0%} of the runs lost"
-        handles += _hatched(first, found, found.of("lost_share") > MANY_LOST, lost)
-        handles += _hatched(second, found, found.of("accuracy") == 0, "no accuracy is possible",
+        handles += _hatched(first, area, area.of("lost_share") > MANY_LOST, lost)
+        handles += _hatched(second, area, area.of("accuracy") == 0, "no accuracy is possible",
                             look)
-        first.set_title(_titled(found, short(found.receiver), "within_share"), loc="left")
-        second.set_title(_titled(found, "possible", "possible_within_share"), loc="left")
+        first.set_title(_titled(area, short(area.receiver), "within_share"), loc="left")
+        second.set_title(_titled(area, "possible", "possible_within_share"), loc="left")
         third.set_title("HDOP", loc="left")
-        what = found.settings["error"].replace("_", " ")
+        what = area.settings["error"].replace("_", " ")
         new = "\n" if narrow else " "  # along a bar that is perhaps short
         _bar(figure, shown, [first, second], f"95 % of the {what}{new}errors within [m]", narrow)
         _bar(figure, dilution, [third], f"HDOP [m per m{new}of range error]", narrow)
@@ -69,32 +69,32 @@ def plot_map(found: AreaMap, *, narrow: bool = False, theme: ThemeName = "light"
     return axes
 
 
-def plot_narrow(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
+def plot_narrow(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
     """`plot_map` with panels one above the other."""
-    return plot_map(found, narrow=True, theme=theme)
+    return plot_map(area, narrow=True, theme=theme)
 
 
-def plot_certainty(found: AreaMap, theme: ThemeName = "light") -> list[Axes]:
+def plot_certainty(area: AreaMap, theme: ThemeName = "light") -> list[Axes]:
     """The standard error of the receiver's 95 % error, as a share of it, and the lost runs."""
     with use(theme):
         with np.errstate(invalid="ignore"):
-            share = 100 * found.of("std_error_m") / found.of("p95_m")
-        figure, axes = _panels(found, 2, narrow=False)
-        maps = (share, 100 * found.of("lost_share"))
+            share = 100 * area.of("std_error_m") / area.of("p95_m")
+        figure, axes = _panels(area, 2, narrow=False)
+        maps = (share, 100 * area.of("lost_share"))
         labels = ("standard error of the 95 % error [%]", "lost runs [%]")
         for ax, values, label in zip(axes, maps, labels, strict=True):
             known = values[np.isfinite(values)]
             top = max(float(known.max(initial=0.0)), 1.0)
-            _bar(figure, _cells(ax, found, values, Normalize(0.0, top)), [ax], label, False)
-        handles = [_beacons(ax, found) for ax in axes][:1]
-        handles += _requirement(axes[0], found, found.of("p95_m")).values()
-        axes[0].set_title(short(found.receiver), loc="left")
+            _bar(figure, _cells(ax, area, values, Normalize(0.0, top)), [ax], label, False)
+        handles = [_beacons(ax, area) for ax in axes][:1]
+        handles += _requirement(axes[0], area, area.of("p95_m")).values()
+        axes[0].set_title(short(area.receiver), loc="left")
         _legend(figure, handles, 2)
     return axes
 
 
 def _panels(
-    found: AreaMap, count: int, narrow: bool, titles: float = 0.0
+    area: AreaMap, count: int, narrow: bool, titles: float = 0.0
 ) -> tuple[Figure, list[Axes]]:
     """Maps of equal size and scale, side by side or one above the other.
 
@@ -103,7 +103,7 @@ def _panels(
     titles
         Height of what their titles have beside a line [inch].
     """
-    grid = found.grid
+    grid = area.grid
     height, width = (high - low for low, high in (grid.north, grid.east))
     side = _NARROW if narrow else _WIDE
     high = min(max(side * height / width, 1.2 if narrow else 0.8), 1.8 * side)
@@ -126,17 +126,17 @@ def _panels(
 
 
 def _ticks(room: float) -> int:
-    """Most intervals between ticks where there is room for so many labels."""
+    """Most intervals between ticks where there is room for this many labels."""
     return int(min(max(room, 1.0), 5.0))
 
 
-def _titled(found: AreaMap, name: str, share: str) -> str:
+def _titled(area: AreaMap, name: str, share: str) -> str:
     """The name of a map, and how much of it is within the requirement."""
-    if found.limit_m is None:
+    if area.limit_m is None:
         return name
-    (height, width) = (high - low for low, high in (found.grid.north, found.grid.east))
+    (height, width) = (high - low for low, high in (area.grid.north, area.grid.east))
     room = _WIDE * min(1.8 * width / height, 1.0)
-    words = f"{part(found.summary()[share])} within {meters(found.limit_m)}"
+    words = f"{part(area.summary()[share])} within {meters(area.limit_m)}"
     return "\n".join([name, *wrap(words, max(int(room / (0.6 * SIZE / 72)), _SHORTEST))])
 
 
@@ -149,8 +149,8 @@ def _norm(*maps: Floats, bounds: tuple[float, float] | None = None) -> Normalize
     return Normalize(*(bounds or widened(low, high, 0.0)))
 
 
-def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
-    grid = found.grid
+def _cells(ax: Axes, area: AreaMap, values: Floats, norm: Normalize) -> Any:
+    grid = area.grid
     east, north = (
         np.linspace(*bounds, count + 1)
         for bounds, count in ((grid.east, grid.columns), (grid.north, grid.rows))
@@ -161,13 +161,13 @@ def _cells(ax: Axes, found: AreaMap, values: Floats, norm: Normalize) -> Any:
 
 
 def _requirement(
-    ax: Axes, found: AreaMap, values: Floats, *, band: bool = True
+    ax: Axes, area: AreaMap, values: Floats, *, band: bool = True
 ) -> dict[str, Any]:
     """The contour of the requirement and those of two standard errors about it, where they are.
 
     By label: what stands for them in a legend.
     """
-    limit, (north, east) = found.limit_m, found.grid.axes
+    limit, (north, east) = area.limit_m, area.grid.axes
     if limit is None:
         return {}
     outline: list[patheffects.AbstractPathEffect] = [
@@ -182,7 +182,7 @@ def _requirement(
     crosses = _crosses(values, limit)
     if crosses:
         noted(f"95 % within {meters(limit)}", lw=1.4)
-    around = NEAR * found.of("std_error_m")
+    around = NEAR * area.of("std_error_m")
     with np.errstate(invalid="ignore"):
         sides: Sequence[Floats] = (values - around, values + around) if band else ()
     for side in sides:
@@ -204,7 +204,7 @@ def _crosses(values: Floats, limit: float) -> bool:
 
 
 def _hatched(
-    ax: Axes, found: AreaMap, where: Any, label: str, look: Theme | None = None
+    ax: Axes, area: AreaMap, where: Any, label: str, look: Theme | None = None
 ) -> list[Any]:
     """Cells that need a word of their own; hatched in ink on paper, or in black on colours."""
     if not np.any(where):
@@ -216,7 +216,7 @@ def _hatched(
     inside = np.array([-0.499, 0.499])
     east, north = (
         (middles[:, None] + inside * size).ravel()
-        for middles, size in zip(found.grid.axes[::-1], found.grid.size[::-1], strict=True)
+        for middles, size in zip(area.grid.axes[::-1], area.grid.size[::-1], strict=True)
     )
     flags = np.repeat(np.repeat(np.asarray(where, float), 2, axis=0), 2, axis=1)
     ax.contourf(
@@ -225,8 +225,8 @@ def _hatched(
     return [Patch(facecolor=paper, edgecolor=colour, hatch=hatch, label=label)]
 
 
-def _beacons(ax: Axes, found: AreaMap) -> Any:
-    north, east, _ = found.beacons.T
+def _beacons(ax: Axes, area: AreaMap) -> Any:
+    north, east, _ = area.beacons.T
     (handle,) = ax.plot(
         east, north, ls="", marker="^", ms=5, color="#000000", mfc="#ffffff", label="beacons",
         zorder=5,

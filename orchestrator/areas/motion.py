@@ -7,6 +7,7 @@ from math import ceil, floor, isfinite, log10, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from sblcosim.models.target.trajectories import FOUND
 from sblcosim.models.target.variables import COMPONENT as TARGET
 
 from ..errors import ConfigurationError, instance, shortened
@@ -18,7 +19,7 @@ Floats = NDArray[np.float64]
 
 RADIUS = 3.0
 """Of the circle [m]: at 0.3 m/s a turn takes a minute."""
-_WITHOUT_SPEED = ("file", "white_noise_acceleration")
+_WITHOUT_SPEED = tuple(name for name, it in FOUND.items() if "speed" not in it.all)
 _NOISE = ("seed", "stream")
 _MOST_TURNS = float(TARGET["turns"].max or 0)
 _HALF_TURNED = 1.1655611852

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sblcosim.fmus import stopping
 
-from .runs import Sample
+from .runs import CellRuns
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -53,7 +53,11 @@ class Pooled:
 
 
 def pooled(
-    sample: Sample, possible: Floats, shape: tuple[int, int], seed: int, workers: int | None = None
+    sample: CellRuns,
+    possible: Floats,
+    shape: tuple[int, int],
+    seed: int,
+    workers: int | None = None,
 ) -> Pooled:
     """The percentile of the errors in each cell, and its standard error.
 
@@ -132,7 +136,7 @@ def _counted(
 
 
 def _percentile(counted: _Counted, times: Floats) -> Floats:
-    """Logarithm of the percentile in each cell if runs count so many times; (cells,)."""
+    """Logarithm of the percentile in each cell, each run counted as `times` says; (cells,)."""
     size = len(counted.edges) + 2
     rows, columns = counted.cells
     each = np.broadcast_to(times[:, None], counted.index.shape).ravel()

@@ -21,7 +21,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Possible:
+class PossibleInCells:
     """Of each cell; shape (cells,).
 
     Attributes
@@ -46,7 +46,7 @@ def possible(
     error: str,
     span_s: tuple[float, float],
     workers: int | None = None,
-) -> Possible:
+) -> PossibleInCells:
     """What is possible in the cells of a grid.
 
     Parameters
@@ -74,7 +74,7 @@ def possible(
         for k in range(len(found.offset))
     ]  # fmt: skip
     accuracy = (np.mean(rings, axis=0) <= 0.5) | found.own_errors
-    return Possible(
+    return PossibleInCells(
         lengths.percentile(chosen[..., :axes, :axes], SHARE),
         accuracy,
         hdop(centres, places.still_beacons(scenario)).horizontal,

@@ -13,13 +13,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .. import artifacts, style
-from ..layout import meters
 from ..lazy import Module
 from ..results.catalogue import Figure, by_name, jobs
 from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Picture, Shown, verbatim
 from ..tracks.place import Origin
+from ..words.lists import counted
+from ..words.numbers import meters
 from . import contours
 from .grid import Grid
 
@@ -188,7 +189,7 @@ class AreaMap(Shown):
                 (draft.folder / GEOJSON).write_text(f"{text}\n", "utf-8")
             for job in jobs(FIGURES, self) if figures else ():
                 job.save(draft.folder, theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def __str__(self) -> str:
         return "\n".join(self._lines())
@@ -268,7 +269,7 @@ def _errors(three: list[float]) -> str:
 
 
 def part(share: float) -> str:
-    """A share of an area for people, who must see whether there is any, and whether it is all."""
+    """A share of an area. It shows whether there is any, and whether it is all."""
     if share in (0.0, 1.0):
         return "all" if share else "no part"
     return "less than 1%" if share < 0.01 else "more than 99%" if share > 0.99 else f"{share:.0%}"
@@ -289,15 +290,15 @@ def _span(bounds: tuple[float, float]) -> str:
 
 
 def _cells(count: int) -> str:
-    return "no cell" if count == 0 else "1 cell" if count == 1 else f"{count:,} cells"
+    return counted(count, "cell") if count else "no cell"
 
 
-def _caption(found: AreaMap) -> str:
-    return str(found)
+def _caption(area: AreaMap) -> str:
+    return str(area)
 
 
-def _data(found: AreaMap) -> tuple[Any, ...]:
-    return (found,)
+def _data(area: AreaMap) -> tuple[Any, ...]:
+    return (area,)
 
 
 FIGURES: Mapping[str, Figure[AreaMap]] = by_name(

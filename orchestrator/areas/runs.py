@@ -41,7 +41,7 @@ _TOGETHER = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class CellRuns:
     """Some runs.
 
     Attributes
@@ -62,8 +62,8 @@ class Sample:
     lost: Flags
     availability: Floats
 
-    def __add__(self, other: Sample) -> Sample:
-        return Sample(*(
+    def __add__(self, other: CellRuns) -> CellRuns:
+        return CellRuns(*(
             np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ("cell", "lengths", "lost", "availability")
         ))
@@ -138,7 +138,7 @@ class Simulator:
         replicate: Integers,
         how: How,
         keep: Kept | None = None,
-    ) -> Sample:
+    ) -> CellRuns:
         """Simulate runs; the result depends neither on their order nor on the workers.
 
         Parameters
@@ -208,8 +208,8 @@ class Simulator:
             **dict(zip(_LENGTHS, lengths.T, strict=True)),
         })  # fmt: skip
 
-    def _sample(self, rows: pd.DataFrame) -> Sample:
-        """What is kept of some runs, and the messages of those that have failed."""
+    def _sample(self, rows: pd.DataFrame) -> CellRuns:
+        """The kept numbers of some runs, and the messages of failed ones."""
         failed = rows["error"].dropna()
         for message in failed:
             self.failures[message] = self.failures.get(message, 0) + 1
@@ -217,7 +217,7 @@ class Simulator:
             raise ConfigurationError(
                 f"map: a run must not fail, got in all of them: {failed.iloc[0]}"
             )
-        return Sample(
+        return CellRuns(
             rows["point"].to_numpy() - 1, rows[[*_LENGTHS]].to_numpy(),
             rows["lost"].to_numpy(bool), rows["availability"].to_numpy(),
         )  # fmt: skip
@@ -229,7 +229,7 @@ def _runs(seeds: Integers) -> list[Run]:
 
 
 def _kept(folder: Path, seeds: Integers) -> list[pd.DataFrame]:
-    """A table of those runs that are there, if there are any."""
+    """A table of the runs that are there, if any."""
     there = sound(folder)
     rows = parts.table(there) if there.paths else pd.DataFrame({"seed": ()})
     mine = rows[rows["seed"].isin(seeds)]

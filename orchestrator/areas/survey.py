@@ -26,9 +26,9 @@ from ..study.kept import Kept
 from .grid import Area, Cells, Grid, grid_of
 from .motion import RADIUS, Circle, circle_of, circling
 from .pooling import Pooled, pooled
-from .possible import Possible, possible
+from .possible import PossibleInCells, possible
 from .result import AreaMap
-from .runs import Sample, Simulator, check_times
+from .runs import CellRuns, Simulator, check_times
 
 Integers = NDArray[np.int64]
 
@@ -142,7 +142,7 @@ def map_area(
 
 
 def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | None) -> str:
-    """Whether the circle is too fast for a receiver of ours; of others nothing is known."""
+    """Whether the circle is too fast for a receiver of ours; nothing is known of others."""
     own = receiver or scenario.receiver.fmu or scenario.receiver.type
     key = "acceleration_psd_m2_s3"
     ours = RECEIVERS[own].of("parameter") if isinstance(own, str) and own in RECEIVERS else ()
@@ -153,13 +153,13 @@ def _doubt(circle: Circle, scenario: Scenario, label: str, receiver: Source | No
 
 def _surveyed(
     simulator: Simulator,
-    best: Possible,
+    best: PossibleInCells,
     runs: int,
     limit_m: float | None,
     workers: int | None,
     told: Callable[[float], None],
     keep: Kept | None,
-) -> tuple[Sample, Pooled]:
+) -> tuple[CellRuns, Pooled]:
     """The runs of both rounds, and what they say."""
     grid, seed = simulator.grid, simulator.base.seed
     first = grid.count * runs
@@ -188,10 +188,10 @@ def _surveyed(
     return sample, found
 
 
-def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
+def _more(pooling: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers, Integers]:
     """Cells and replicates of the second round, the nearest to the limit first."""
     with np.errstate(invalid="ignore"):
-        away = np.abs(found.percentile - limit_m) / found.std_error
+        away = np.abs(pooling.percentile - limit_m) / pooling.std_error
     near = np.flatnonzero(away <= NEAR)
     near = near[np.argsort(away[near], kind="stable")]
     if not len(near) or not most:
@@ -202,7 +202,7 @@ def _more(found: Pooled, limit_m: float, runs: int, most: int) -> tuple[Integers
     return np.tile(chosen, each), np.repeat(replicates, len(chosen))
 
 
-def _table(grid: Grid, sample: Sample, found: Pooled, best: Possible) -> pd.DataFrame:
+def _table(grid: Grid, sample: CellRuns, pooling: Pooled, best: PossibleInCells) -> pd.DataFrame:
     """One row per cell."""
     runs = np.bincount(sample.cell, minlength=grid.count)
 
@@ -213,7 +213,7 @@ def _table(grid: Grid, sample: Sample, found: Pooled, best: Possible) -> pd.Data
     return pd.DataFrame(
         {
             "north_m": north, "east_m": east, "depth_m": depth, "runs": runs,
-            "p95_m": found.percentile, "std_error_m": found.std_error,
+            "p95_m": pooling.percentile, "std_error_m": pooling.std_error,
             "lost_share": mean(sample.lost.astype(np.float64)),
             "availability": mean(sample.availability),
             "possible_p95_m": np.where(best.accuracy, best.percentile, np.nan),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .document import Document, Number, Part
+from .document import Document, DocumentPart, Number
 
 
-class MapSettings(Part):
+class MapSettings(DocumentPart):
     """What was asked for."""
 
     area_m: list[float]
@@ -29,7 +29,7 @@ class MapSettings(Part):
     seed: int
 
 
-class MapSummary(Part):
+class MapSummary(DocumentPart):
     """Numbers over all cells; three are the least, the median and the largest."""
 
     runs: int

@@ -201,7 +201,7 @@ def where(folder: Path, wanted: Path) -> str:
 def report(
     result: Any, folder: Path, wanted: Path, command: str, as_json: bool, verbose: bool
 ) -> None:
-    """Print what came of a run."""
+    """Print the result of a run."""
     if as_json:
         from .documents import DOCUMENTS
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .document import Claimed, Document, Number, Part
+from .document import Claimed, Document, DocumentPart, Number
 
 
-class BudgetRow(Part):
+class BudgetRow(DocumentPart):
     """A source of error, or what is left of the whole, in one frame."""
 
     frame: Claimed

@@ -33,7 +33,7 @@ from .keeping import keeping
 
 
 def _sources(incomplete: str) -> completion.Offers:
-    from ..comparison.sources import SOURCES
+    from ..scenario.error_sources import SOURCES
 
     before, plus, last = incomplete.rpartition("+")
     offers = completion.starting(

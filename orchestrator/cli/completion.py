@@ -18,21 +18,21 @@ def words(*choices: str) -> Callable[[str], Offers]:
 
 
 def scenarios(incomplete: str) -> Offers:
-    """Offer the scenarios that come along."""
+    """Offer the scenarios that are included."""
     from ..scenario.library import shipped
 
     return starting(((name, "") for name in shipped("sblcosim.scenario")), incomplete)
 
 
 def studies(incomplete: str) -> Offers:
-    """Offer the studies that come along."""
+    """Offer the studies that are included."""
     from ..scenario.library import shipped
 
     return starting(((name, "") for name in shipped("sblcosim.study")), incomplete)
 
 
 def questions(incomplete: str) -> Offers:
-    """Offer the questions that come along."""
+    """Offer the questions that are included."""
     from ..scenario.library import shipped
 
     return starting(((name, "") for name in shipped("sblcosim.require")), incomplete)
@@ -53,7 +53,7 @@ def receivers(incomplete: str) -> Offers:
 
 
 def responses(incomplete: str) -> Offers:
-    """Offer the responses of which less is better."""
+    """Offer the responses that are better if smaller."""
     from ..comparison.tournament import lesser
 
     return starting(lesser().items(), incomplete)

@@ -117,9 +117,9 @@ def conformance(
     lacks what the FMU needs, such as a library or a licence. The exit code is 1 if a check has
     failed, and 2 if FILE.fmu cannot be checked or a check is blocked.
     """
-    from sblcosim.fmus.conformance.kit import Result, examine
+    from sblcosim.fmus.conformance.kit import CheckResult, examine
 
-    def say_so(result: Result) -> None:
+    def say_so(result: CheckResult) -> None:
         if not as_json:
             say(str(result))
             sys.stdout.flush()  # also into a file: whoever waits sees how far it is

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..study.parts import Parts
     from ..study.study import Study as Definition
     from . import documents
-    from .document import Part
+    from .document import DocumentPart
 
 _CHANCE = 0.05
 """Share of the points at which a right covariance leaves its band."""
@@ -157,7 +157,7 @@ def study_lines(study: study_documents.Study, verbose: bool) -> Iterator[str]:
     verbose
         With what is said of each covariance, and the share of inconsistent runs.
     """
-    from ..layout import meters
+    from ..words.numbers import meters
 
     for name, receiver in study.receivers.items():
         lost = f", {receiver.lost:.0%} lost" if receiver.lost else ""
@@ -233,65 +233,66 @@ def analysis(
     return study_documents.Analysis.of(content)
 
 
-def _of_levels(found: GeneralFactorial) -> dict[str, Any]:
+def _of_levels(analysis: GeneralFactorial) -> dict[str, Any]:
     from ..analysis import general_sentences as sentences
 
     return {
-        "response": found.response, "unit": found.unit, "answer": sentences.answer(found.readable),
-        "transform": found.transform, "confidence": found.confidence, "runs": found.runs,
-        "dropped": found.dropped, "r2": found.r2,
-        "levels": _rows(found.means, study_documents.LevelMean),
-        "medians": _rows(found.medians, study_documents.LevelMedian),
+        "response": analysis.response, "unit": analysis.unit,
+        "answer": sentences.answer(analysis.readable),
+        "transform": analysis.transform, "confidence": analysis.confidence, "runs": analysis.runs,
+        "dropped": analysis.dropped, "r2": analysis.r2,
+        "levels": _rows(analysis.means, study_documents.LevelMean),
+        "medians": _rows(analysis.medians, study_documents.LevelMedian),
         "pairs": _rows(
-            found.pairs if "verdict" in found.pairs else found.pairs.assign(verdict=None),
+            analysis.pairs if "verdict" in analysis.pairs else analysis.pairs.assign(verdict=None),
             study_documents.LevelPair,
         ),
-        "notes": [*sentences.warnings(found.readable), *sentences.notes(found.readable)],
+        "notes": [*sentences.warnings(analysis.readable), *sentences.notes(analysis.readable)],
     }  # fmt: skip
 
 
-def _of_space(found: Indices) -> dict[str, Any]:
-    from ..analysis import sobol
+def _of_space(indices: Indices) -> dict[str, Any]:
+    from ..analysis import sensitivity_sentences
 
-    main = found.main
+    main = indices.main
     return {
-        "response": main.response, "unit": "", "answer": sobol.answer(main),
+        "response": main.response, "unit": "", "answer": sensitivity_sentences.answer(main),
         "transform": main.transform, "confidence": main.confidence, "runs": main.runs,
         "dropped": main.dropped, "left_out": main.share_left_out,
         "indices": [
-            row for one in found.of
+            row for one in indices.of
             for row in _rows(one.indices.reset_index().assign(response=one.response),
                              study_documents.SobolIndex)
         ],
-        "notes": sobol.notes(main),
+        "notes": sensitivity_sentences.notes(main),
     }  # fmt: skip
 
 
-def _rows(table: pd.DataFrame, kind: type[Part]) -> list[dict[str, Any]]:
+def _rows(table: pd.DataFrame, kind: type[DocumentPart]) -> list[dict[str, Any]]:
     """Rows of a table, with the columns that a part of a document has."""
     rows: list[Any] = table[[*kind.model_fields]].to_dict(orient="records")
     return rows
 
 
-def advice(found: Advice, shown: Advice, folder: Path) -> study_documents.Advice:
+def advice(advice: Advice, shown: Advice, folder: Path) -> study_documents.Advice:
     """The points by cost; `shown` is the same with the labels for people."""
-    beside = None if found.beside is None or shown.beside is None else (
-        _answer(found.beside, shown.beside)
+    beside = None if advice.beside is None or shown.beside is None else (
+        _answer(advice.beside, shown.beside)
     )
     return study_documents.Advice.of(
-        {**_answer(found, shown), "folder": str(folder), "beside": beside}
+        {**_answer(advice, shown), "folder": str(folder), "beside": beside}
     )
 
 
-def _answer(found: Advice, shown: Advice) -> dict[str, Any]:
+def _answer(advice: Advice, shown: Advice) -> dict[str, Any]:
     kept = [name for name in study_documents.DesignPoint.model_fields if name != "levels"]
-    rows = found.points.to_dict(orient="records")
+    rows = advice.points.to_dict(orient="records")
     return {
-        **{name: getattr(found, name) for name in study_documents.Answer.model_fields
+        **{name: getattr(advice, name) for name in study_documents.Answer.model_fields
            if name not in ("answer", "points")},
         "answer": shown.own_answer(),
         "points": [
-            {"levels": {name: row[name] for name in found.factors}, **{k: row[k] for k in kept}}
+            {"levels": {name: row[name] for name in advice.factors}, **{k: row[k] for k in kept}}
             for row in rows
         ],
     }  # fmt: skip

@@ -17,13 +17,13 @@ Claimed = Literal["absolute", "own_relative"]
 """Frames in which a receiver may have a covariance."""
 
 
-class Part(BaseModel):
+class DocumentPart(BaseModel):
     """A part of a document; its fields are those of the schema, and no others."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
-class Document(Part):
+class Document(DocumentPart):
     """All that a command prints."""
 
     @classmethod
@@ -38,7 +38,7 @@ class Document(Part):
         return json.dumps(json.loads(self.model_dump_json()), indent=2)
 
 
-class Entry(Part):
+class Entry(DocumentPart):
     """A scenario or a study that comes along."""
 
     name: str

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import GenericAlias
 from typing import Any, Literal
 
 from pydantic import Field, create_model
 
+from ..results.columns import ERRORS, PERCENTILES, SUMMARY, RunTable
 from ..scenario.json_schema import Plainly
 from .area_documents import Map
 from .budget_documents import Budget
-from .document import Claimed, Document, Entry, Number, Part
+from .document import Claimed, Document, DocumentPart, Entry, Number
 from .study_documents import Advice, Analysis, Questions, Requirement, Studies, Study
 from .tournament_documents import Comparison, Runs
-
-Frame = Literal["absolute", "relative", "own_relative"]
-Axis = Literal["x", "y", "z", "total"]
-Length = Literal["horizontal", "total"]
-Verdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
 
 
 class Scenarios(Document):
@@ -26,7 +23,7 @@ class Scenarios(Document):
     scenarios: list[Entry]
 
 
-class ReceiverEntry(Part):
+class ReceiverEntry(DocumentPart):
     """A receiver that can be chosen by name."""
 
     name: str
@@ -43,26 +40,32 @@ class Receivers(Document):
     receivers: list[ReceiverEntry]
 
 
-class Statistics(Part):
-    """Of an error, over all estimates."""
-
-    mean_m: Number
-    rms_m: Number
-    std_m: Number
-    n: int
-    """Number of estimates."""
-
-
-class Percentiles(Part):
-    """Order statistics of the length of an error; of the horizontal one, p50 is CEP50."""
-
-    p50_m: Number
-    p67_m: Number
-    p95_m: Number
-    max_m: Number
+def _part(table: RunTable) -> Any:
+    """A row of a table."""
+    fields: dict[str, Any] = {
+        column.name: (
+            column.type,
+            Field(None if column.sometimes else ..., description=column.description),
+        )
+        for column in table.columns
+    }
+    return create_model(table.part, __base__=DocumentPart, __doc__=table.about, **fields)
 
 
-class Covariance(Part):
+def _by_index(table: RunTable) -> Any:
+    """A row for each name of the first column of the index, in it for each of the next, …"""
+    rows: Any = _part(table)
+    for column in reversed(table.index):
+        rows = GenericAlias(dict, (column.type, rows))
+    return rows
+
+
+Errors: Any = _by_index(ERRORS)
+Percentiles: Any = _by_index(PERCENTILES)
+Summary: Any = _by_index(SUMMARY)
+
+
+class Covariance(DocumentPart):
     """Whether a covariance is right, from the mean NEES of some runs."""
 
     verdict: Literal["in band", "optimistic", "pessimistic", "one run", "unknown"]
@@ -87,7 +90,7 @@ class Covariance(Part):
     """All this as a sentence."""
 
 
-class Possible(Part):
+class Possible(DocumentPart):
     """What was possible at the epochs of a receiver's estimates."""
 
     kind: Literal["bound", "reference"]
@@ -101,44 +104,6 @@ class Possible(Part):
     """Keys of ``[platform]`` whose errors are left out: with them less is possible."""
 
 
-_JUDGED = {
-    "nees_position": "Mean NEES of the absolute position",
-    "relative_nees_position": "Mean NEES of the position relative to the reported platform",
-    "own_relative_nees_position": "Mean NEES of the receiver's own relative position",
-    "nees_state": "Mean NEES of position and velocity",
-    "nis": "Mean NIS",
-}
-
-
-def _summary_fields() -> dict[str, Any]:
-    fields: dict[str, Any] = {
-        "estimates": (int | None, Field(description="Number of valid estimates")),
-        "first_fix_s": (Number, Field(description="Epoch of the first one")),
-        "availability": (Number, Field(description="Share of the time with a fix")),
-        "update_share": (Number, Field(description="Share of the updates with a new estimate")),
-    }
-    for name, words in _JUDGED.items():
-        fields[name] = (Number, Field(description=words))
-        fields[f"{name}_expected"] = (Number, Field(description="What it is of a right covariance"))
-        fields[f"{name}_low"] = (Number, Field(description="Of its 95 % band"))
-        fields[f"{name}_high"] = (Number, Field(description="Of its 95 % band"))
-        fields[f"{name}_verdict"] = (Verdict | None, Field(description="Mean against band"))
-    return fields | {
-        "inconsistent": (
-            bool | None, Field(description="NEES of the position above its band; null without any")
-        ),
-        "lost": (bool | None, Field(description="No good estimate in the last quarter")),
-        "failure": (str | None, Field(None, description="Why the receiver has failed")),
-    }  # fmt: skip
-
-
-class _Row(Part):
-    """Availability and consistency of a receiver; null for one that failed before the end."""
-
-
-Summary: Any = create_model("Summary", __base__=_Row, __doc__=_Row.__doc__, **_summary_fields())
-
-
 class Run(Document):
     """A run; everything that is by receiver has its labels as keys."""
 
@@ -148,13 +113,13 @@ class Run(Document):
     remarks: list[str]
     failures: dict[str, str] = Field(default_factory=dict)
     """Messages of receivers that have failed."""
-    errors: dict[str, dict[Frame, dict[Axis, Statistics]]]
+    errors: Errors
     """By receiver, frame and axis (north, east, down); estimate minus truth."""
-    percentiles: dict[str, dict[Frame, dict[Length, Percentiles]]]
+    percentiles: Percentiles
     """By receiver, frame and length."""
     consistency: dict[str, dict[Claimed, Covariance]]
     """By receiver and frame."""
-    summary: dict[str, Summary]
+    summary: Summary
     limits: dict[str, Possible]
     """By receiver; empty where target, platform or acoustics are somebody else's."""
     folder: str
@@ -168,7 +133,7 @@ class Smoothed(Run):
     converged: bool
 
 
-class Component(Part):
+class Component(DocumentPart):
     """A component of a plan."""
 
     name: str
@@ -182,7 +147,7 @@ class Component(Part):
     tick_s: Number
 
 
-class Parameter(Part):
+class Parameter(DocumentPart):
     """A parameter that is set, and the values of its elements in SI units."""
 
     name: str
@@ -192,14 +157,14 @@ class Parameter(Part):
     values: list[float | int | bool]
 
 
-class Connection(Part):
+class Connection(DocumentPart):
     """An input and the output that it is taken from."""
 
     source: str
     target: str
 
 
-class Recorded(Part):
+class Recorded(DocumentPart):
     """A recorded output."""
 
     name: str
@@ -220,14 +185,14 @@ class Plan(Document):
     recorded: list[Recorded]
 
 
-class SoundSpeed(Part):
+class SoundSpeed(DocumentPart):
     """A speed of sound and its standard uncertainty, in m/s."""
 
     value: float
     std: float
 
 
-class RangeTest(Part):
+class RangeTest(DocumentPart):
     """The ranges of one distance."""
 
     distance_m: float
@@ -255,7 +220,7 @@ class Calibration(Document):
     folder: str
 
 
-class Finding(Part):
+class Finding(DocumentPart):
     """What there is to say about a variable, or about the whole (``FMU``)."""
 
     variable: str
@@ -271,7 +236,7 @@ class Check(Document):
     findings: list[Finding]
 
 
-class CheckResult(Part):
+class CheckResult(DocumentPart):
     """What came of one check."""
 
     name: str

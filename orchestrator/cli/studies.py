@@ -212,7 +212,7 @@ def _estimated(told: StudyDocument) -> str:
 
 
 def _duration(least: float, most: float) -> str:
-    """A range of times, of which the second is not trusted to be the larger."""
+    """A range of two times, which may come in the wrong order."""
     (low, unit), (high, other) = (_amount(s) for s in (least, max(least, most)))
     if (low, unit) == (high, other):
         return f"about {low} {unit}"
@@ -339,7 +339,7 @@ def advise(
     """
     with waiting("weighing"):
         from .. import artifacts
-        from ..analysis import advice, workflow
+        from ..analysis import advice, columns, saving, study_advice
 
         if mean and percentile is not None:
             raise ConfigurationError(
@@ -348,18 +348,18 @@ def advise(
         wanted = None if mean else advice.PERCENTILE if percentile is None else percentile
         out = out or beside(results, "advice")
         artifacts.check(out)
-        found = workflow.advice_on_study(
+        found = study_advice.advice_on_study(
             results,
             costs,
-            response or workflow.RESPONSE,
+            response or columns.RESPONSE,
             receiver=receiver,
             limit=limit,
             percentile=wanted,
             contamination=contamination,
             confidence=confidence,
         )
-        shown = workflow.readable_advice(found, results)
-        folder = workflow.save_advice(found, out, shown=shown)
+        shown = study_advice.readable_advice(found, results)
+        folder = saving.save_advice(found, out, shown=shown)
     if as_json:
         from . import contents
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .document import Claimed, Document, Entry, Number, Part
+from .document import Claimed, Document, DocumentPart, Entry, Number
 
 
 class Studies(Document):
@@ -19,7 +19,7 @@ class Questions(Document):
     questions: list[Entry]
 
 
-class CovarianceOverPoints(Part):
+class CovarianceOverPoints(DocumentPart):
     """Of how many points of a study a covariance is right; each point over its replicates."""
 
     points: int
@@ -40,7 +40,7 @@ class CovarianceOverPoints(Part):
     words: str
 
 
-class StudyReceiver(Part):
+class StudyReceiver(DocumentPart):
     """A receiver over all runs of a study."""
 
     rms_m: Number
@@ -53,7 +53,7 @@ class StudyReceiver(Part):
     """By frame."""
 
 
-class Estimate(Part):
+class Estimate(DocumentPart):
     """What a study would take."""
 
     steps: int
@@ -81,7 +81,7 @@ class Study(Document):
     """Only with --dry-run."""
 
 
-class Effect(Part):
+class Effect(DocumentPart):
     """Change of the mean response from the low to the high level."""
 
     term: str
@@ -105,7 +105,7 @@ class Effect(Part):
     """With --practical."""
 
 
-class Mean(Part):
+class Mean(DocumentPart):
     """Mean response at a level of a factor, the others at their base."""
 
     factor: str
@@ -119,7 +119,7 @@ class Mean(Part):
     high: Number
 
 
-class LevelMean(Part):
+class LevelMean(DocumentPart):
     """Marginal mean at a level of a factor of a grid."""
 
     factor: str
@@ -133,7 +133,7 @@ class LevelMean(Part):
     high: Number
 
 
-class LevelMedian(Part):
+class LevelMedian(DocumentPart):
     """Median of all runs at a level of a factor of a grid."""
 
     factor: str
@@ -144,7 +144,7 @@ class LevelMedian(Part):
     high: Number
 
 
-class LevelPair(Part):
+class LevelPair(DocumentPart):
     """Difference of two levels of a factor of a grid."""
 
     factor: str
@@ -168,7 +168,7 @@ class LevelPair(Part):
     """With --practical."""
 
 
-class SobolIndex(Part):
+class SobolIndex(DocumentPart):
     """Share of the variance of a response that a factor of a space explains."""
 
     response: str
@@ -220,7 +220,7 @@ class Analysis(Document):
     notes: list[str]
 
 
-class DesignPoint(Part):
+class DesignPoint(DocumentPart):
     """A point of the design, with the runs at it."""
 
     levels: dict[str, float | str]
@@ -239,7 +239,7 @@ class DesignPoint(Part):
     meets: bool
 
 
-class Answer(Part):
+class Answer(DocumentPart):
     """The design points by cost, the cheapest first, for one question."""
 
     answer: str
@@ -268,7 +268,7 @@ class Advice(Document, Answer):
     """The other question, answered from the same runs; null without a limit."""
 
 
-class DesignDecided(Part):
+class DesignDecided(DocumentPart):
     """A design of a question, in the condition that is worst for it."""
 
     levels: dict[str, float | str]
@@ -291,7 +291,7 @@ class DesignDecided(Part):
     """No other design is cheaper and better."""
 
 
-class Limiting(Part):
+class Limiting(DocumentPart):
     """A source of error of the design that is named."""
 
     name: str

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .document import Document, Number, Part
+from .document import Document, DocumentPart, Number
 
 
-class Level(Part):
+class Level(DocumentPart):
     """A response of a receiver over the runs of a scenario, or over all of them."""
 
     scenario: str
@@ -51,7 +51,7 @@ class Level(Part):
     """Seeds with a NEES."""
 
 
-class PairedDifference(Part):
+class PairedDifference(DocumentPart):
     """A response of a receiver minus that of another; less is better."""
 
     scenario: str
@@ -105,7 +105,7 @@ class Comparison(Document):
     folder: str
 
 
-class DrawnRun(Part):
+class DrawnRun(DocumentPart):
     """A run that is in a folder of its own."""
 
     seed: int

@@ -61,18 +61,20 @@ def in_effect(study: Study) -> dict[str, Any]:
 
 def origin(source: Source) -> Any:
     """A receiver for the manifest; independent of file paths."""
-    file = file_of(source)
     if isinstance(source, PythonSource):
         return {"python": source.__qualname__, "sha256": source.sha256}
-    return source if file is None else {"fmu": Path(file).name, "sha256": sha256_of(Path(file))}
+    if file_of(source) is None or not isinstance(source, str | Path):
+        return source
+    return {"fmu": Path(source).name, "sha256": sha256_of(Path(source))}
 
 
 def _content(source: Source) -> Any:
     """What a receiver is, whatever its file is called."""
     if isinstance(source, PythonSource):
         return source.sha256, source.__name__
-    file = file_of(source)
-    return source if file is None else _built_as(read(Path(file)))
+    if file_of(source) is None or not isinstance(source, str | Path):
+        return source
+    return _built_as(read(Path(source)))
 
 
 def _built_as(fmu: Fmu) -> str:

@@ -29,7 +29,7 @@ from ..simulation.how import How
 from ..study import runner, study
 from ..study.kept import Kept
 from . import sources
-from .budget_bound import BOUND_RUNS, Bound, bounds
+from .budget_bound import BOUND_RUNS, BoundBySwitch, bounds
 from .budget_result import ALL, FRAMES, NONE, REMAINDER, Budget
 from .shares import LEAST_RUNS, shares
 
@@ -243,7 +243,7 @@ def _simulated(
 
 
 def _without_estimate(every: Sequence[Floats], failed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Seeds of which a run has no error, by frame: not where none of a switch has one.
+    """Seeds with a run that has no error, by frame; a switch without any errors does not count.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def _key(overrides: Overrides) -> str:
 
 
 def _table(
-    rows: Sequence[_Row], squares: Mapping[str, Floats], possible: Bound | None, seed: int
+    rows: Sequence[_Row], squares: Mapping[str, Floats], possible: BoundBySwitch | None, seed: int
 ) -> pd.DataFrame:
     found = []
     for number, frame in enumerate(FRAMES):

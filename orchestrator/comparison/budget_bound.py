@@ -26,7 +26,7 @@ _ALONG = re.compile(r"_amplitude_|loss_probability")
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundBySwitch:
     """Mean squares [m²] by frame and switch; NaN where there is no accuracy.
 
     Attributes
@@ -47,7 +47,7 @@ def bounds(
     switches: Mapping[str, Mapping[str, Any]],
     seed: int,
     acceleration_psd: float | None = None,
-) -> Bound | None:
+) -> BoundBySwitch | None:
     """What is possible with each switch; None where the surroundings are not ours.
 
     It is averaged over the first runs, from the first fix of three ranges on. Errors that change
@@ -89,13 +89,13 @@ def bounds(
         for frame, attribute in (("absolute", "absolute_rms"), ("own_relative", "relative_rms"))
     }
     q = float(np.mean([v.acceleration_psd for v in known]))
-    return Bound(squares, known[0].kind, q)
+    return BoundBySwitch(squares, known[0].kind, q)
 
 
 def _run(scenario: Scenario) -> Result | None:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what there is to say is said of the receiver's runs
+            warnings.simplefilter("ignore")  # the receiver's runs have given the warnings
             return run(scenario, _RECEIVER)
     except SblcosimError:
         return None

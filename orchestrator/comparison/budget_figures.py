@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..style import PLAIN, ThemeName, new_figure, use
-from .budget_result import FRAMES, Budget, bars, length
+from ..words.numbers import short_length
+from .budget_result import FRAMES, Budget, bars
 
 _NARROW = 5.0
 """Width of a figure [inch] below which the names of the sources are wrapped sooner."""
@@ -53,7 +54,8 @@ def plot_budget(
         ax.grid(axis="y", visible=False)
         does = "is made better" if budget.better else "is switched off"
         ax.set_xlabel(fill(f"Share of the mean square that goes when this {does} [%]", across))
-        rms = f"{length(budget.of(frame)['rms_m'].iloc[0])} RMS".replace(" ", "\N{NO-BREAK SPACE}")
+        whole = short_length(budget.of(frame)["rms_m"].iloc[0])
+        rms = f"{whole} RMS".replace(" ", "\N{NO-BREAK SPACE}")
         title = f"{budget.receiver} in {budget.scenario}: {FRAMES[frame]}, {rms}"
         ax.set_title(fill(title, across), loc="left")
         ax.margins(y=0.02)

@@ -15,9 +15,11 @@ from .. import artifacts, layout, style
 from ..errors import ConfigurationError, nearest, quoted
 from ..lazy import Module
 from ..results.definitions import LOST
+from ..scenario.error_sources import SOURCES
 from ..shown import Picture, Shown, page, verbatim
+from ..words.numbers import short_length
+from ..words.shares import percent, whole_percent
 from .shares import CONFIDENCE
-from .sources import SOURCES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,24 +115,25 @@ class Budget(Shown):
         rows = self.of(frame)
         found = rows[rows["kind"] == "source"]
         named = found[(found["share"] >= _LEAST) & (found["share_low"] > 0)].head(_NAMED)
-        whole = length(rows["rms_m"].to_dict()[ALL])
+        whole = short_length(rows["rms_m"].to_dict()[ALL])
         if named.empty:
             return f"{self.receiver}, {whole} RMS: no error stands out of {self.runs} runs"
         names = [
             self.label(name) if self.better else SOURCES[name].words
             for name in named.index.astype(str)
         ]
-        shares = [_percent(share) for share in named["share"]]
+        shares = [whole_percent(share) for share in named["share"]]
         others = [f"{name} {share}" for name, share in zip(names[1:], shares[1:], strict=True)]
         first = f"{shares[0]} of the mean square is {names[0]}"
         if self.better:
             first = f"{names[0]} takes away {shares[0]} of the mean square"
-        rms = length(named["rms_m"].iloc[0])
+        rms = short_length(named["rms_m"].iloc[0])
         parts = [f"{self.receiver}: {first}: {whole} → {rms} RMS"]
         parts += [", ".join(others)] if others else []
         left = float(rows["share"].to_dict()[NONE])
         if left >= _LEAST:
-            parts.append(f"{_percent(left)} is left with all {'better' if self.better else 'off'}")
+            done = "better" if self.better else "off"
+            parts.append(f"{whole_percent(left)} is left with all {done}")
         added = float(named["share"].round(2).sum()) + (round(left, 2) if left >= _LEAST else 0)
         if added > 1.005:
             parts.append(
@@ -169,7 +172,7 @@ class Budget(Shown):
 
     def _rows(self, frame: str, width: int | None) -> Iterator[str]:
         done = "better" if self.better else "off"
-        interval = f"{100 * CONFIDENCE:.0f} %"
+        interval = percent(CONFIDENCE, ".0f")
         head = [done, "share", interval, f"RMS {done}", "alone", "RMS alone"]
         bound = not np.isnan(self.of(frame)["bound_rms_m"]).all()
         if bound:
@@ -178,11 +181,12 @@ class Budget(Shown):
         for name, row in self.of(frame).iterrows():
             cells = [
                 self.label(str(name)),
-                _percent(row["share"]), _interval(row["share_low"], row["share_high"]),
-                length(row["rms_m"]), _percent(row["alone_share"]), length(row["alone_rms_m"]),
+                whole_percent(row["share"]), _interval(row["share_low"], row["share_high"]),
+                short_length(row["rms_m"]),
+                whole_percent(row["alone_share"]), short_length(row["alone_rms_m"]),
             ]
             if bound:
-                cells += [_percent(row["bound_share"]), length(row["bound_rms_m"])]
+                cells += [whole_percent(row["bound_share"]), short_length(row["bound_rms_m"])]
             body.append(cells)
         return layout.table(body, width, head, range(1, len(head)))
 
@@ -228,7 +232,7 @@ class Budget(Shown):
             f"alone: what it adds when all others are {done}"
         )
         yield (
-            f"{100 * CONFIDENCE:.0f} % intervals by a studentised bootstrap of whole seeds; "
+            f"{percent(CONFIDENCE, '.0f')} intervals by a studentised bootstrap of whole seeds; "
             f"{REMAINDER}: the whole without the shares and what is left, as errors interact"
         )
         if self.bound_runs:
@@ -281,7 +285,7 @@ class Budget(Shown):
             for frame in dict.fromkeys(self.table["frame"]) if figures else ():
                 axes = self.plot(frame, theme=theme).axes[0]
                 style.save(axes, draft.folder, f"budget_{frame}")
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What the runs were; equal for equal budgets."""
@@ -305,28 +309,15 @@ class Budget(Shown):
                     verbatim(self.text()))
 
 
-def _percent(share: float) -> str:
-    if np.isnan(share):
-        return ""
-    return f"{round(100 * share) + 0:.0f} %".replace("-", "−")
-
-
 def _negative(share: float) -> str:
     """A share below 0, however small."""
-    return _percent(share) if share < -0.005 else f"−{-100 * share:.1g} %"
+    return whole_percent(share) if share < -0.005 else f"−{percent(-share, '.1g')}"
 
 
 def _interval(low: float, high: float) -> str:
     if np.isnan(low):
         return ""
-    return f"{_percent(low).removesuffix(' %')} to {_percent(high).removesuffix(' %')}"
-
-
-def length(rms: float) -> str:
-    """An RMS error in a table or title; empty where there is none."""
-    if np.isnan(rms):
-        return ""
-    return f"{rms:.1e} m" if rms >= 1e4 else f"{rms:.{2 if rms >= 0.0995 else 3}f} m"
+    return f"{whole_percent(low).removesuffix(' %')} to {whole_percent(high).removesuffix(' %')}"
 
 
 def bars(budget: Budget, frame: str) -> list[str]:

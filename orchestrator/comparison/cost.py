@@ -66,7 +66,7 @@ def _with(system: System, labels: Sequence[str], kept: Sequence[str]) -> System:
 
 
 def _in_lanes(plan: Plan, without: Plan, label: str) -> float | None:
-    def run(which: Plan, runs: int) -> lanes.Outcome:
+    def run(which: Plan, runs: int) -> lanes.RunsOutcome:
         seeds: Mapping[str, object] = {"acoustics.seed": np.arange(1, runs + 1)}
         return lanes.execute(which, seeds, lanes=1, threads=1)
 
@@ -92,7 +92,7 @@ def _called(plan: Plan, without: Plan) -> float | None:
 def _less(
     whole: Callable[[], object], rest: Callable[[], object], updates: float, clock: Clock
 ) -> float | None:
-    """Least time of one less that of the other, by update."""
+    """Difference of the least times of two sets of runs, per update."""
     times = []
     for _ in range(TIMES):
         times.append((_seconds(whole, clock), _seconds(rest, clock)))

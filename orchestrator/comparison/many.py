@@ -21,6 +21,7 @@ from ..scenario.files import naming_files
 from ..scenario.scenario import Receivers, Scenario, load
 from ..shown import Shown, page, verbatim
 from ..study.kept import Kept
+from ..words.numbers import measured
 from . import tournament_words
 from .evaluation import PERCENTILE, receivers_in
 from .tournament import RESPONSE, Tournament, compare, figures
@@ -78,14 +79,14 @@ class Many(Shown):
             if row["failed"] == runs:
                 lines.append(f"{receiver}: no estimate in any of {runs} runs")
                 continue
-            rms = tournament_words.size(row["rms_over_runs"], "m")
-            within = tournament_words.size(beside["mean"], "m")
+            rms = measured(row["rms_over_runs"], "m")
+            within = measured(beside["mean"], "m")
             lines.append(
                 f"{receiver}: {rms} RMS, {within} in 95 % of the time, lost in {row['lost']} of "
                 f"{runs} runs" + (f", failed in {row['failed']}" if row["failed"] else "")
             )
         told = [
-            f"{which}: seed {seed} ({tournament_words.size(self.rms_m(which), 'm')})"
+            f"{which}: seed {seed} ({measured(self.rms_m(which), 'm')})"
             for which, seed in self.drawn_seeds.items()
         ]
         return "\n".join(["; ".join([lines[0], *told]), *lines[1:]])
@@ -144,7 +145,7 @@ class Many(Shown):
                 figures.job(self.runs, "runs", False).save(draft.folder, theme)
             for which, result in self.drawn.items():
                 result.save(draft.folder / which, figures=drawn, theme=theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What was run, as plain data."""

@@ -1,189 +1,22 @@
-"""Sources of error: the keys of a scenario that each consists of, and how each is switched.
+"""Sources of error, switched off or made better in a scenario.
 
 Switched off, a source's keys are 0, or `FLOOR` where a receiver divides by them. Made better, the
 keys of a part are scaled until their root sum of squares is the part's level; they are never made
 larger. It is the world that changes; what the receiver assumes follows from it.
-
-Levels of what is better:
-
-GPS, tilt
-    The grades ``rtk_fixed`` of `sblcosim.models.platform.gps` and ``tactical`` of
-    `sblcosim.models.platform.imu`, with their sources.
-heading
-    0.5°, of a compass with two GNSS antennas: 0.1° to 1.0°, by their distance (u-blox, *GNSS
-    Heading*, u-blox.com/en/technologies/gnss-heading).
-clock
-    0.05 m of sound travel, 33 µs: set by the pulse of a GPS receiver just before the dive. What
-    it drifts from then on remains. The figure is an assumption.
-sound speed
-    0.2 %, 3 m/s: a thermometer that is right to 1 K at 20 °C (2.7 m/s per kelvin: K. V. Mackenzie,
-    J. Acoust. Soc. Am. 70, 1981, 807-812).
-range noise
-    0.02 m, twice the Cramér-Rao bound c/(2π β √(2E/N₀)) of a time of arrival (S. M. Kay,
-    *Fundamentals of Statistical Signal Processing* I, 1993, section 3.11) for β = 5 kHz and 13 dB.
-depth sensor
-    0.02 m, an assumption.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import hypot
 from types import MappingProxyType
 from typing import Any
 
-from sblcosim.models.settings.presets import preset
-
 from ..errors import ConfigurationError, nearest, quoted
+from ..scenario.error_sources import OF_BITS, SOURCES, Part, Source
 from ..scenario.scenario import Scenario
 from ..scenario.schema import rows
-
-FLOOR = 0.01
-"""Standard deviation [m] of ranges and depth readings that are switched off. A diver moves so far
-while the sound travels: told of less, a receiver believes its model too much."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """Keys of one unit that are switched together.
-
-    Attributes
-    ----------
-    keys
-        With their tables.
-    better
-        Root sum of squares of the values of better equipment; None: it has the same.
-    off
-        The same of equipment without this error.
-    about
-        Key of the value that is no error; empty: 0.
-    relative
-        Whether `better` is a share of that value.
-    """
-
-    keys: Sequence[str]
-    better: float | None = None
-    off: float = 0.0
-    about: str = ""
-    relative: bool = False
-
-
-@dataclass(frozen=True)
-class Source:
-    """A source of error.
-
-    Attributes
-    ----------
-    name, words
-        For tables, and for sentences.
-    better
-        What is better, in a few words; empty: nothing that can be bought.
-    """
-
-    name: str
-    words: str
-    parts: Sequence[Part]
-    better: str = ""
-
-
-def _keys(table: str, start: str, ends: Iterable[str]) -> tuple[str, ...]:
-    return tuple(f"{table}.{start}{end}" for end in ends)
-
-
-def _grade(name: str, value: str, keys: Iterable[str]) -> float:
-    """Root sum of squares of some keys that a grade sets."""
-    values = preset(name, value)
-    return hypot(*(values.get(key.partition(".")[2], 0.0) for key in keys))
-
-
-def _gps() -> Iterator[Part]:
-    for axis in ("horizontal", "vertical"):
-        keys = _keys("platform", f"gps_{axis}_", ("std_m", "bias_std_m", "markov_std_m"))
-        yield Part(keys, _grade("gps_grade", "rtk_fixed", keys))
-    yield Part(("platform.gps_antenna_offset_m",))
-
-
-def _imu(axis: str, better: float) -> Iterator[Part]:
-    start = f"imu_{axis}_"
-    steady = ("std_deg", "bias_deg", "turn_on_std_deg", "markov_std_deg", "step_deg")
-    yield Part(_keys("platform", start, steady), better)
-    for end in ("drift_deg_s", "temperature_coefficient_deg_K", "scale_factor_error"):
-        yield Part(_keys("platform", start, (end,)))
-
-
-_OF_BITS = ("acoustics.packet_resolution_m", "acoustics.packet_angle_resolution_deg")
-_AMPLITUDES = ("roll_amplitude_deg", "pitch_amplitude_deg", "yaw_amplitude_deg",
-               "surge_amplitude_m", "sway_amplitude_m", "heave_amplitude_m")
-
-SOURCES: Mapping[str, Source] = {
-    source.name: source
-    for source in (
-        Source("GPS", "the GPS", tuple(_gps()), "RTK"),
-        Source("heading", "the heading", tuple(_imu("heading", 0.5)), "0.5°"),
-        Source(
-            "tilt", "the tilt",
-            tuple(_imu("tilt", _grade("imu_grade", "tactical", ("platform.imu_tilt_bias_deg",)))),
-            "tactical",
-        ),
-        Source(
-            "IMU alignment", "the alignment of the IMU",
-            (Part(("platform.imu_misalignment_deg",)),),
-        ),
-        Source(
-            "mounting", "where the beacons are mounted",
-            (Part(("platform.mounting_error_m", "platform.mounting_std_m")),),
-        ),
-        Source(
-            "clock", "the clock",
-            (
-                Part(_keys("acoustics", "clock_", ("offset_s", "offset_std_s")), 0.05 / 1500),
-                Part(_keys("acoustics", "clock_", ("drift_s_s",))),
-                Part(_keys("acoustics", "clock_", ("drift_std_s_s",))),
-                Part(_keys("acoustics", "clock_", ("sync_age_s",)), 0.0),
-            ),
-            "0.05 m",
-        ),
-        Source(
-            "processing delay", "the processing delay",
-            (Part(
-                ("acoustics.processing_delay_s",), about="acoustics.processing_delay_correction_s"
-            ),),
-        ),
-        Source(
-            "sound speed", "the sound speed",
-            (Part(
-                ("acoustics.sound_speed_m_s",), 0.002, about="acoustics.assumed_sound_speed_m_s",
-                relative=True,
-            ),),
-            "0.2 %",
-        ),
-        Source(
-            "range noise", "the noise of the ranges",
-            (Part(("acoustics.range_std_m",), 0.02, FLOOR),), "0.02 m",
-        ),
-        Source("outliers", "outliers", (Part(("acoustics.outlier_probability",)),)),
-        Source("packet loss", "packet loss", (Part(("acoustics.loss_probability",)),)),
-        Source(
-            "rounding", "the rounding of packets",
-            tuple(Part((key,)) for key in _OF_BITS),
-        ),
-        Source(
-            "depth sensor", "the depth sensor",
-            (
-                Part(("target.depth_std_m",), 0.02, FLOOR),
-                Part(("target.depth_bias_m", "target.depth_bias_std_m"), 0.02),
-            ),
-            "0.02 m",
-        ),
-        Source(
-            "platform motion", "the platform's motion",
-            tuple(Part((f"platform.{key}",)) for key in _AMPLITUDES),
-        ),
-    )
-}
-"""By name."""
 
 
 def of_scenario(scenario: Scenario, better: bool = False) -> tuple[str, ...]:
@@ -285,7 +118,7 @@ def _changed(scenario: Scenario, source: Source, better: bool) -> dict[str, Any]
     changes: dict[str, Any] = {}
     for part in source.parts:
         changes |= _reduced(scenario, part, part.better if better else part.off)
-    if any(key in _OF_BITS for key in changes) and scenario.acoustics.packet_bits:
+    if any(key in OF_BITS for key in changes) and scenario.acoustics.packet_bits:
         changes["acoustics.packet_bits"] = None  # they do not hold what is not rounded
     return changes
 

@@ -1,7 +1,7 @@
 """Statistics of paired runs: intervals of means, differences, and how many runs a bound takes.
 
 A seed is one observation. Runs of one seed have the same noise, so their differences are paired,
-and the errors inside of a run follow each other, so they are never pooled: an interval is always
+and the errors inside a run depend on each other, so they are never pooled: an interval is always
 from one number per seed.
 
 **Shares.** In what share of all dives a receiver is better needs no assumption: Clopper and
@@ -62,7 +62,7 @@ MOST_RUNS = 10**9
 
 
 def least_runs(share: float, risk: float) -> int:
-    """Number of runs that are needed for bad ones of such a share to be seen but for the risk."""
+    """Number of runs that show a bad one, given their share, except for the risk."""
     return max(LEAST_RUNS, ceil(log(risk) / log(1 - share) - TOLERANCE))
 
 
@@ -288,7 +288,7 @@ def _middle(y: Floats) -> float:
 
 
 def _alike(d: Floats) -> bool:
-    """Whether none has failed and no few differences are far from the others."""
+    """Whether no run has failed and the differences have no outliers."""
     whole = bool(np.isfinite(d).all())
     return whole and not any(_tail(np.sort(sign * d))[0] > TAIL_SPREAD for sign in (1, -1))
 

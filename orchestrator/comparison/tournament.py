@@ -159,7 +159,7 @@ class Tournament(Shown):
                 artifacts.write_table(getattr(self, name), draft.folder, file)
             if drawn:
                 figures.job(self).save(draft.folder, theme)
-        return Path(directory).with_name(draft.path.name)
+        return draft.saved
 
     def manifest(self) -> dict[str, Any]:
         """What was compared, as plain data."""
@@ -295,7 +295,7 @@ def compare(
 
 
 def check(runs: int, practical: float | None, contamination: float) -> None:
-    """Refuse numbers that nothing can be said with."""
+    """Refuse numbers that allow no verdict."""
     if isinstance(runs, bool) or not isinstance(runs, int) or runs < 2:
         raise ConfigurationError(f"runs: must be a whole number of at least 2, got {runs!r}")
     if practical is not None and not 0 < practical < float("inf"):
@@ -331,7 +331,7 @@ def response_of(response: str | Callable[..., Any]) -> tuple[str, Any]:
 
 
 def lesser() -> dict[str, str]:
-    """The responses of which less is better, each in words."""
+    """The responses that are better if smaller, each in words."""
     return {
         name: it.words for name, it in RESPONSES.items()
         if name not in _SIGNED and (it.unit or name in _RATES)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ROW, ABOVE = 0.27, 0.75
 """Height of a receiver, and of what is above and below the receivers of a place [inch]."""
 REACH, FAR = 6.0, 1.5
-"""Differences of more than so many times their median, and of the best one's median, are drawn at
+"""Differences of more than this many times their median, and of the best one's median, are drawn at
 the edge."""
 _CHARACTERS, _TICKS, _LEGEND = 18.0, 2.0, 2.3
 """Of a label, and on an axis, per inch; inches of a column of the legend."""
@@ -212,7 +212,7 @@ def _difference(
 
 
 def _label(ax: Axes, text: str) -> None:
-    """Name the horizontal axis, in as many lines as it is too narrow for one."""
+    """Name the horizontal axis, in several lines if it is too narrow for one."""
     inches = ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
     ax.set_xlabel(fill(text, max(int(_CHARACTERS * inches), 12)), fontsize=SMALL)
     if ax.get_xscale() == "linear":

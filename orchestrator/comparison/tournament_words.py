@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from math import ceil, floor, isfinite, isnan
+from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from ..analysis.sentences import rounded
 from ..layout import fitted, table
 from ..results.consistency import COVARIANCES
 from ..results.definitions import LOST
 from ..results.over_runs import SUFFIX
 from ..results.responses import RESPONSES, readable, unit_of
+from ..words.lists import listed
+from ..words.numbers import interval, measured, rounded
+from ..words.shares import percent, percent_at_least, percent_at_most
 from .evaluation import ALL, PERCENTILE
 from .statistics import ALPHA, SHARE, least_runs
 
@@ -48,21 +50,9 @@ def words_of(response: str) -> str:
     return RESPONSES[response].words if response in RESPONSES else readable(response)
 
 
-def size(value: float, unit: str) -> str:
-    """A number with its unit; a dash where there is none."""
-    return "–" if isnan(value) else f"{rounded(value)} {unit}".rstrip()
-
-
-def span(low: float, high: float, unit: str = "") -> str:
-    """An interval, or a dash."""
-    return "–" if isnan(low) else f"{rounded(low)} to {size(high, unit)}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names for a sentence."""
-    if len(names) > _NAMED:
-        return f"{', '.join(names[:_NAMED - 1])} and {len(names) - _NAMED + 1} more"
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def _some(names: Sequence[str]) -> str:
+    """Names for a sentence; those of a long list are counted."""
+    return listed(names, most=_NAMED, shown=_NAMED - 1)
 
 
 def in_place(it: Tournament, place: str) -> list[str]:
@@ -95,7 +85,7 @@ def answer(it: Tournament) -> str:
 def _reached(it: Tournament, place: str, names: Sequence[str]) -> str:
     """What the receivers have, over all runs."""
     unit = unit_of(it.response)
-    values = ", ".join(f"{name} {size(reached(it.level(place, name)), unit)}" for name in names)
+    values = ", ".join(f"{name} {measured(reached(it.level(place, name)), unit)}" for name in names)
     runs = it.level(place, names[0])["runs"]
     where = f", mean of {len(it.places) - 1} scenarios" if place == ALL else f" in {place}"
     over = " over" if it.response.endswith(SUFFIX) else ", mean of"
@@ -109,7 +99,7 @@ def reached(row: Any) -> float:
 
 
 def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
-    """What is said of the best one and the others: what needs no assumption first.
+    """Sentences on the best receiver and the others; first those that assume nothing.
 
     Who is surely better than the one with the least median comes before it.
     """
@@ -129,9 +119,9 @@ def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
         yield _sure(it, closest, f"than {closest.other}, the closest, " if len(better) > 1 else "")
         yield from _though(it, place, best, names)
     if equal:
-        within = size(float(it.settings["practical"]), unit_of(it.response))
+        within = measured(float(it.settings["practical"]), unit_of(it.response))
         names = [row.other for row in equal]
-        yield f"{best} and {listed(names)} are equal within {within} in the median."
+        yield f"{best} and {_some(names)} are equal within {within} in the median."
     if open_:
         needed = [row.runs_needed for row in open_]
         about = (
@@ -139,7 +129,7 @@ def _best(it: Tournament, place: str, best: str) -> Iterator[str]:
             if all(map(pd.notna, needed)) else ""
         )
         yield (
-            f"Whether {best} is better than {listed([row.other for row in open_])} is undecided "
+            f"Whether {best} is better than {_some([row.other for row in open_])} is undecided "
             f"after {open_[0].runs} runs{about}."
         )
 
@@ -154,7 +144,7 @@ def _turned(row: Any) -> Any:
 
 
 def _all_or(names: Sequence[str], rows: Sequence[Any]) -> str:
-    return "all others" if len(names) == len(rows) > 1 else listed(names)
+    return "all others" if len(names) == len(rows) > 1 else _some(names)
 
 
 def _sure(it: Tournament, row: Any, whom: str) -> str:
@@ -165,35 +155,29 @@ def _sure(it: Tournament, row: Any, whom: str) -> str:
     alike = f" (worse in {row.losses})" if row.runs > row.wins + row.losses else ""
     text = (
         f"It is better {whom}in {row.wins} of {row.runs} runs{alike}: in at least "
-        f"{share(row.share_low)} of dives ({level:.0f} % confidence{at_once})"
+        f"{percent_at_least(row.share_low)} of dives ({level:.0f} % confidence{at_once})"
     )
     if isfinite(row.median):
-        interval = "" if isnan(row.low) or row.low == row.high == 0 else (
-            f" ({span(-row.high, -row.low, unit)})")
-        less = f"{size(-row.median, unit)} less" if row.median else "no difference"
-        text += f"; {less} in the median{interval}"
+        within = "" if isnan(row.low) or row.low == row.high == 0 else (
+            f" ({interval(-row.high, -row.low, unit=unit)})")
+        less = f"{measured(-row.median, unit)} less" if row.median else "no difference"
+        text += f"; {less} in the median{within}"
     if isfinite(row.mean_low):
         text += (
-            f", but {size(row.mean, unit)} more on average "
-            f"({span(row.mean_low, row.mean_high, unit)})" if row.mean > 0 else
-            f", {size(-row.mean, unit)} {'on' if row.median else 'less on'} average "
-            f"({span(-row.mean_high, -row.mean_low, unit)})"
+            f", but {measured(row.mean, unit)} more on average "
+            f"({interval(row.mean_low, row.mean_high, unit=unit)})" if row.mean > 0 else
+            f", {measured(-row.mean, unit)} {'on' if row.median else 'less on'} average "
+            f"({interval(-row.mean_high, -row.mean_low, unit=unit)})"
         )
     return f"{text}."
-
-
-def share(value: float) -> str:
-    """A lower bound of a share in per cent, rounded down."""
-    digits = 0 if value < 0.99 else 1
-    return f"{floor(100 * value * 10**digits) / 10**digits:.{digits}f} %"
 
 
 def _dives(row: Any) -> str:
     """Bound of the share of dives in which the first one is better."""
     if isnan(row.share_low):
         return "–"
-    return f"≥ {share(row.share_low)}" if row.wins > row.losses else (
-        f"≤ {ceil(100 * (1 - row.share_low))} %")
+    return f"≥ {percent_at_least(row.share_low)}" if row.wins > row.losses else (
+        f"≤ {percent_at_most(1 - row.share_low)}")
 
 
 def _though(it: Tournament, place: str, best: str, others: Sequence[str]) -> Iterator[str]:
@@ -215,7 +199,7 @@ def _exceptions(it: Tournament) -> Iterator[str]:
         ]  # fmt: skip
         if found and place != ALL:
             pairs = [f"{row.other} is better than {row.one}" for row in found]
-            yield f"In {place}, {listed(pairs)}."
+            yield f"In {place}, {_some(pairs)}."
 
 
 # --- What stands beside --------------------------------------------------------------------------
@@ -232,7 +216,7 @@ def notes(it: Tournament) -> Iterator[str]:
             if sign * row.mean > 0:
                 yield (
                     f"{place}: {pair[0]} is better than {pair[1]} in most runs, but its mean over "
-                    f"the runs is {size(abs(row.mean), unit_of(it.response))} more"
+                    f"the runs is {measured(abs(row.mean), unit_of(it.response))} more"
                 )
     yield from _too_few(it)
     yield from unbounded(it)
@@ -247,9 +231,9 @@ def beside(it: Tournament, place: str, receiver: str) -> Iterator[str]:
             f"count as worse than any other{_example(it, place, receiver)}"
         )
     if row["lost"]:
-        interval = span(100 * row["lost_low"], 100 * row["lost_high"], "%")
+        within = interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%")
         yield (
-            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {interval} of "
+            f"{place}: {receiver} was lost in {row['lost']} of {row['runs']} runs, {within} of "
             "all with 95 % confidence"
         )
     if row["heavy_tailed"]:
@@ -265,10 +249,10 @@ def _example(it: Tournament, place: str, receiver: str) -> str:
 
 
 def _tail(place: str, receiver: str, row: Any, unit: str) -> str:
-    median, mean = size(row["median"], unit), size(row["mean"], unit)
+    median, mean = measured(row["median"], unit), measured(row["mean"], unit)
     return (
         f"{place}: {receiver} is heavy-tailed: the worst {row['tail_runs']} of {row['runs']} runs "
-        f"make {100 * row['tail']:.0f} % of the spread about the median, {median}; the mean is "
+        f"make {percent(row['tail'], '.0f')} of the spread about the median, {median}; the mean is "
         f"{mean}"
     )
 
@@ -288,7 +272,7 @@ def _too_few(it: Tournament) -> Iterator[str]:
 
 
 def unbounded(it: Tournament) -> Iterator[str]:
-    """What there are too few runs for, of each receiver."""
+    """Bounds that each receiver has too few runs for."""
     runs = int(it.settings["runs"])
     share = it.settings["contamination"]
     least = least_runs(share, ALPHA / 2)
@@ -297,7 +281,7 @@ def unbounded(it: Tournament) -> Iterator[str]:
     least = least_runs(1 - SHARE, ALPHA)
     if runs < least:
         yield (
-            f"no bound for {100 * SHARE:g} % of the runs from {runs}: {least} are needed, "
+            f"no bound for {percent(SHARE)} of the runs from {runs}: {least} are needed, "
             f"{least - runs} more"
         )
 
@@ -367,7 +351,7 @@ def _table(
     right: Sequence[int],
     optional: Sequence[int],
 ) -> Iterator[str]:
-    """A table without those of the optional columns in which nothing is told."""
+    """A table without optional columns that are empty."""
     kept = [i for i in range(len(head)) if i not in optional or any(row[i] != "–" for row in rows)]
     return table(
         [[row[i] for i in kept] for row in rows], width, [head[i] for i in kept],
@@ -385,7 +369,7 @@ def _levels(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
             rounded(reached(row)),
             rounded(beside["mean"]),
             f"≤ {rounded(upper)}" if isfinite(upper) else "–",
-            f"{rounded(100 * row['lost'] / whole, 2)} %",
+            measured(100 * row["lost"] / whole, "%", 2),
             _covariance(row),
             *((_update(it, place, receiver),) if it.update_s else ()),
         )
@@ -424,8 +408,8 @@ def _spreads(it: Tournament, place: str) -> Iterator[tuple[str, ...]]:
         yield (
             receiver,
             *(rounded(row[name]) for name in ("std", "least", "median", "most")),
-            span(row["low"], row["high"]),
-            span(100 * row["lost_low"], 100 * row["lost_high"], "%"),
+            interval(row["low"], row["high"]),
+            interval(100 * row["lost_low"], 100 * row["lost_high"], unit="%"),
         )
 
 
@@ -438,6 +422,6 @@ def _differences(it: Tournament, place: str, response: str) -> Iterator[tuple[st
             said += f"; about {row.runs_needed:,} runs would decide"
         yield (
             f"{row.one} − {row.other}", f"{row.wins} of {row.runs}", _dives(row),
-            rounded(row.median), span(row.low, row.high),
-            rounded(row.mean), span(row.mean_low, row.mean_high), said,
+            rounded(row.median), interval(row.low, row.high),
+            rounded(row.mean), interval(row.mean_low, row.mean_high), said,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sblcosim.models.declaration import number_of
 from sblcosim.models.receiver import surroundings
 from sblcosim.models.receiver.bound import ANYWHERE, FAR_STD
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     HEADING,
     PLATFORM,
@@ -22,7 +23,7 @@ from sblcosim.models.receiver.surroundings import (
     Measurement,
     Pose,
 )
-from sblcosim.models.receiver.variables import COUPLED, INITIALISATION
+from sblcosim.models.receiver.variables import INITIALISATION
 from sblcosim.models.settings.keys import in_si
 
 from ..data.estimates import Integers

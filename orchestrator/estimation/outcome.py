@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     NEAREST,
@@ -18,7 +19,6 @@ from sblcosim.models.receiver.surroundings import (
     WIDEST,
     crescent,
 )
-from sblcosim.models.receiver.variables import COUPLED
 
 from ..data.estimates import Estimates
 from ..data.samples import Samples

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from sblcosim.fmus.host.nanoseconds import nanoseconds
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION, SYSTEM
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.receiver.surroundings import (
     CLOCK,
     HEADING,
@@ -17,7 +18,6 @@ from sblcosim.models.receiver.surroundings import (
     VELOCITY,
     VERTICAL_ERROR,
 )
-from sblcosim.models.receiver.variables import COUPLED
 
 from ..data.record import Record
 from ..data.samples import Samples

@@ -28,7 +28,7 @@ from ..simulation.system import System
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ExportedPart:
     """A component of the export.
 
     Attributes
@@ -87,7 +87,7 @@ def _without_raw(system: System, receiver: Receivers) -> System:
     )
 
 
-def parts_of(plan: Plan, bake: bool) -> list[Part]:
+def parts_of(plan: Plan, bake: bool) -> list[ExportedPart]:
     """The components of a plan; with `bake`, the plan's numbers are the FMUs' start values."""
     parts = []
     names = _names(plan)
@@ -95,7 +95,7 @@ def parts_of(plan: Plan, bake: bool) -> list[Part]:
         source = cast(Fmu, component.source)
         path = _baked(component, source, plan) if bake else source.path
         with opened(path) as archive:
-            parts.append(Part(names[component.name], component, path, describe(archive)))
+            parts.append(ExportedPart(names[component.name], component, path, describe(archive)))
     return parts
 
 
@@ -171,7 +171,7 @@ def step_ns(plan: Plan) -> int:
     return math.gcd(*(c.interval_ns for c in plan.components))
 
 
-def outputs_of(part: Part) -> list[ModelVariable]:
+def outputs_of(part: ExportedPart) -> list[ModelVariable]:
     """The numbers and switches among the outputs: libcosim, for one, drops enumerations."""
     return [
         v

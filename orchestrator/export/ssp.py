@@ -31,7 +31,7 @@ from ..scenario.overrides import Changes
 from ..scenario.scenario import Receivers, Scenario, Source, load
 from ..simulation.plan import Plan
 from .parts import (
-    Part,
+    ExportedPart,
     fmu_plan,
     identifier,
     links_of,
@@ -108,7 +108,11 @@ def export_ssp(
 
 
 def _structure(
-    scenario: Scenario, plan: Plan, parts: list[Part], version: Version, sets: Collection[str]
+    scenario: Scenario,
+    plan: Plan,
+    parts: list[ExportedPart],
+    version: Version,
+    sets: Collection[str],
 ) -> ET.Element:
     """The description; `sets` are the names of the components that have a parameter set."""
     document = ET.Element(
@@ -147,7 +151,7 @@ def _structure(
     return document
 
 
-def _component(elements: ET.Element, part: Part) -> ET.Element:
+def _component(elements: ET.Element, part: ExportedPart) -> ET.Element:
     component = ET.SubElement(
         elements,
         "ssd:Component",
@@ -178,7 +182,7 @@ def _connections(system: ET.Element, plan: Plan) -> None:
         )
 
 
-def _steps(system: ET.Element, plan: Plan, parts: list[Part]) -> None:
+def _steps(system: ET.Element, plan: Plan, parts: list[ExportedPart]) -> None:
     """Annotations with the step of the system, for OMSimulator, and those of the components."""
     annotations = ET.SubElement(system, "ssd:Annotations")
     information = ET.SubElement(
@@ -201,7 +205,7 @@ def _steps(system: ET.Element, plan: Plan, parts: list[Part]) -> None:
         ET.SubElement(intervals, "sblcosim:Interval", {"component": part.name, "seconds": seconds})
 
 
-def _connectors(part: Part, connected: set[tuple[str, str]]) -> list[ModelVariable]:
+def _connectors(part: ExportedPart, connected: set[tuple[str, str]]) -> list[ModelVariable]:
     """Connected inputs, then outputs: FMPy mistakes the source of an input without connection."""
     inputs = [v for v in part.description.modelVariables if (part.name, v.name) in connected]
     return [*inputs, *outputs_of(part)]
@@ -210,7 +214,7 @@ def _connectors(part: Part, connected: set[tuple[str, str]]) -> list[ModelVariab
 def _connector(
     parent: ET.Element,
     variable: ModelVariable,
-    part: Part,
+    part: ExportedPart,
     units: Mapping[str, Unit],
     version: Version,
 ) -> None:
@@ -242,7 +246,7 @@ def _experiment(document: ET.Element, plan: Plan) -> None:
     )
 
 
-def _parameter_set(part: Part, version: Version) -> ET.Element:
+def _parameter_set(part: ExportedPart, version: Version) -> ET.Element:
     root = ET.Element(
         "ssv:ParameterSet",
         {
@@ -277,7 +281,7 @@ def _annotation(group: ET.Element, kind: str) -> ET.Element:
     return ET.SubElement(group, "ssc:Annotation", {"type": kind})
 
 
-def _units(parts: list[Part]) -> dict[str, Unit]:
+def _units(parts: list[ExportedPart]) -> dict[str, Unit]:
     """Definition of every unit that a connector has, the first one if there are several."""
     units: dict[str, Unit] = {}
     for part in parts:
@@ -288,7 +292,7 @@ def _units(parts: list[Part]) -> dict[str, Unit]:
     return units
 
 
-def _defined(part: Part) -> dict[str, Unit]:
+def _defined(part: ExportedPart) -> dict[str, Unit]:
     return {unit.name: unit for unit in part.description.unitDefinitions}
 
 

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sblcosim.models.declaration import Component
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings.parameters import of_model
 
 from ..scenario.arrangement import has_own_errors
 from ..scenario.scenario import Scenario
 from .fisher import fisher_factor
-from .recursion import Model
+from .recursion import ReceiverModel
 from .steady import Conditions
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,7 @@ def parameters(
 
 def model_of(
     scenario: Scenario, acceleration_psd: float | None = None, own_beacon: bool = False
-) -> Model:
+) -> ReceiverModel:
     """The model of a scenario for the recursion: that of beacons with own errors, if they have any.
 
     Parameters
@@ -48,7 +49,7 @@ def model_of(
     """
     own_errors = has_own_errors(scenario.platform)
     a = scenario.acoustics
-    return Model(
+    return ReceiverModel(
         "field" if own_errors else "platform",
         parameters(scenario, acceleration_psd, LONG_BASELINE if own_errors else COUPLED),
         {

@@ -20,7 +20,7 @@ from sblcosim.fmus import stopping
 from ..scenario.scenario import Scenario
 from . import recursion
 from .parameters import beacons_of, conditions, model_of, own_beacon, parameters
-from .recursion import Epochs, Model
+from .recursion import Epochs, ReceiverModel
 
 Floats = NDArray[np.float64]
 Path = Callable[[float], Floats]
@@ -119,7 +119,7 @@ def covariances(
     return Covariances(absolute, relative, offset, model.own_errors)
 
 
-def epochs_of(scenario: Scenario, model: Model, duration_s: float) -> Epochs:
+def epochs_of(scenario: Scenario, model: ReceiverModel, duration_s: float) -> Epochs:
     """The slots of a run, of which some count together where there are many, at their ends."""
     a, count = scenario.acoustics, scenario.beacons
     total = max(ceil(duration_s / a.sampling_time_s - 1e-9) - 1, 1)  # the end is not sampled

@@ -57,7 +57,7 @@ class Epochs:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class ReceiverModel:
     """A receiver's model, and the numbers in it.
 
     Attributes
@@ -110,7 +110,7 @@ def _whole(values: Floats, shape: tuple[int, ...]) -> Floats:
 
 
 def covariances(
-    model: Model,
+    model: ReceiverModel,
     epochs: Epochs,
     position: Floats,
     acceleration_psd: Floats,

@@ -17,7 +17,7 @@ from ..scenario.scenario import Scenario
 from ..scenario.schema import CORE_COMPONENTS
 from .parameters import beacons_of, conditions, model_of, own_beacon
 from .path import path_psd
-from .recursion import Epochs, Model, covariances
+from .recursion import Epochs, ReceiverModel, covariances
 from .unknown import left_out
 from .verdict import Limits, limits_of
 
@@ -150,7 +150,7 @@ def _events(record: Record, at_ns: Integers | None) -> tuple[Integers, Floats, F
 
 
 def _along(
-    record: Record, model: Model, epoch: Integers, heard: Floats, depth: Floats
+    record: Record, model: ReceiverModel, epoch: Integers, heard: Floats, depth: Floats
 ) -> tuple[Floats, Epochs]:
     """True positions of the diver at epochs, (n, 3), and what there is at them."""
     own, time = record.own("target"), record.time_ns

@@ -5,30 +5,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..scenario.arrangement import has_own_errors
+from ..scenario.error_sources import SURVEY, UNMODELLED
 
 if TYPE_CHECKING:
     from ..scenario.scenario import Scenario
 
-SURVEY = "mounting_std_m"
-"""The model of beacons with errors of their own knows it, that of a platform does not."""
-LEFT_OUT = (
-    "mounting_error_m", SURVEY, "imu_tilt_drift_deg_s", "imu_heading_drift_deg_s",
-    "imu_tilt_temperature_coefficient_deg_K", "imu_heading_temperature_coefficient_deg_K",
-    "imu_tilt_step_deg", "imu_tilt_scale_factor_error", "imu_heading_scale_factor_error",
-    "imu_misalignment_deg",
-)  # fmt: skip
-"""Keys of ``[platform]`` that are in no model; `settings.assumptions.SOURCES` names the others."""
+_PLATFORM = "platform."
 
 
 def left_out(scenario: Scenario) -> tuple[str, ...]:
-    """Keys of ``[platform]`` that are not zero, and of which the reference knows nothing."""
-    platform = scenario.platform
-    known = {SURVEY} if has_own_errors(platform) else set()
-    idle = scenario.idle()
+    """Keys of errors that are not zero, and of which the reference knows nothing.
+
+    Those of ``[platform]`` are without the name of the table.
+    """
+    known = {SURVEY} if has_own_errors(scenario.platform) else set()
+    idle = {".".join(key) for key in scenario.idle()}
     return tuple(
-        key for key in LEFT_OUT
-        if _not_zero(getattr(platform, key)) and key not in known and ("platform", key) not in idle
+        key.removeprefix(_PLATFORM) for key in UNMODELLED
+        if _not_zero(_value(scenario, key)) and key not in known and key not in idle
     )
+
+
+def _value(scenario: Scenario, key: str) -> Any:
+    table, _, name = key.partition(".")
+    return getattr(getattr(scenario, table), name)
 
 
 def _not_zero(value: Any) -> bool:

@@ -1,7 +1,7 @@
 """The XML files of an SSP package, read within bounds.
 
 Two faults that are common and leave no doubt are mended, with a remark: a namespace of a draft of
-the standard or with a part left out, and a prefix that is bound to nothing, if it is inside of an
+the standard or with a part left out, and a prefix that is bound to nothing, if it is inside an
 annotation or one of the standard.
 """
 

@@ -13,6 +13,7 @@ from ..errors import ConfigurationError
 from ..layout import fitted, table
 from ..simulation.plan import Plan, PlannedComponent
 from ..simulation.system import Conversion
+from ..words.lists import counted
 from .documents import some
 from .read import SEPARATOR, Package
 from .structure import Inside, Path
@@ -83,8 +84,8 @@ def _text(package: Package, plan: Plan, width: int | None) -> Iterator[str]:
     systems = sum(isinstance(e, Inside) for _, e in package.structure.system.walk()) - 1
     inside = f" in {systems + 1} systems" if systems else ""
     sentences = [
-        f"{package.name}: {_counted(len(planned), 'component')}{inside}, "
-        f"{_counted(sum(line.count for line in lines), 'connection')}",
+        f"{package.name}: {counted(len(planned), 'component')}{inside}, "
+        f"{counted(sum(line.count for line in lines), 'connection')}",
         *package.remarks,
     ]
     yield fitted("\n".join(sentences), width)
@@ -149,7 +150,3 @@ def _step(step: Conversion) -> str:
     sign = "−" if step.offset < 0 else "+"
     offset = "" if step.offset == 0 else f"{sign} {abs(step.offset):.6g}"
     return f"{factor} {offset}".strip()
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 from ..errors import nearest, quoted
 from ..simulation.system import Conversion
 from .documents import SIDES, SPACES, Documents, local
-from .units import Named, Unit, unit_of
+from .units import LinearUnit, Named, unit_of
 
 _SET = "application/x-ssp-parameter-set"
 _MAPPING = "application/x-ssp-parameter-mapping"
@@ -59,7 +59,7 @@ class Parameters:
         That the structure defines; those of a set come first.
     """
 
-    def __init__(self, documents: Documents, units: Mapping[str, Unit | None]) -> None:
+    def __init__(self, documents: Documents, units: Mapping[str, LinearUnit | None]) -> None:
         self._documents = documents
         self._units = units
 
@@ -114,7 +114,7 @@ class Parameters:
         self,
         parameter: Element,
         prefix: str,
-        units: Mapping[str, Unit | None],
+        units: Mapping[str, LinearUnit | None],
         where: str,
         file: str,
     ) -> Parameter:
@@ -179,9 +179,9 @@ class Parameters:
             )
 
 
-def defined(documents: Documents, root: Element) -> dict[str, Unit | None]:
+def defined(documents: Documents, root: Element) -> dict[str, LinearUnit | None]:
     """The units that a file defines; None where it does not say what they are."""
-    units: dict[str, Unit | None] = {}
+    units: dict[str, LinearUnit | None] = {}
     for space in ("ssd", "ssv"):
         for unit in root.iterfind(f"{space}:Units/ssc:Unit", SPACES):
             base = unit.find("ssc:BaseUnit", SPACES)

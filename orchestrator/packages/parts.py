@@ -14,11 +14,11 @@ from sblcosim.fmus.read import ports
 from sblcosim.fmus.read.description import describe
 from sblcosim.fmus.read.ports import Fmu, Port
 
-from .units import Named, Unit, units_of
+from .units import LinearUnit, Named, units_of
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PortElement:
     """Where a variable of an FMU is: in which port, and which of its elements; None: all."""
 
     port: Port
@@ -34,7 +34,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Part:
+class DescribedFmu:
     """A component's FMU, and what it says of itself.
 
     Attributes
@@ -47,8 +47,8 @@ class Part:
     fmu: Fmu
     description: ModelDescription
     variables: Mapping[str, ModelVariable]
-    places: Mapping[str, Place]
-    units: Mapping[str, Unit]
+    places: Mapping[str, PortElement]
+    units: Mapping[str, LinearUnit]
 
     def unit(self, variable: str) -> Named | None:
         """A variable's unit; None without one."""
@@ -72,7 +72,7 @@ class Part:
         return time_ns if time_ns > 0 else None
 
 
-def part_of(label: str, path: Path) -> Part:
+def part_of(label: str, path: Path) -> DescribedFmu:
     """A component's FMU.
 
     Raises
@@ -87,8 +87,8 @@ def part_of(label: str, path: Path) -> Part:
     for port in fmu.ports.values():
         single = len(port.variables) == 1
         for number, variable in enumerate(port.variables):
-            places[variable] = Place(port, None if single else number)
-    return Part(
+            places[variable] = PortElement(port, None if single else number)
+    return DescribedFmu(
         label,
         fmu,
         description,

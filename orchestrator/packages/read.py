@@ -22,8 +22,8 @@ from sblcosim.fmus.read.archive import shown
 from ..errors import ConfigurationError, ConfigurationWarning, FmuError, SblcosimError
 from ..simulation.system import ComponentSpec, Connection, Conversion, System
 from .documents import some
-from .parts import Part, Place, part_of
-from .structure import Component, Inside, Step, Structure, structure_of
+from .parts import DescribedFmu, PortElement, part_of
+from .structure import Inside, PackageComponent, StepAnnotation, Structure, structure_of
 from .structure import Path as Inner
 from .units import Quantity, chained
 from .values import filled, values_of
@@ -103,7 +103,7 @@ def opened(source: str | Path) -> Iterator[Package]:
             parts = {
                 place: part_of(labels[place], folder / component.source)
                 for place, component in structure.system.walk()
-                if isinstance(component, Component)
+                if isinstance(component, PackageComponent)
             }
         except FmuError as error:
             raise ConfigurationError(str(error).replace(str(folder), str(path))) from error
@@ -132,7 +132,7 @@ def _labels(structure: Structure) -> dict[Inner, str]:
     labels: dict[Inner, str] = {}
     taken: set[str] = set()
     for path, element in structure.system.walk():
-        if isinstance(element, Component):
+        if isinstance(element, PackageComponent):
             name = label = SEPARATOR.join(path).replace(".", SEPARATOR)
             number = 1
             while label in taken:
@@ -146,7 +146,9 @@ def _labels(structure: Structure) -> dict[Inner, str]:
 class _Assembly:
     """Puts a system together."""
 
-    def __init__(self, structure: Structure, parts: Mapping[Inner, Part], wiring: Wiring) -> None:
+    def __init__(
+        self, structure: Structure, parts: Mapping[Inner, DescribedFmu], wiring: Wiring
+    ) -> None:
         self._structure = structure
         self._parts = parts
         self._wiring = wiring
@@ -231,9 +233,9 @@ class _Assembly:
             return text_of(*labels)
         return "; ".join(f"{some(names)}: {text_of(ns)}" for ns, names in sorted(labels.items()))
 
-    def _step(self, path: Inner) -> Step | None:
+    def _step(self, path: Inner) -> StepAnnotation | None:
         """The step in the innermost annotation that is about a component."""
-        element: Component | Inside = self._structure.system
+        element: PackageComponent | Inside = self._structure.system
         step = element.step
         for name in path:
             assert isinstance(element, Inside)
@@ -245,7 +247,7 @@ class _Assembly:
 
     def _connections(self) -> Iterator[Connection]:
         """Between components; whole arrays where all elements are connected in order."""
-        groups: dict[tuple[str, ...], list[tuple[Place, Place, Conversion | None]]] = {}
+        groups: dict[tuple[str, ...], list[tuple[PortElement, PortElement, Conversion | None]]] = {}
         for source, target, quantity in self._wiring.connections():
             one, other = self._parts[source[0]], self._parts[target[0]]
             out, into = one.places[source[1]], other.places[target[1]]
@@ -271,7 +273,7 @@ class _Assembly:
         return chained(quantity.through)
 
 
-def _is_whole(pairs: Sequence[tuple[Place, Place, Conversion | None]]) -> bool:
+def _is_whole(pairs: Sequence[tuple[PortElement, PortElement, Conversion | None]]) -> bool:
     """Whether connections of elements are that of two arrays."""
     one, other, through = pairs[0]
     if one.element is None and other.element is None:

@@ -16,7 +16,7 @@ from ..errors import nearest, quoted
 from ..simulation.system import Conversion
 from .documents import NAMESPACES, SIDES, SPACES, Documents, annotations_of, local
 from .parameters import Parameter, Parameters, converts, defined, transformation_of
-from .units import Unit
+from .units import LinearUnit
 
 __all__ = ["DESCRIPTION", "NAMESPACES"]
 
@@ -24,7 +24,7 @@ DESCRIPTION = "SystemStructure.ssd"
 """Name of the description of the system in a package."""
 
 Path = tuple[str, ...]
-"""Names of the elements from the system of the package, ``()``, to one that is inside of it."""
+"""Names of the elements from the system of the package, ``()``, to one that is inside it."""
 End = tuple[Path, str]
 """A connector: whose it is, and its name."""
 
@@ -41,7 +41,7 @@ _STEPS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class StepAnnotation:
     """The step of all components in an element [ns], in an annotation of another tool."""
 
     ns: int
@@ -63,7 +63,7 @@ class Connector:
 
 
 @dataclass(frozen=True)
-class Component:
+class PackageComponent:
     """A component of the package.
 
     Attributes
@@ -79,7 +79,7 @@ class Component:
     source: str
     connectors: Mapping[str, Connector]
     parameters: tuple[Parameter, ...]
-    step: Step | None
+    step: StepAnnotation | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,12 +118,12 @@ class Inside:
     """
 
     connectors: Mapping[str, Connector]
-    elements: Mapping[str, Component | Inside]
+    elements: Mapping[str, PackageComponent | Inside]
     links: tuple[Link, ...]
     parameters: tuple[Parameter, ...]
-    step: Step | None
+    step: StepAnnotation | None
 
-    def walk(self, path: Path = ()) -> Iterator[tuple[Path, Component | Inside]]:
+    def walk(self, path: Path = ()) -> Iterator[tuple[Path, PackageComponent | Inside]]:
         """This system and all elements in it, outer ones first."""
         yield path, self
         for name, element in self.elements.items():
@@ -153,7 +153,7 @@ class Structure:
 
     name: str
     system: Inside
-    units: Mapping[str, Unit | None]
+    units: Mapping[str, LinearUnit | None]
     start_ns: int
     stop_ns: int | None
     intervals_ns: Mapping[str, int]
@@ -211,7 +211,7 @@ class _Reader:
         self._documents.only(element, where, "Connectors", "ParameterBindings", "Elements",
                              "Connections", *SIDES)  # fmt: skip
         group = element.find("ssd:Elements", SPACES)
-        elements: dict[str, Component | Inside] = {}
+        elements: dict[str, PackageComponent | Inside] = {}
         for child in () if group is None else group:
             kind, name = local(child), child.get("name", "")
             inner = (*path, name)
@@ -239,7 +239,7 @@ class _Reader:
             self._step(annotated),
         )  # fmt: skip
 
-    def _component(self, element: Element, path: Path) -> Component:
+    def _component(self, element: Element, path: Path) -> PackageComponent:
         where = f"Component {quoted('.'.join(path))}"
         self._documents.only(element, where, "Connectors", "ParameterBindings", *SIDES)
         implementation = element.get("implementation", "any")
@@ -249,7 +249,7 @@ class _Reader:
             )
         if element.get("type", _FMU) != _FMU:
             raise self._documents.refusal(where, f"type must be {_FMU}", element.get("type", ""))
-        return Component(
+        return PackageComponent(
             self._documents.file(element.get("source", ""), where),
             self._connectors(element, where),
             self._parameters.bound(element, where),
@@ -270,7 +270,7 @@ class _Reader:
         self,
         element: Element,
         path: Path,
-        elements: Mapping[str, Component | Inside],
+        elements: Mapping[str, PackageComponent | Inside],
         own: Mapping[str, Connector],
         where: str,
     ) -> Link:
@@ -288,7 +288,7 @@ class _Reader:
             found = elements.get(owner) if owner else None
             known = own if found is None else found.connectors
             # Of a component, its FMU says what there is; and who lists none lets all be connected.
-            if known and connector not in known and not isinstance(found, Component):
+            if known and connector not in known and not isinstance(found, PackageComponent):
                 raise self._documents.refusal(
                     f"connection of {quoted(connector)}", f"{end}Connector must be a connector of "
                     f"{quoted(owner) if owner else where}",
@@ -307,14 +307,16 @@ class _Reader:
         )
         return Link(path, ends[0], ends[1], link.converts, transformation)
 
-    def _step(self, annotated: Iterable[Element]) -> Step | None:
+    def _step(self, annotated: Iterable[Element]) -> StepAnnotation | None:
         """The step in the annotations of some elements."""
         given = [annotation for element in annotated for annotation in annotations_of(element)]
         for kind, name, attribute, tool in _STEPS:
             for annotation in given:
                 for found in annotation.iter() if annotation.get("type") == kind else ():
                     if local(found) == name and attribute in found.attrib:
-                        return Step(self._documents.step(attribute, found.attrib[attribute]), tool)
+                        return StepAnnotation(
+                            self._documents.step(attribute, found.attrib[attribute]), tool
+                        )
         return None
 
 

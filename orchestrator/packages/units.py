@@ -14,7 +14,7 @@ EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class LinearUnit:
     """A unit: a value v in it is ``factor * v + offset`` in base units.
 
     Attributes
@@ -33,10 +33,10 @@ class Named:
     """A unit as a file has it: its name, and what it is; None if that is not said."""
 
     name: str
-    unit: Unit | None
+    unit: LinearUnit | None
 
 
-def unit_of(attributes: Mapping[str, Any]) -> Unit:
+def unit_of(attributes: Mapping[str, Any]) -> LinearUnit:
     """A unit from the attributes of a BaseUnit.
 
     Raises
@@ -51,10 +51,10 @@ def unit_of(attributes: Mapping[str, Any]) -> Unit:
     )
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
         raise ValueError(f"must have a finite factor and offset, got {factor:g} and {offset:g}")
-    return Unit(exponents, factor, offset)
+    return LinearUnit(exponents, factor, offset)
 
 
-def units_of(definitions: Iterable[Any]) -> dict[str, Unit]:
+def units_of(definitions: Iterable[Any]) -> dict[str, LinearUnit]:
     """The units that an FMU's model description defines, by name; without those not understood."""
     found = {}
     for definition in definitions:
@@ -69,7 +69,7 @@ def units_of(definitions: Iterable[Any]) -> dict[str, Unit]:
     return found
 
 
-def conversion(source: Unit, target: Unit) -> Conversion:
+def conversion(source: LinearUnit, target: LinearUnit) -> Conversion:
     """How a value in one unit becomes one in another.
 
     Raises

@@ -14,9 +14,9 @@ from ..simulation.settings import checked
 from ..simulation.system import Conversion, Value
 from .documents import some
 from .parameters import Parameter
-from .parts import Part
+from .parts import DescribedFmu
 from .structure import End, Path, Structure
-from .units import EXPONENTS, Named, Quantity, Unit, chained
+from .units import EXPONENTS, LinearUnit, Named, Quantity, chained
 from .wiring import Wiring
 
 
@@ -29,7 +29,7 @@ class Given:
 
 
 def values_of(
-    structure: Structure, parts: Mapping[Path, Part], wiring: Wiring
+    structure: Structure, parts: Mapping[Path, DescribedFmu], wiring: Wiring
 ) -> tuple[dict[Path, dict[str, Given]], list[str]]:
     """The values of variables, by component, and warnings of those without an effect.
 
@@ -118,7 +118,7 @@ def _at(parameter: Parameter, end: tuple[Path, str], wiring: Wiring) -> Quantity
 
 def _doubts(where: str, unit: Named | None) -> Iterator[str]:
     """What is said of a value in a unit for a variable without one."""
-    plain = Unit((0,) * len(EXPONENTS), 1.0, 0.0)
+    plain = LinearUnit((0,) * len(EXPONENTS), 1.0, 0.0)
     if unit is not None and unit.unit != plain:
         yield (
             f"{where}: its value is given in {unit.name} and taken as it is, as neither the "
@@ -127,7 +127,7 @@ def _doubts(where: str, unit: Named | None) -> Iterator[str]:
 
 
 def filled(
-    part: Part, values: Mapping[str, Given]
+    part: DescribedFmu, values: Mapping[str, Given]
 ) -> tuple[dict[str, Value], dict[str, Value], dict[str, Value], dict[str, str]]:
     """Values of parameters, of inputs, of others at the start, and texts, by port.
 
@@ -183,7 +183,7 @@ def _whole(where: str, port: Port, given: Mapping[int, Number]) -> Value:
     return values if port.shape else values[0]
 
 
-def _numbers(where: str, part: Part, variable: str, value: Given) -> list[Number]:
+def _numbers(where: str, part: DescribedFmu, variable: str, value: Given) -> list[Number]:
     """A value in the type and the unit of a variable."""
     port = part.places[variable].port
     if value.parameter.type == "Enumeration":

@@ -13,8 +13,8 @@ from sblcosim.fmus.read.archive import shown
 
 from ..errors import ConfigurationError, nearest, quoted
 from ..simulation.system import Conversion
-from .parts import Part
-from .structure import Component, End, Inside, Link, Path, Structure
+from .parts import DescribedFmu
+from .structure import End, Inside, Link, PackageComponent, Path, Structure
 from .units import Named, Quantity
 
 _GIVING = frozenset({"output", "calculatedParameter", "local", "constant"})
@@ -42,7 +42,7 @@ class Wiring:
         A connection cannot be: the message names it.
     """
 
-    def __init__(self, structure: Structure, parts: Mapping[Path, Part]) -> None:
+    def __init__(self, structure: Structure, parts: Mapping[Path, DescribedFmu]) -> None:
         self._elements = dict(structure.system.walk())
         self._units = structure.units
         self._parts = parts
@@ -77,7 +77,7 @@ class Wiring:
     def named(self, path: Path, name: str) -> Iterator[End]:
         """The variables and connectors that have a hierarchical name in an element."""
         element = self._elements[path]
-        if isinstance(element, Component):
+        if isinstance(element, PackageComponent):
             if name in self._parts[path].variables:
                 yield path, name
             return
@@ -91,7 +91,7 @@ class Wiring:
     def names(self, path: Path) -> Iterator[str]:
         """All hierarchical names in an element."""
         element = self._elements[path]
-        if isinstance(element, Component):
+        if isinstance(element, PackageComponent):
             yield from self._parts[path].variables
             return
         yield from dict.fromkeys([
@@ -228,7 +228,7 @@ class Wiring:
     def _gives(self, end: End, *, inside: bool) -> bool | None:
         """Whether values come from a connector; None: that is open.
 
-        Seen from inside of a system, its inputs give values and its outputs take them.
+        Seen from inside a system, its inputs give values and its outputs take them.
         """
         kind = self._kind(end)
         if kind in _GIVING:

@@ -13,7 +13,7 @@ from ..results.definitions import LOST
 from ..results.responses import ORDER_STATISTIC
 from ..scenario.schema import toml
 from ..study.study import Study
-from .page import Block, Code, Section, Table, Text
+from .page import Block, Code, PageTable, Section, Text
 
 METHOD = {
     "ols": "Each run has noise of its own. Effects come from ordinary least squares in coded units "
@@ -46,14 +46,14 @@ def method(analysis: Factorial) -> str:
     return text + ERROR[str(analysis.error)] if analysis.method == "ols" else text
 
 
-def software() -> Table:
+def software() -> PageTable:
     """Versions of all software behind the numbers."""
-    return Table("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
+    return PageTable("Software", ("Package", "Version"), list(artifacts.software().items()), (1,))
 
 
-def fmu_table(fmus: Mapping[str, str]) -> Table:
+def fmu_table(fmus: Mapping[str, str]) -> PageTable:
     """Hashes of the components' FMUs."""
-    return Table("FMUs that ran", ("Component", "SHA-256"), list(fmus.items()), (1,))
+    return PageTable("FMUs that ran", ("Component", "SHA-256"), list(fmus.items()), (1,))
 
 
 def seeding(study: Study) -> str:

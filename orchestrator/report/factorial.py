@@ -10,17 +10,28 @@ import numpy as np
 import pandas as pd
 
 from ..analysis.box_cox import box_cox
+from ..analysis.columns import RESPONSE
 from ..analysis.factorial import Factorial
 from ..analysis.options import Transform
 from ..analysis.power import detectable
-from ..analysis.sentences import answer, limit_of, percent, quantity, rounded
-from ..analysis.workflow import RESPONSE, Choices, of_table
+from ..analysis.sentences import answer, limit_of
+from ..analysis.workflow import AnalysisOptions, of_table
 from ..errors import ConfigurationError
 from ..study.design import shown as level_shown
 from ..study.study import Study
 from ..study.tables import FactorTable
-from .formats import minus, number, probability, signed, span
-from .page import Block, Table, Text
+from ..words.lists import plural
+from ..words.numbers import (
+    interval,
+    number,
+    probability,
+    quantity,
+    rounded,
+    signed,
+    unbroken,
+)
+from ..words.shares import tight_percent
+from .page import Block, PageTable, Text
 
 MOST_ROWS = 40
 """Effects that a table shows."""
@@ -68,7 +79,7 @@ class Findings:
 
 
 def find(
-    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[Choices]
+    study: Study, table: pd.DataFrame, response: str = RESPONSE, **choices: Unpack[AnalysisOptions]
 ) -> Findings:
     """Analyse a study in all the ways that a report shows.
 
@@ -91,7 +102,7 @@ def find(
             return None
 
     def again(transform: Transform) -> Factorial:
-        other: Choices = {**choices, "transform": transform, "practical": None}
+        other: AnalysisOptions = {**choices, "transform": transform, "practical": None}
         return of_table(study, table, response, **other).readable
 
     return Findings(
@@ -112,7 +123,7 @@ def _why_not(what: str, a: Factorial) -> str:
     fewest, need = int(a.points["runs"].min()), 3 if a.seeding == "common" else 2
     if what == SPREAD and fewest < need:
         return (f"cannot be analysed: that takes at least {need} runs of each design point, and "
-                f"there {'is' if fewest == 1 else 'are'} {fewest}")
+                f"there {plural(fewest, 'is', 'are')} {fewest}")
     if what == SPREAD:
         return "cannot be analysed: at some design points the runs are equal"
     if (y <= 0).any():
@@ -187,13 +198,13 @@ def box_cox_sentence(profile: pd.DataFrame) -> str:
         advice = "the logarithm is nearer to what suits the model than the response itself"
     else:
         advice = "the response itself is nearer to what suits the model than its logarithm"
-    return minus(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
+    return unbroken(f"Box–Cox: λ = {best:.2g}, interval {lowest} to {highest}; {advice}.")
 
 
 # --- Tables --------------------------------------------------------------------------------------
 
 
-def factor_table(study: Study) -> Table:
+def factor_table(study: Study) -> PageTable:
     """Factors and levels."""
     rows = []
     for name, factor in (study.factors | study.conditions).items():
@@ -202,7 +213,7 @@ def factor_table(study: Study) -> Table:
         if name in study.conditions:
             label += f" (condition, {study.conditions[name].combine})"
         rows.append((label, levels, study.units[name] or "–", ", ".join(factor.all_keys), name))
-    return Table(
+    return PageTable(
         "Factors", ("Factor", "Levels", "Unit", "Keys of the scenario", "Column"), rows, (3, 4)
     )
 
@@ -224,7 +235,7 @@ def _levels(factor: FactorTable) -> str:
     return f"{law.distribution}, {', '.join(shown)}"
 
 
-def effect_table(findings: Findings) -> Table:
+def effect_table(findings: Findings) -> PageTable:
     """The effects, the largest first, with everything that is known about each."""
     a = findings.shown
     ranked = a.ranked()
@@ -238,8 +249,8 @@ def effect_table(findings: Findings) -> Table:
         head.append("In practice")
     rows = []
     for name, row in ranked.head(MOST_ROWS).iterrows():
-        cells = [str(name), signed(row["effect"]), span(row["low"], row["high"]),
-                 number(row["t"]), probability(row["p"]), percent(row["share"]),
+        cells = [str(name), signed(row["effect"]), interval(row["low"], row["high"], signed),
+                 number(row["t"]), probability(row["p"]), tight_percent(row["share"]),
                  number(findings.detectable[str(name)], 2)]
         if a.transform != "none":
             cells.append(_ratio(row))
@@ -254,11 +265,11 @@ def effect_table(findings: Findings) -> Table:
         f"sum of squares. Detectable: true effect that is found with a probability of {POWER:.0%}."
         + (f" {rest} smaller effects are not shown." if rest else "")
     )
-    return Table(f"Effects on the {a.quantity}", head, rows,
+    return PageTable(f"Effects on the {a.quantity}", head, rows,
                  (len(head) - 1,) if "verdict" in ranked else (), note)
 
 
-def ratio_table(findings: Findings) -> Table | None:
+def ratio_table(findings: Findings) -> PageTable | None:
     """Effects on the logarithm of the response and on its spread, as ratios high over low."""
     a, log, spread = findings.shown, findings.log, findings.spread
     if log is None and spread is None:
@@ -292,15 +303,14 @@ def ratio_table(findings: Findings) -> Table | None:
     )
     sources = [*([f"the logarithm of the {a.response}"] if log is not None else []),
                *([f"the spread of the {a.response}"] if spread is not None else [])]
-    return Table(f"Ratios, from {' and from '.join(sources)}", head, rows, (), note)
+    return PageTable(f"Ratios, from {' and from '.join(sources)}", head, rows, (), note)
 
 
 def _ratio(row: Mapping[str, float] | pd.Series[Any]) -> str:
-    low, high = row["ratio_low"], row["ratio_high"]
-    return f"{rounded(row['ratio'])} ({rounded(low)} to {rounded(high)})"
+    return f"{rounded(row['ratio'])} ({interval(row['ratio_low'], row['ratio_high'])})"
 
 
-def anova_table(a: Factorial) -> Table:
+def anova_table(a: Factorial) -> PageTable:
     """Analysis of variance, the terms by their size."""
     terms = a.ranked().index[:MOST_ROWS]
     rest = a.anova.index.difference(a.effects.index, sort=False)
@@ -309,11 +319,11 @@ def anova_table(a: Factorial) -> Table:
          number(row["f"], 4), probability(row["p"]))
         for name, row in a.anova.loc[[*terms, *rest]].iterrows()
     ]
-    return Table("Analysis of variance",
+    return PageTable("Analysis of variance",
                  ("Source", "Sum of squares", "df", "Mean square", "F", "p"), rows)
 
 
-def model_table(findings: Findings) -> Table:
+def model_table(findings: Findings) -> PageTable:
     """The model as a whole."""
     a = findings.shown
     rows: list[tuple[str, str]] = [
@@ -327,7 +337,7 @@ def model_table(findings: Findings) -> Table:
         ("Reference line t", f"{number(a.reference, 4)} ({number(a.df, 5)} degrees of freedom)"),
     ]
     if np.isfinite(a.r2_adjusted):
-        predicted = minus(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
+        predicted = unbroken(f"{a.r2_predicted:.2%}") if np.isfinite(a.r2_predicted) else "–"
         rows += [
             ("R²", f"{a.r2:.2%}"), ("R² adjusted", f"{a.r2_adjusted:.2%}"),
             ("R² predicted", predicted),
@@ -350,7 +360,7 @@ def model_table(findings: Findings) -> Table:
         "where on one that is looked at alone is significant; and from where on the largest of "
         "them all is."
     )
-    return Table("The model", ("Quantity", "Value"), rows, (1,), note)
+    return PageTable("The model", ("Quantity", "Value"), rows, (1,), note)
 
 
 def tables(findings: Findings) -> list[Block]:
@@ -371,7 +381,7 @@ def tables(findings: Findings) -> list[Block]:
         blocks.append(Text(box_cox_sentence(findings.profile)))
     blocks += [Text(text, "note") for text in findings.missing]
     if a.aliases:
-        blocks.append(Table(
+        blocks.append(PageTable(
             "Aliased terms: what one line says is true of their sum", ("Term", "Aliased with"),
             [(term, ", ".join(same)) for term, same in a.aliases.items()], (1,)))
     return blocks
@@ -387,8 +397,9 @@ def get_ready() -> None:
 def summary(findings: Findings) -> list[Block]:
     """The answer, what matters, and the better levels."""
     blocks: list[Block] = [
-        Text(minus(answer(findings.shown)), "answer"), Text(minus(what_matters(findings.shown))),
+        Text(unbroken(answer(findings.shown)), "answer"),
+        Text(unbroken(what_matters(findings.shown))),
     ]
     if text := direction(findings.shown):
-        blocks.append(Text(minus(text)))
+        blocks.append(Text(unbroken(text)))
     return blocks

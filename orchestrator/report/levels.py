@@ -13,18 +13,19 @@ from ..analysis.general import GeneralFactorial
 from ..results.catalogue import Figure, by_name
 from ..results.definitions import LOST
 from ..study.study import Study
+from ..words.numbers import interval, number, probability
+from ..words.shares import percent
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .formats import number, probability, span
-from .page import Table, Text
-from .parts import Parts, pictures
+from .page import PageTable, Text
+from .parts import StudySections, pictures
 
 MOST_ROWS = 60
 """Pairs of levels that a table of the page shows; the file has all."""
 
 
-def _of(found: GeneralFactorial) -> tuple[GeneralFactorial]:
-    return (found,)
+def _of(analysis: GeneralFactorial) -> tuple[GeneralFactorial]:
+    return (analysis,)
 
 
 FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
@@ -54,10 +55,10 @@ FIGURES: Mapping[str, Figure[GeneralFactorial]] = by_name(
 """The figures of a grid."""
 
 
-def parts(study: Study, found: GeneralFactorial, folder: Path) -> Parts:
+def parts(study: Study, analysis: GeneralFactorial, folder: Path) -> StudySections:
     """What is said and drawn of a grid; figures are written into the folder."""
-    a = found.readable
-    return Parts(
+    a = analysis.readable
+    return StudySections(
         f"Which level is best: {study.name}",
         sentences.answer(a),
         sentences.warnings(a),
@@ -67,8 +68,8 @@ def parts(study: Study, found: GeneralFactorial, folder: Path) -> Parts:
         [*(Text(line) for line in sentences.notes(a)), Text(DEFINITIONS),
          Text(f"Settling time: {study.settling_time_s:g} s."), factor_table(study)],
         a.runs,
-        {"anova": found.anova.reset_index(), "main_effects": found.means, "medians": found.medians,
-         "cells": found.cells, "pairs": found.pairs},
+        {"anova": analysis.anova.reset_index(), "main_effects": analysis.means,
+         "medians": analysis.medians, "cells": analysis.cells, "pairs": analysis.pairs},
     )  # fmt: skip
 
 
@@ -76,21 +77,21 @@ def _level(a: GeneralFactorial, row: pd.Series, column: str) -> str:
     return sentences.level_text(row[column], a.units.get(str(row["factor"]), ""))
 
 
-def _means(a: GeneralFactorial) -> Table:
+def _means(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["mean"], 4),
-         span(row["low"], row["high"], number), number(row["runs"], 6),
-         "–" if pd.isna(row["lost"]) else f"{100 * row['lost']:.3g} %")
+         interval(row["low"], row["high"], number), number(row["runs"], 6),
+         "–" if pd.isna(row["lost"]) else percent(row["lost"], ".3g"))
         for _, row in a.own_means.iterrows()
     ]  # fmt: skip
     head = ("Factor", "Level", a.mean_of, "Interval", "Runs", "Lost")
-    return Table("Means of the levels", head, rows, (1,), LOST)
+    return PageTable("Means of the levels", head, rows, (1,), LOST)
 
 
-def _medians(a: GeneralFactorial) -> Table:
+def _medians(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(row["factor"]), _level(a, row, "level"), number(row["median"], 4),
-         span(row["low"], row["high"], number))
+         interval(row["low"], row["high"], number))
         for _, row in a.medians.iterrows()
     ]  # fmt: skip
     unit = f" [{a.measured_in}]" if a.measured_in else ""
@@ -98,17 +99,17 @@ def _medians(a: GeneralFactorial) -> Table:
     note = ("Of all runs at the level; intervals of order statistics, each of its level alone, "
             "which suppose nothing of the runs' distribution. The answer has wider ones, which "
             "hold for all levels of a factor at once.")
-    return Table("Medians of the levels", head, rows, (1,), note)
+    return PageTable("Medians of the levels", head, rows, (1,), note)
 
 
-def _pairs(a: GeneralFactorial) -> Table:
+def _pairs(a: GeneralFactorial) -> PageTable:
     own = f" [{a.unit}]" if a.unit else ""
     by = "difference" if a.by_medians else "t"
     ordered = a.judged_pairs.sort_values(by, key=abs, ascending=False, kind="stable")
     ordered = ordered.head(MOST_ROWS)
     rows = [
         (str(row["factor"]), f"{_level(a, row, 'one')} less {_level(a, row, 'other')}",
-         number(row["difference"], 4), span(row["low"], row["high"], number),
+         number(row["difference"], 4), interval(row["low"], row["high"], number),
          probability(row["p"]),
          *([] if a.practical is None else [sentences.verdict_text(row["verdict"], a)]))
         for _, row in ordered.iterrows()
@@ -120,14 +121,14 @@ def _pairs(a: GeneralFactorial) -> Table:
     note = "" if len(ordered) == len(a.pairs) else (
         f"The {len(ordered)} that stand out most of {len(a.pairs)}; pairs.csv has all."
     )
-    return Table("Pairs of levels", head, rows, (1,), note)
+    return PageTable("Pairs of levels", head, rows, (1,), note)
 
 
-def _anova(a: GeneralFactorial) -> Table:
+def _anova(a: GeneralFactorial) -> PageTable:
     rows = [
         (str(source), number(row["df"]), number(row["sum_sq"], 4), number(row["mean_sq"], 4),
          number(row["F"]), probability(row["p"]))
         for source, row in a.anova.iterrows()
     ]  # fmt: skip
     head = ("Source", "df", "Sum of squares", "Mean square", "F", "p")
-    return Table(f"Analysis of variance, type {'I' * a.typ}", head, rows)
+    return PageTable(f"Analysis of variance, type {'I' * a.typ}", head, rows)

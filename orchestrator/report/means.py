@@ -10,16 +10,15 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
-from ..analysis import sweep, workflow
-from ..analysis.sentences import quantity as quantity_of
+from ..analysis import columns, sweep
 from ..results.catalogue import Figure, by_name
 from ..results.responses import defined, unit_of
 from ..study.study import Study
+from ..words.numbers import interval, number, quantity
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .formats import number, span
-from .page import Block, Table, Text
-from .parts import Parts, pictures
+from .page import Block, PageTable, Text
+from .parts import StudySections, pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,36 +58,36 @@ class Means:
 
 def find(study: Study, table: pd.DataFrame, column: str) -> Means:
     """The means of a column of a table of runs."""
-    quantity, unit = workflow.words(column, table), unit_of(column)
-    runs = workflow.in_choices(study, table, column)
+    what, unit = columns.words(column, table), unit_of(column)
+    runs = columns.in_choices(study, table, column)
     made = sweep.means(runs, list(study.factors), column, study.sweep_base)
     count = int(np.isfinite(runs[column]).sum())
     return Means(
-        study, column, unit, quantity, count, made, _answer(study, made, quantity, unit)
+        study, column, unit, what, count, made, _answer(study, made, what, unit)
     )
 
 
-def _answer(study: Study, means: pd.DataFrame, quantity: str, unit: str) -> str:
+def _answer(study: Study, means: pd.DataFrame, what: str, unit: str) -> str:
     unit = f" {unit}" if unit else ""
     if not study.factors:
         row = means.iloc[0]
         return (
-            f"Mean {quantity} {number(row['mean'], 4)}{unit}, "
-            f"{span(row['low'], row['high'], number)}{unit}. The study has no factors: there are "
-            "no effects to analyse."
+            f"Mean {what} {number(row['mean'], 4)}{unit}, "
+            f"{interval(row['low'], row['high'], number)}{unit}. The study has no factors: there "
+            "are no effects to analyse."
         )
     parts = []
     for name in study.factors:
         mine = means[means["factor"] == name].reset_index(drop=True)
         best, worst = mine.iloc[mine["mean"].argmin()], mine.iloc[mine["mean"].argmax()]
         own = study.units[name]
-        ends = [quantity_of(row["value"], own) for row in (best, worst)]
+        ends = [quantity(row["value"], own) for row in (best, worst)]
         parts.append(
             f"with {study.labels[name]} it is lowest, {number(best['mean'])}{unit}, at {ends[0]} "
             f"and highest, {number(worst['mean'])}{unit}, at {ends[1]}"
         )
     return (
-        f"Mean {quantity}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
+        f"Mean {what}, one factor at a time: {'; '.join(parts)}. This is a sweep, no "
         "factorial design: it has no interactions and no effects to test."
     )
 
@@ -100,7 +99,7 @@ def _shared(study: Study) -> str:
     if len(own) < 2:
         return ""
     rows = ", ".join(
-        f"{study.labels[name]} {quantity_of(float(base[name]), study.units[name])}" for name in own
+        f"{study.labels[name]} {quantity(float(base[name]), study.units[name])}" for name in own
     )
     return f"These rows are of the same runs, all factors at the scenario's own values: {rows}."
 
@@ -130,27 +129,27 @@ MEANS_FIGURES: Mapping[str, Figure[_Means]] = by_name(
 """The figures in the report of a sweep."""
 
 
-def parts(found: Means, folder: Path) -> Parts:
+def parts(means: Means, folder: Path) -> StudySections:
     """What is said and drawn of means; figures are written into the folder."""
-    study, unit = found.study, found.unit
+    study, unit = means.study, means.unit
     own = f" [{unit}]" if unit else ""
     rows = [
         (*_level(study, row), number(row["runs"], 6),
-         number(row["mean"], 4), span(row["low"], row["high"], number), number(row["std"]))
-        for _, row in found.table.iterrows()
+         number(row["mean"], 4), interval(row["low"], row["high"], number), number(row["std"]))
+        for _, row in means.table.iterrows()
     ]
     head = (*(("Factor", "Level") if study.factors else ()), "Runs", f"Mean{own}",
             f"95% interval{own}", f"Standard deviation{own}")
     units = {study.labels[name]: study.units[name] for name in study.factors}
     subject = _Means(
-        found.table.replace({"factor": study.labels}), found.quantity, own, units
+        means.table.replace({"factor": study.labels}), means.quantity, own, units
     )
-    title = f"{found.quantity[0].upper()}{found.quantity[1:]}"
-    return Parts(
-        f"What the runs say: {study.name}", found.answer, (),
+    title = f"{means.quantity[0].upper()}{means.quantity[1:]}"
+    return StudySections(
+        f"What the runs say: {study.name}", means.answer, (),
         pictures(MEANS_FIGURES, subject, folder),
-        [Table(title, head, rows, (), _shared(study))],
-        _method(study), found.runs, {"means": found.table},
+        [PageTable(title, head, rows, (), _shared(study))],
+        _method(study), means.runs, {"means": means.table},
         "Means at each level" if study.factors else "Mean",
     )  # fmt: skip
 
@@ -160,7 +159,7 @@ def _level(study: Study, row: pd.Series) -> tuple[str, ...]:
     if not study.factors:
         return ()
     name = row["factor"]
-    return study.labels[name], quantity_of(row["value"], study.units[name])
+    return study.labels[name], quantity(row["value"], study.units[name])
 
 
 def _method(study: Study) -> list[Block]:

@@ -39,7 +39,7 @@ class Code:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """A table.
 
     Attributes
@@ -72,7 +72,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PagePicture:
     """A figure: the text of an SVG file, its caption, and a text for readers who do not see it.
 
     `name` is unique in the page. On a narrow one, the picture `narrow` is in its place.
@@ -82,10 +82,11 @@ class Picture:
     svg: str
     caption: str
     alt: str
-    narrow: Picture | None = None
+    narrow: PagePicture | None = None
 
 
-Block = Text | Code | Table | Picture
+Block = Text | Code | PageTable | PagePicture
+_KINDS = {Text: "text", Code: "code", PageTable: "table", PagePicture: "picture"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def render(page: Page) -> str:
     return _environment().get_template("report.html.jinja").render(page=page)
 
 
-def inline(picture: Picture, theme: ThemeName = "light") -> str:
+def inline(picture: PagePicture, theme: ThemeName = "light") -> str:
     """A figure's SVG element for use within HTML, its colours as CSS variables.
 
     Parameters
@@ -163,7 +164,7 @@ def _environment() -> jinja2.Environment:
     environment.globals["css"] = _template("report.css")
     environment.globals["themes"] = {name: variables(look) for name, look in THEMES.items()}
     environment.globals |= {"wide": NARROW, "wider": WIDEST}
-    environment.globals["kind"] = lambda block: type(block).__name__.lower()
+    environment.globals["kind"] = lambda block: _KINDS[type(block)]
     return environment
 
 

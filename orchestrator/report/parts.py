@@ -11,13 +11,13 @@ import pandas as pd
 
 from .. import artifacts
 from ..results.catalogue import Figure, jobs
-from .page import Block, Picture
+from .page import Block, PagePicture
 
 Subject = TypeVar("Subject")
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class StudySections:
     """The parts that depend on the kind of a design.
 
     Attributes
@@ -37,7 +37,7 @@ class Parts:
     title: str
     answer: str
     warnings: Sequence[str]
-    pictures: Sequence[Picture]
+    pictures: Sequence[PagePicture]
     tables: Sequence[Block]
     method: Sequence[Block]
     runs: int
@@ -52,12 +52,12 @@ class Parts:
 
 def pictures(
     figures: Mapping[str, Figure[Subject]], subject: Subject, folder: Path
-) -> list[Picture]:
+) -> list[PagePicture]:
     """Draw all figures that the subject has, into the folder and for a page."""
     drawn = []
     for job in jobs(figures, subject):
         figure = figures[job.name]
         job.save(folder)
         svg = (folder / f"{job.name}.svg").read_text("utf-8")
-        drawn.append(Picture(job.name, svg, figure.caption(subject), figure.alt(subject)))
+        drawn.append(PagePicture(job.name, svg, figure.caption(subject), figure.alt(subject)))
     return drawn

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from ..analysis.sentences import percent, quantity
 from ..results.definitions import LOST
 from ..study.study import Study
-from .formats import number
-from .page import Block, Table
+from ..words.numbers import number, quantity
+from ..words.shares import tight_percent
+from .page import Block, PageTable
 
 COLUMNS = {
     "absolute_total_rms_m": "mean RMS [m]",
@@ -52,8 +52,8 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
             *(number(row[c]) if c.endswith("_m") else _share(row[c]) for c in shown),
         ))  # fmt: skip
     head = ("Point", *(study.labels[factor] for factor in study.varied), "Runs", *shown.values())
-    return [Table("Design points: means over their runs", head, rows, (), _NOTE)]
+    return [PageTable("Design points: means over their runs", head, rows, (), _NOTE)]
 
 
 def _share(value: float) -> str:
-    return "–" if pd.isna(value) else percent(value)
+    return "–" if pd.isna(value) else tight_percent(value)

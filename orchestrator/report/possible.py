@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ..analysis.sentences import quantity
 from ..api import run
 from ..errors import SblcosimError
 from ..limits.run import of_run
@@ -24,8 +23,8 @@ from ..scenario.wiring import connect
 from ..simulation.resolve import resolve
 from ..study.campaign import receivers_of
 from ..study.study import Study
-from .formats import number
-from .page import Block, Table
+from ..words.numbers import number, quantity
+from .page import Block, PageTable
 
 MOST_POINTS = 8
 """Of a study all of whose points are looked at."""
@@ -51,7 +50,7 @@ def of_scenario(scenario: Scenario, since_ns: int = 0) -> Possible | None:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the study has said what there is to say
+            warnings.simplefilter("ignore")  # the study has given the warnings
             result = run(scenario, _RECEIVER)
     except SblcosimError:
         return None
@@ -88,7 +87,7 @@ def tables(study: Study, runs: pd.DataFrame) -> list[Block]:
     receiver = "" if column is None else f", {column.partition('.')[0]}"
     head = ("Point", f"RMS{receiver}", "Reference", "Reference, relative to the platform")
     left = f" Errors that it leaves out: {', '.join(without)}." if without else ""
-    return [Table("What is possible", head, rows, (), _NOTE + left)]
+    return [PageTable("What is possible", head, rows, (), _NOTE + left)]
 
 
 def _looking_back(study: Study) -> set[str]:

@@ -10,17 +10,17 @@ from typing import Any
 import pandas as pd
 
 from ..analysis import sensitivity_figures as plots
-from ..analysis import sobol
+from ..analysis import sensitivity_sentences
 from ..analysis.sensitivity import Sensitivity
 from ..layout import fitted
 from ..results.catalogue import Figure, by_name
 from ..results.responses import defined
 from ..study.study import Study
+from ..words.numbers import interval, number
 from .common import DEFINITIONS
 from .factorial import factor_table
-from .formats import number, span
-from .page import Table, Text
-from .parts import Parts, pictures
+from .page import PageTable, Text
+from .parts import StudySections, pictures
 
 METHOD = (
     "Sobol' indices: the first-order index of a factor is the share of the variance that its value "
@@ -60,11 +60,11 @@ class Indices:
 
 
 def _figures(number: int, suffix: str) -> tuple[Figure[Indices], ...]:
-    def data(found: Indices) -> tuple[Sensitivity]:
-        return (found.of[number],)
+    def data(indices: Indices) -> tuple[Sensitivity]:
+        return (indices.of[number],)
 
-    def has(found: Indices) -> bool:
-        return len(found.of) > number
+    def has(indices: Indices) -> bool:
+        return len(indices.of) > number
 
     return (
         Figure(
@@ -86,33 +86,33 @@ FIGURES: Mapping[str, Figure[Indices]] = by_name(*_figures(0, ""), *_figures(1, 
 """The figures of a space."""
 
 
-def parts(found: Indices, folder: Path) -> Parts:
+def parts(indices: Indices, folder: Path) -> StudySections:
     """What is said and drawn of a space; figures are written into the folder."""
-    study, main = found.study, found.main
-    return Parts(
+    study, main = indices.study, indices.main
+    return StudySections(
         f"What explains the error: {study.name}",
-        sobol.answer(main),
-        [line for one in found.of for line in sobol.notes(one)],
-        pictures(FIGURES, found, folder),
-        [_table(one) for one in found.of],
+        sensitivity_sentences.answer(main),
+        [line for one in indices.of for line in sensitivity_sentences.notes(one)],
+        pictures(FIGURES, indices, folder),
+        [_table(one) for one in indices.of],
         [Text(METHOD), *([] if study.model else [Text(DEFINITIONS)]), factor_table(study)],
         main.runs,
-        {"indices": pd.concat([_rows(one) for one in found.of], ignore_index=True)},
+        {"indices": pd.concat([_rows(one) for one in indices.of], ignore_index=True)},
     )
 
 
-def _rows(found: Sensitivity) -> pd.DataFrame:
-    return found.indices.reset_index().assign(response=found.response, transform=found.transform)
+def _rows(sobol: Sensitivity) -> pd.DataFrame:
+    return sobol.indices.reset_index().assign(response=sobol.response, transform=sobol.transform)
 
 
-def _table(found: Sensitivity) -> Table:
+def _table(sobol: Sensitivity) -> PageTable:
     rows = []
-    for name, given in found.ranked().iterrows():
+    for name, given in sobol.ranked().iterrows():
         row: Any = given
         rows.append((
-            found.name_of(str(name)),
-            number(row["first"]), span(row["first_low"], row["first_high"], number),
-            number(row["total"]), span(row["total_low"], row["total_high"], number),
+            sobol.name_of(str(name)),
+            number(row["first"]), interval(row["first_low"], row["first_high"], number),
+            number(row["total"]), interval(row["total_low"], row["total_high"], number),
         ))  # fmt: skip
     head = ("Factor", "First order", "Interval", "Total", "Interval")
-    return Table(f"Sobol' indices of {found.quantity}", head, rows)
+    return PageTable(f"Sobol' indices of {sobol.quantity}", head, rows)

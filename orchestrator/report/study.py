@@ -13,7 +13,7 @@ import pandas as pd
 from sblcosim.fmus.stopping import interruptible
 
 from .. import artifacts
-from ..analysis import covariance, workflow
+from ..analysis import columns, covariance, saving, workflow
 from ..analysis.general import GeneralFactorial
 from ..analysis.options import Error, Transform
 from ..errors import ConfigurationError
@@ -21,14 +21,15 @@ from ..results.consistency import TELLING
 from ..results.definitions import FRAME_WORDS
 from ..study import store
 from ..study.study import Study, load, shipped, study_of
+from ..words.lists import plural
+from ..words.numbers import interval, number
 from . import factorial, levels, means, points, possible, space
 from .common import DEFINITIONS, as_toml, method, reproduce, seeding
 from .factorial import Findings
 from .figures import FIGURES
-from .formats import number, span
 from .means import Means
-from .page import Block, Page, Picture, Section, Table, Text, render
-from .parts import Parts
+from .page import Block, Page, PagePicture, PageTable, Section, Text, render
+from .parts import StudySections
 from .space import Indices
 
 REPORT = "report.html"
@@ -69,8 +70,8 @@ def save(
     """
     results = Path(results)
     study = study_of(results)
-    response = response or workflow.default_response(study)
-    table = store.table(results, workflow.needed(study, response, receiver))
+    response = response or columns.default_response(study)
+    table = store.table(results, columns.needed(study, response, receiver))
     has_points = study.sample is None and study.model is None
     source = _Source(
         study,
@@ -82,7 +83,7 @@ def save(
     )
     if study.design.kind in ("grid", "space"):
         _check_options(study, order=order, error=error, practical=practical)
-    column = workflow.column_of(table, response, receiver)
+    column = columns.column_of(table, response, receiver)
     if study.design.kind == "space":
         indices = Indices(
             study, workflow.of_space(study, table, column, transform=transform)
@@ -144,9 +145,9 @@ Found = TypeVar("Found")
 
 def _save_parts(
     found: Found, directory: str | Path, source: _Source, column: str,
-    made: Callable[[Path], Parts],
+    made: Callable[[Path], StudySections],
 ) -> Found:
-    """Write what there is to say of any but a two-level design."""
+    """Write the report of any design but a two-level one."""
     about = {"analysis": {"response": column, "factors": list(source.study.factors)}}
     with artifacts.folder(directory, about) as folder:
         own = made(folder)
@@ -170,8 +171,8 @@ def _save_parts(
 
 
 def _save_factorial(findings: Findings, directory: str | Path, source: _Source) -> Findings:
-    with artifacts.folder(directory, workflow.about(findings.data)) as folder:
-        workflow.write(findings.data, folder)
+    with artifacts.folder(directory, saving.about(findings.data)) as folder:
+        saving.write(findings.data, folder)
         _write_verdicts(source, folder)
         page = _factorial_page(findings, folder, source)
         (folder / REPORT).write_text(render(page), "utf-8")
@@ -202,7 +203,7 @@ def _covariances(source: _Source) -> list[Block]:
         f"needed: to tell a factor of {TELLING:g}, at the point where it takes most. One point in "
         "20 leaves the band by chance."
     )
-    return [Table("Are the covariances right?", head, rows, (1,), note)] if rows else []
+    return [PageTable("Are the covariances right?", head, rows, (1,), note)] if rows else []
 
 
 def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
@@ -210,7 +211,7 @@ def _wrong(row: Mapping[Hashable, Any], word: str) -> str:
     if not row[word]:
         return "0"
     low, high = row[f"{word}_from"], row[f"{word}_to"]
-    return f"{number(row[word])}, {number(low) if low == high else span(low, high, number)}"
+    return f"{number(row[word])}, {number(low) if low == high else interval(low, high, number)}"
 
 
 def _again(study: Study, results: Path, command: str) -> Section:
@@ -243,7 +244,7 @@ def _same(one: Study, other: Study) -> bool:
 
 def _points(study: Study) -> str:
     count = len(study.points.values)
-    return f"{count} point{'' if count == 1 else 's'}"
+    return f"{count} {plural(count, 'point')}"
 
 
 def _lead(study: Study, runs: int, failed: int) -> str:
@@ -274,7 +275,7 @@ def _factorial_page(findings: Findings, folder: Path, source: _Source) -> Page:
     )
 
 
-def _figures(pictures: Sequence[Picture], seen: int = 2) -> Section:
+def _figures(pictures: Sequence[PagePicture], seen: int = 2) -> Section:
     """The first figures, and the others folded."""
     rest = pictures[seen:]
     words = " · ".join(picture.caption.partition(":")[0] for picture in rest)
@@ -295,7 +296,7 @@ def _tables(source: _Source, first: Section) -> Section:
     )
 
 
-def _pictures(findings: Findings, folder: Path) -> list[Picture]:
+def _pictures(findings: Findings, folder: Path) -> list[PagePicture]:
     """The figures of the analysis; those in the folder already are not drawn again."""
     pictures = []
     for name, figure in FIGURES.items():
@@ -306,5 +307,5 @@ def _pictures(findings: Findings, folder: Path) -> list[Picture]:
             svg = figure.job(findings).svg()
         else:
             continue
-        pictures.append(Picture(name, svg, figure.caption(findings), figure.alt(findings)))
+        pictures.append(PagePicture(name, svg, figure.caption(findings), figure.alt(findings)))
     return pictures

@@ -1,4 +1,4 @@
-"""The answer to a question: designs by cost and accuracy, and what there is to say of them."""
+"""The answer to a question: designs by cost and accuracy, and the sentences about them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ import numpy as np
 import pandas as pd
 
 from .. import layout
+from ..comparison.statistics import share_interval
 from ..results.definitions import LOST
 from ..scenario.scenario import Scenario
 from ..shown import Shown, folded, page, verbatim
-from . import limiting, words
+from ..words.lists import doing, listed, plural
+from ..words.numbers import bounds, figure
+from ..words.shares import percent
+from . import limiting
 from .limiting import Limiting
 from .question import Question
-from .sequential import FIRST, Verdict
+from .sequential import FIRST, MOST_RUNS, Decision, Rule
 
 _WITHIN_A_RUN = " The same holds for the percentile of the estimates in a run."
-VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+VERDICTS: tuple[Decision, ...] = get_args(Decision)
 """Words for verdicts."""
 
 
@@ -127,8 +131,8 @@ class Answer(Shown):
             which = f"all {total} stay undecided{self._of_them_untried()}"
         else:
             which = (
-                f"of {total}, {words.counted(counts['fails'], 'fail')} for sure, "
-                f"{words.counted(counts['undecided'], 'stay')} undecided{self._of_them_untried()}"
+                f"of {total}, {doing(counts['fails'], 'fail')} for sure, "
+                f"{doing(counts['undecided'], 'stay')} undecided{self._of_them_untried()}"
             )
         return f"No design surely suffices: {which}.{self._too_few()}"
 
@@ -173,7 +177,7 @@ class Answer(Shown):
 
     def _within(self, value: float) -> str:
         """What the required share of some runs is within, infinite if too few have a response."""
-        share = f"{100 * self.question.terms.share:g} %"
+        share = percent(self.question.terms.share)
         if not isfinite(value):
             return f"fewer than {share} end well"
         return f"{share} are within {self._size(value)}"
@@ -183,7 +187,7 @@ class Answer(Shown):
         of = self.of(row)
         low, high = (self._size(of[end]) if isfinite(of[end]) else "" for end in ("lower", "upper"))
         if low and not isfinite(of["estimate"]):
-            share = f"{100 * self.question.terms.share:g} %"
+            share = percent(self.question.terms.share)
             return f", and {share} are surely not within less than {low}"
         if low and high:
             return f", surely between {low} and {high}"
@@ -220,14 +224,14 @@ class Answer(Shown):
         count = int((cheaper & (self.designs["verdict"] == "undecided")).sum())
         if not count:
             return ""
-        return f" Of the cheaper ones, {words.counted(count, 'stay')} undecided besides."
+        return f" Of the cheaper ones, {doing(count, 'stay')} undecided besides."
 
     def _more(self, row: int) -> str:
         """How many runs would decide a design that is undecided."""
         of = self.of(row)
         if of["verdict"] != "undecided" or not of["runs"]:
             return ""
-        return f" {words.missing(self.question.rule, int(of['passed']), int(of['runs']))}"
+        return f" {missing(self.question.rule, int(of['passed']), int(of['runs']))}"
 
     def _by(self, row: int) -> str:
         """By how much a design fails."""
@@ -257,7 +261,7 @@ class Answer(Shown):
         found, limit = self.limits, self.question.terms.limit
         if not found.without:
             return ""
-        share = f"{100 * self.question.terms.share:g} %"
+        share = percent(self.question.terms.share)
         helping = [(n, v) for n, v in found.without.items() if v < found.everything][:3]
         of_all = f"in {limiting.RUNS} other runs {self._within(found.everything)} with all errors"
         text = f"No error alone limits it: {of_all}, and no less without any one of them."
@@ -267,7 +271,7 @@ class Answer(Shown):
                     f"{self._size(value)} without this one")
             text += "".join(f"; without {name} {self._size(value)}" for name, value in rest) + "."
         if self.chosen is None and found.everything > limit:
-            text += f" {words.enough(found, limit)}"
+            text += f" {enough(found, limit)}"
         return text
 
     def sure(self) -> str:
@@ -276,11 +280,11 @@ class Answer(Shown):
         met = len(q.conditions)
         what = f"{len(self.designs)} designs" + (f" in {met} conditions" if met > 1 else "")
         left = counts["undecided"]
-        undecided = f", {words.counted(left, 'stay')} undecided" if left else ""
+        undecided = f", {doing(left, 'stay')} undecided" if left else ""
         return (
-            f"With a confidence of {100 * q.terms.confidence:g} % no claim about any of the {what} "
-            f"is wrong: {words.counted(counts['suffices'], 'suffice')}, "
-            f"{words.counted(counts['fails'], 'fail')}{undecided}. {self._took()}"
+            f"With a confidence of {percent(q.terms.confidence)} no claim about any of the {what} "
+            f"is wrong: {doing(counts['suffices'], 'suffice')}, "
+            f"{doing(counts['fails'], 'fail')}{undecided}. {self._took()}"
             f"{self._left_alone()}{self._untried()}"
         )
 
@@ -309,13 +313,13 @@ class Answer(Shown):
             return ""
         looks = FIRST * self.question.groups * len(self.question.conditions)
         return (
-            f" {self.untried} {'was' if self.untried == 1 else 'were'} not tried: a first look at "
+            f" {self.untried} {plural(self.untried, 'was', 'were')} not tried: a first look at "
             f"all designs takes a budget of {looks:,} runs."
         )
 
     def _size(self, value: float) -> str:
         """A value of the response, for people."""
-        return f"{words.figure(value)}{self.question.unit and f' {self.question.unit}'}"
+        return f"{figure(value)}{self.question.unit and f' {self.question.unit}'}"
 
     def text(self, *, verbose: bool = False, width: int | None = None) -> str:
         """The answer, then the designs worth their cost.
@@ -369,17 +373,17 @@ class Answer(Shown):
         letters = self.letters
         head = [
             " · ".join(study.labels[name] for name in study.factors),
-            "verdict", f"{100 * q.terms.share:g} % within{unit}",
+            "verdict", f"{percent(q.terms.share)} within{unit}",
             *(["cost"] if q.costs else []), "within", "surely", "runs",
         ]  # fmt: skip
         rows = [
             [
                 f"{letters.get(number, ' '):{3 if letters else 0}}{self.short(number)}",
                 row["verdict"],
-                "lost" if row["estimate"] == np.inf else words.figure(row["estimate"]),
+                "lost" if row["estimate"] == np.inf else figure(row["estimate"]),
                 *([q.price(row["cost"])] if q.costs else []),
                 self._share(number) if row["runs"] else "–",
-                words.span(row["lower"], row["upper"]), f"{row['runs']:,}",
+                bounds(row["lower"], row["upper"]), f"{row['runs']:,}",
             ]
             for number, row in zip(designs.index, designs.to_dict(orient="records"), strict=True)
         ]  # fmt: skip
@@ -389,7 +393,7 @@ class Answer(Shown):
         """What kind of number a percentile is."""
         q = self.question
         return (
-            f"What {100 * q.terms.share:g} % are within is an order statistic: of n runs, the one "
+            f"What {percent(q.terms.share)} are within is an order statistic: of n runs, the one "
             f"of rank {q.terms.share:g} n, rounded up."
             f"{_WITHIN_A_RUN if 'percentile' in q.words else ''}"
         )
@@ -397,7 +401,7 @@ class Answer(Shown):
     def notes(self) -> list[str]:
         """How to read the numbers."""
         q = self.question
-        settled, share = q.study.settling_time_s, f"{100 * q.terms.share:g} %"
+        settled, share = q.study.settling_time_s, percent(q.terms.share)
         return [
             f"A run passes if its {q.words} is at most {q.terms.limit:g}"
             f"{q.unit and f' {q.unit}'}; errors count from {settled:g} s on. A run that fails or "
@@ -408,7 +412,7 @@ class Answer(Shown):
             "The bounds assume nothing about the distribution of the errors, and hold whenever one "
             "looks. The lower bounds of all designs that fail hold together, and so do the upper "
             "ones of all that suffice. Of undecided designs both hold, of all of them together: "
-            f"with a confidence of {100 * q.terms.confidence:g} % no interval is wrong.",
+            f"with a confidence of {percent(q.terms.confidence)} no interval is wrong.",
             "A design is left alone as soon as it is decided, so the runs of designs differ.",
         ]
 
@@ -430,3 +434,33 @@ class Answer(Shown):
             f"<table><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr>{cells}</table>",
             folded("How to read the numbers", verbatim("\n".join(self.notes()))),
         )
+
+
+def missing(rule: Rule, passed: int, runs: int) -> str:
+    """How many runs would decide an arm, of which `passed` of `runs` have passed."""
+    needed = rule.runs_to_decide(passed, runs)
+    if needed is not None:
+        return f"If its share stayed so, {needed:,} runs of it would decide it."
+    text = f"If its share stayed so, not even {MOST_RUNS:,} runs of it would decide it."
+    ends = share_interval(passed, runs)
+    at_ends = [rule.runs_to_decide(end * runs, runs) for end in ends]
+    if None in at_ends:
+        return text
+    low, high = (percent(end, ".4g") for end in ends)
+    return (
+        f"{text} But after {runs:,} runs the share may as well be {low} or {high} (95 % interval): "
+        f"then {at_ends[0]:,} or {at_ends[1]:,} would."
+    )
+
+
+def enough(limits: Limiting, limit: float) -> str:
+    """Without which errors a design that fails would do."""
+    if not limits.enough:
+        return "Not even without all of them would it do."
+    alone = [name for name, value in limits.without.items() if value <= limit]
+    if len(alone) > 1:
+        return f"It would do without any one of {listed(alone)}."
+    if alone:
+        return f"It would do without {alone[0]} alone."
+    few = listed(limits.enough)
+    return f"It would do without {few} together, but not without one of them alone."

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..results.drawing import free_places
 from ..style import LINES, SMALL, Theme, ThemeName, new_figure, use
+from ..words.shares import percent
 from .answer import Answer
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def plot_front(
         words = q.words[0].upper() + q.words[1:]
         currency = f" [{q.terms.currency}]" if q.terms.currency else ""
         ax.set(xlabel=f"Cost{currency}" if q.costs else "Designs by accuracy",
-               ylabel=f"{words}:\n{100 * q.terms.share:g} % of the runs are within{unit}")
+               ylabel=f"{words}:\n{percent(q.terms.share)} of the runs are within{unit}")
         ax.margins(x=0.06, y=0.08)
         if q.costs:
             ax.locator_params(axis="x", nbins=4 if narrow else 8)
@@ -98,7 +99,7 @@ def _places(answer: Answer) -> pd.DataFrame:
 
 
 def _designs(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> None:
-    """The designs with a finite value: large those that are named or suffice, small the others."""
+    """The designs with a finite value; those that are named or suffice are larger."""
     for verdict, (marker, number) in _LOOKS.items():
         every = at[at["verdict"] == verdict]
         mine = every[np.isfinite(every["estimate"])]
@@ -129,7 +130,7 @@ def _beyond(ax: Axes, answer: Answer, at: pd.DataFrame, look: Theme) -> pd.DataF
             ax.plot(mine["x"], [top] * len(mine), "^", color=look.receivers[number], ms=6, mew=0,
                     clip_on=False)
     if len(far):
-        share = f"{100 * answer.question.terms.share:g} %"
+        share = percent(answer.question.terms.share)
         ax.plot([], [], "^", color=look.soft, ms=6, mew=0,
                 label=f"beyond ({len(far)}): less than {share} end well")
     return at.assign(estimate=at["estimate"].where(~at.index.isin(far.index), top))

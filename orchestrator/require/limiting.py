@@ -12,6 +12,7 @@ from typing import Any
 
 from ..comparison import sources
 from ..errors import NoEffectWarning
+from ..scenario.error_sources import SOURCES
 from ..scenario.scenario import Scenario, Source
 from ..simulation.how import How
 from ..study import runner
@@ -47,7 +48,7 @@ class Limiting:
 def switches(scenario: Scenario) -> dict[str, dict[str, Any]]:
     """Keys to change, and to what, to be without each of a scenario's sources of error."""
     return {
-        sources.SOURCES[name].words: sources.switched(scenario, [name])
+        SOURCES[name].words: sources.switched(scenario, [name])
         for name in sources.of_scenario(scenario)
     }
 

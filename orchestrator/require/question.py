@@ -29,6 +29,7 @@ from ..study.design import Level
 from ..study.design import shown as level_shown
 from ..study.study import Study, of_tables, read
 from ..study.tables import RECEIVERS_KEY
+from ..words.shares import percent
 from .sequential import MOST_RUNS, Rule
 
 PACKAGE = "sblcosim.require"
@@ -75,7 +76,7 @@ class Terms(Table):
 
 
 @dataclass(frozen=True)
-class Design:
+class Candidate:
     """A combination of levels.
 
     Attributes
@@ -142,7 +143,7 @@ class Question(Shown):
         """What must hold, for people."""
         return (
             f"{self.words} of at most {self.terms.limit:g}{self.unit and f' {self.unit}'} in "
-            f"{100 * self.terms.share:g} % of the runs"
+            f"{percent(self.terms.share)} of the runs"
         )
 
     @cached_property
@@ -153,7 +154,7 @@ class Question(Shown):
         )
 
     @cached_property
-    def designs(self) -> tuple[Design, ...]:
+    def designs(self) -> tuple[Candidate, ...]:
         """All designs, the cheapest first."""
         study, own = self.study, self.study.receiver_factor
         groups = len(study.points.values) // len(self._rows)
@@ -165,7 +166,7 @@ class Question(Shown):
             costs = [self.costs[n][v] for n, v in levels.items() if n in self.costs]
             # As on paper: in binary, 0.1 + 0.2 is dearer than 0.3.
             cost = float(sum(Decimal(str(c)) for c in costs))
-            made.append(Design(levels, cost, group, label))
+            made.append(Candidate(levels, cost, group, label))
         return tuple(sorted(made, key=lambda design: design.cost))
 
     @property

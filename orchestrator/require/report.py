@@ -11,11 +11,12 @@ import pandas as pd
 
 from .. import artifacts, style
 from ..report.common import as_toml
-from ..report.page import Block, Code, Page, Picture, Section, Table, Text, render
+from ..report.page import Block, Code, Page, PagePicture, PageTable, Section, Text, render
+from ..words.numbers import bounds, figure
+from ..words.shares import percent
 from .answer import Answer
 from .figures import plot_front, plot_narrow
 from .question import shipped
-from .words import figure, span
 
 REPORT, SCENARIO = "report.html", "scenario.toml"
 FRONT, NARROW = "front", "front_narrow"
@@ -86,11 +87,11 @@ def _front(answer: Answer, wide: str, narrow: str) -> Section:
     what = "Cost and accuracy" if answer.question.costs else "Accuracy"
     alt = f"{what} of {len(answer.designs)} designs. {answer.sentences()[0]}"
     caption = (
-        f"{what} of all designs: the value that {100 * answer.question.terms.share:g} % of the "
+        f"{what} of all designs: the value that {percent(answer.question.terms.share)} of the "
         "runs are within; bars reach to the bounds that are claimed. Letters: the designs that the "
         "answer names."
     )
-    picture = Picture(FRONT, wide, caption, alt, Picture(NARROW, narrow, caption, alt))
+    picture = PagePicture(FRONT, wide, caption, alt, PagePicture(NARROW, narrow, caption, alt))
     return Section(what, "front", [picture])
 
 
@@ -107,17 +108,17 @@ def _conditions(answer: Answer) -> Section:
         for name, it in study.conditions.items()
     ]
     head = ["Condition", "Levels", "How they count"]
-    blocks: list[Block] = [Table("Conditions", head, rows, (1, 2))]
+    blocks: list[Block] = [PageTable("Conditions", head, rows, (1, 2))]
     named = answer.arms[answer.arms["design"].isin([answer.named, *answer.roles])]
     if len(q.conditions) > 1 and answer.spent:
         unit = f" [{q.unit}]" if q.unit else ""
-        head = ["Design", "Condition", "Verdict", f"{100 * q.terms.share:g} % within{unit}",
+        head = ["Design", "Condition", "Verdict", f"{percent(q.terms.share)} within{unit}",
                 "Surely", "Passed", "Runs"]
-        blocks.append(Table(
+        blocks.append(PageTable(
             "The designs that the answer names, in each condition", head,
             [[answer.short(row["design"]), row["condition"], row["verdict"],
               "lost" if row["estimate"] == inf else figure(row["estimate"]),
-              span(row["lower"], row["upper"]), f"{row['passed']:,}",
+              bounds(row["lower"], row["upper"]), f"{row['passed']:,}",
               f"{row['runs']:,}"] for row in named.to_dict(orient="records")],
             (1, 2),
         ))  # fmt: skip
@@ -131,16 +132,16 @@ def _in_conditions(answer: Answer) -> pd.DataFrame:
     return own.join(answer.arms.drop(columns="design"))
 
 
-def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> Table:
+def _table(answer: Answer, designs: pd.DataFrame, caption: str) -> PageTable:
     head, rows = answer.table(designs)
     note = (
-        f"Surely: bounds of the value that {100 * answer.question.terms.share:g} % are within, "
+        f"Surely: bounds of the value that {percent(answer.question.terms.share)} are within, "
         "which hold together for all designs; of a decided one, that of its claim. Runs and shares "
         "are those of the condition that is worst for a design."
     )
     titles = [word[:1].upper() + word[1:] for word in head]
     order = ", the cheapest first" if answer.question.costs else ""
-    return Table(f"{caption}{order}", titles, rows, note=note)
+    return PageTable(f"{caption}{order}", titles, rows, note=note)
 
 
 _METHOD = (

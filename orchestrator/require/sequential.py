@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
-Verdict = Literal["suffices", "fails", "undecided"]
+Decision = Literal["suffices", "fails", "undecided"]
 
 WEIGHT = 50.0
 """Of the continuous part of the mixture [runs]."""
@@ -129,7 +129,7 @@ class Rule:
         """Most passing runs of an arm that is surely not good; −1 if there is no such number."""
         return too_few(runs, self.share, self.risk / (self.designs * self.conditions))
 
-    def verdict(self, passed: int, runs: int) -> Verdict:
+    def verdict(self, passed: int, runs: int) -> Decision:
         """What is sure of an arm."""
         if runs and passed >= self.enough(runs):
             return "suffices"
@@ -203,13 +203,13 @@ class Elimination:
         for design, group in enumerate(self.groups):
             self._members.setdefault(group, []).append(design)
 
-    def arm(self, design: int, condition: int) -> Verdict:
+    def arm(self, design: int, condition: int) -> Decision:
         """What is sure of a design in a condition."""
         return self.rule.verdict(
             int(self.passed[design, condition]), int(self.seen[design, condition])
         )
 
-    def verdict(self, design: int) -> Verdict:
+    def verdict(self, design: int) -> Decision:
         """What is sure of a design."""
         arms = {self.arm(design, c) for c in range(self.rule.conditions)}
         return next(v for v in ("fails", "undecided", "suffices") if v in arms)
@@ -220,7 +220,7 @@ class Elimination:
         return int(self.runs.sum())
 
     def batches(self, known: Callable[[Batch], bool] = lambda batch: False) -> list[Batch]:
-        """What comes next: nothing if all is decided, or the budget does not reach any more.
+        """The next batches; none if all is decided or the budget is used up.
 
         Parameters
         ----------
@@ -244,14 +244,14 @@ class Elimination:
                     left -= size
         return list(found.values())
 
-    def _too_dear(self, design: int, verdicts: Sequence[Verdict]) -> bool:
+    def _too_dear(self, design: int, verdicts: Sequence[Decision]) -> bool:
         """Whether a cheaper design surely suffices, if that ends it."""
         if self.prices is None or "suffices" not in verdicts:
             return False
         return self.prices[verdicts.index("suffices")] < self.prices[design]
 
     def add(self, batch: Batch, passed: Mapping[int, int]) -> None:
-        """Note how many runs of a batch have passed, by design; of decided ones nothing counts."""
+        """Note how many runs of a batch have passed, by design; decided designs do not count."""
         self.runs[batch.group, batch.condition] = batch.stop
         for design in self.counting(batch):
             self.seen[design, batch.condition] = batch.stop

@@ -15,7 +15,7 @@ from ..scenario.sources import choose
 from .answer import Answer
 from .limiting import Limiting, limiting
 from .question import Question, passable
-from .sequential import Elimination, Verdict, percentile
+from .sequential import Decision, Elimination, percentile
 
 Floats = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def _table(question: Question, elimination: Elimination, arms: pd.DataFrame) -> 
 
 
 def _badness(
-    *, verdict: Verdict, runs: int, passed: int, estimate: float, **_: object
+    *, verdict: Decision, runs: int, passed: int, estimate: float, **_: object
 ) -> tuple[int, float, float]:
     """What makes a condition the worst one for a design: it fails, or is undecided, or far off."""
     known = estimate if runs else -np.inf

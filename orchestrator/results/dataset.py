@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ..data.record import Record
 
 Array = NDArray[Any]
-Parts = Iterator[tuple[str, tuple[tuple[str, ...], Array, dict[str, str]]]]
+_Parts = Iterator[tuple[str, tuple[tuple[str, ...], Array, dict[str, str]]]]
 """Names of variables, each with its dimensions, values and attributes."""
 
 _STATES = ["x", "vx", "y", "vy", "z", "vz"]
@@ -113,7 +113,7 @@ def _about(words: str, unit: str | None = None) -> dict[str, str]:
     return {"long_name": words} | ({} if unit is None else {"units": unit})
 
 
-def _outputs(record: Record, receivers: Mapping[str, Any]) -> Parts:
+def _outputs(record: Record, receivers: Mapping[str, Any]) -> _Parts:
     """The outputs of all components; of receivers, those that only they have."""
     for name, values in record.values.items():
         owner, _, output = name.partition(".")
@@ -125,7 +125,7 @@ def _outputs(record: Record, receivers: Mapping[str, Any]) -> Parts:
         yield full, _part(full, ("time",), values, declared)
 
 
-def _ports(record: Record, receivers: Mapping[str, Any]) -> Parts:
+def _ports(record: Record, receivers: Mapping[str, Any]) -> _Parts:
     """The outputs that receivers share."""
     for name, port in _PORTS.items():
         found = [record.values.get(f"{receiver}.{name}") for receiver in receivers]
@@ -167,7 +167,7 @@ def _unit(declared: Variable) -> str | None:
     return {"relative_covariance": "m2"}.get(declared.name, declared.unit)
 
 
-def _judged(tracks: Mapping[str, pd.DataFrame], epochs: Array) -> Parts:
+def _judged(tracks: Mapping[str, pd.DataFrame], epochs: Array) -> _Parts:
     """The estimates and their errors, at the epochs of all receivers; nothing without receivers."""
     if not tracks:
         return

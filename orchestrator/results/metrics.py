@@ -11,28 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..data.record import NEVER
 from ..errors import ConfigurationError, FmuError, check_choice
+from .columns import CHI_SQUARES, ERRORS, ESTIMATES, PERCENTILES
 from .definitions import (
     AXES,
     FRAMES,
     OWN_PORT,
     PERCENTAGES,
-    POSITION_STATES,
     PREFIXES,
     Judged,
     chi_square_band,
-    errors_of,
     horizontal_square,
     in_order,
     inconsistent,
     judged_by,
-    nees,
-    of_position,
     order_statistics,
-    percentile_column,
 )
 from .definitions import lost as lost_by
 
@@ -64,43 +60,11 @@ def verdict(mean: float, band: tuple[float, float]) -> str:
 def track(judged: Judged) -> pd.DataFrame:
     """A receiver's valid estimates with the truth, one row per estimate.
 
-    Columns: ``epoch_s``; ``{x,y,z}_m``; ``true_{x,y,z}_m``; ``error_{x,y,z,total}_m`` (absolute)
-    and ``relative_error_{x,y,z,total}_m``. If the receiver has the outputs for them:
-    ``own_relative_error_{x,y,z,total}_m``, ``std_{x,y,z}_m`` and ``own_relative_std_{x,y,z}_m``,
-    ``nees_position`` (3 degrees of freedom) and ``nees_state`` (6), both of the absolute error,
-    ``relative_nees_position`` and ``own_relative_nees_position`` (3), ``nis`` and ``nis_degrees``.
-    What is relative is left out where the platform's true motion is not known.
+    The columns are those of `sblcosim.results.columns.ESTIMATES`, without those that the receiver
+    has no outputs for. What is relative is left out where the platform's true motion is not known.
     """
-    estimates = judged.estimates
-    columns: dict[str, ArrayLike] = {"epoch_s": judged.epoch_s}
-    columns |= {f"{axis}_m": estimates.position[:, i] for i, axis in enumerate(AXES)}
-    columns |= {f"true_{axis}_m": judged.true_position[:, i] for i, axis in enumerate(AXES)}
-    for frame, (error, square) in errors_of(judged).items():
-        columns |= {error_column(frame, axis): error[:, i] for i, axis in enumerate(AXES)}
-        columns[error_column(frame, "total")] = np.sqrt(square)
-    std, P = estimates.position_std, estimates.covariance
-    if std is None and P is not None:
-        std = np.sqrt(P[:, POSITION_STATES, POSITION_STATES])
-    if std is not None:
-        columns |= {f"std_{axis}_m": std[:, i] for i, axis in enumerate(AXES)}
-    if P is not None:
-        columns["nees_position"] = judged.nees
-        if judged.relative is not None:
-            columns["relative_nees_position"] = nees(judged.relative, of_position(P))
-        if estimates.velocity is not None:
-            # the paper's order: position, then velocity, of each axis
-            pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
-            columns["nees_state"] = nees(pairs.reshape(-1, 6), P)
-    if judged.own_relative_nees is not None and estimates.relative_covariance is not None:
-        variances = np.diagonal(estimates.relative_covariance, axis1=1, axis2=2)
-        stds = np.sqrt(np.where(variances >= 0, variances, np.nan))
-        columns |= {f"own_relative_std_{axis}_m": stds[:, i] for i, axis in enumerate(AXES)}
-        columns["own_relative_nees_position"] = judged.own_relative_nees
-    if estimates.nis is not None:
-        columns["nis"] = estimates.nis
-    if estimates.nis_degrees is not None:
-        columns["nis_degrees"] = estimates.nis_degrees
-    return pd.DataFrame(columns)
+    values = {c.name: c.of(judged) for c in ESTIMATES.columns if c.of}
+    return pd.DataFrame({name: own for name, own in values.items() if own is not None})
 
 
 def intact(receiver: str, estimates: Estimates, truth: Truth) -> Judged:
@@ -158,25 +122,17 @@ def error_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     -------
     table
         Index: receiver, frame (``absolute``, ``relative``, and ``own_relative`` for receivers that
-        have it), axis (``x``, ``y``, ``z``, ``total``). Columns: ``mean_m`` (signed for an axis; of
-        the length of the error for ``total``), ``rms_m``, ``std_m`` about that mean, so that
-        rms² = mean² + std², and ``n``, the number of estimates. The squared RMS of the total is the
-        sum of those of the axes.
+        have it), axis (``x``, ``y``, ``z``, ``total``). Columns: those of
+        `sblcosim.results.columns.ERRORS`.
     """
     rows = {}
     for receiver, estimates in tracks.items():
         for frame in frames_of(estimates):
             for axis in (*AXES, "total"):
-                e = estimates[error_column(frame, axis)].to_numpy()
-                some = len(e) > 0
-                rows[receiver, frame, axis] = {
-                    "mean_m": e.mean() if some else np.nan,
-                    "rms_m": np.sqrt((e * e).mean()) if some else np.nan,
-                    "std_m": e.std() if some else np.nan,
-                    "n": len(e),
-                }
+                errors = estimates[error_column(frame, axis)].to_numpy()
+                rows[receiver, frame, axis] = ERRORS.row(errors)
     table = pd.DataFrame.from_dict(rows, orient="index")
-    table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "axis"])
+    table.index = pd.MultiIndex.from_tuples(rows, names=[c.name for c in ERRORS.index])
     return table
 
 
@@ -192,8 +148,8 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     -------
     table
         Index: receiver, frame (as in `error_table`), length (``horizontal``, ``total``). Columns
-        [m]: ``p50_m`` (CEP50 for the horizontal error), ``p67_m``, ``p95_m`` (R95) and
-        ``max_m``: x₍⌈p n / 100⌉₎ of n estimates.
+        [m]: those of `sblcosim.results.columns.PERCENTILES`, x₍⌈p n / 100⌉₎ of n estimates; 50 % of
+        the horizontal error is CEP50, 95 % R95.
     """
     rows = {}
     for receiver, estimates in tracks.items():
@@ -203,9 +159,8 @@ def percentile_table(tracks: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             horizontal = np.sqrt(horizontal_square(x, y))
             for length, values in (("horizontal", horizontal), ("total", total)):
                 rows[receiver, frame, length] = order_statistics(values, PERCENTAGES)
-    columns = [percentile_column(p) for p in PERCENTAGES]
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-    table.index = pd.MultiIndex.from_tuples(rows, names=["receiver", "frame", "length"])
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=PERCENTILES.names)
+    table.index = pd.MultiIndex.from_tuples(rows, names=[c.name for c in PERCENTILES.index])
     return table
 
 
@@ -311,17 +266,12 @@ def _consistency(estimates: pd.DataFrame) -> dict[str, Any]:
     """Means of NEES and NIS, with their bands and verdicts; of a `track`."""
     row: dict[str, Any] = {}
     n = len(estimates)
-    degrees = {
-        "nees_position": np.full(n, 3),
-        "relative_nees_position": np.full(n, 3),
-        "own_relative_nees_position": np.full(n, 3),
-        "nees_state": np.full(n, 6),
-        "nis": estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy(),
-    }
-    for name, dof in degrees.items():
-        values = estimates.get(name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
+    each = estimates.get("nis_degrees", pd.Series(np.zeros(n))).to_numpy()
+    for one in CHI_SQUARES:
+        dof = each if one.degrees is None else np.full(n, one.degrees)
+        values = estimates.get(one.name, pd.Series(np.full(n, np.nan))).to_numpy(dtype=float)
         used = ~np.isnan(values) & ((dof > 0) | ("nis_degrees" not in estimates))
-        row |= of_chi_square(name, values[used], dof[used])
+        row |= of_chi_square(one.name, values[used], dof[used])
     return row
 
 
@@ -353,14 +303,11 @@ def summary(
 ) -> pd.DataFrame:
     """Availability and consistency of each receiver; one row per receiver.
 
-    Columns: ``estimates``, ``first_fix_s`` (epoch of the first estimate), ``availability`` and
-    ``update_share`` (NaN if the update interval is not given, and for estimates that were made
-    after the run); for each of ``nees_position``, ``relative_nees_position``,
-    ``own_relative_nees_position``, ``nees_state`` and ``nis`` (NaN
-    without the outputs for it), the time mean, ``…_expected`` (the mean
-    degrees of freedom), ``…_low`` and ``…_high`` of its band (`definitions.chi_square_band`) and
-    ``…_verdict``; ``inconsistent`` (time-mean position NEES above its band; missing without any
-    NEES) and ``lost`` (missing where the platform's true motion is not known).
+    The columns are those of `sblcosim.results.columns.SUMMARY`, but ``failure``. ``update_share``
+    is NaN if the update interval is not given, and for estimates that were made after the run. What
+    concerns NEES and NIS is NaN without the outputs for it; ``…_expected`` is the mean degrees of
+    freedom, and ``…_low`` to ``…_high`` is `definitions.chi_square_band`. ``inconsistent`` is
+    missing without any NEES, ``lost`` where the platform's true motion is not known.
     """
     rows = {}
     for receiver, own in judged.items():

@@ -10,6 +10,7 @@ import pandas as pd
 from .. import shown
 from ..errors import SblcosimError
 from . import text
+from .columns import ERRORS
 from .definitions import FRAME_WORDS
 
 _HEADS = {
@@ -20,7 +21,7 @@ _HEADS = {
 """Of frames in the first table; the folded ones have `definitions.FRAME_WORDS`."""
 
 
-def gist(result: text.Result) -> str:
+def gist(result: text.ToldResult) -> str:
     """What was run, and the RMS of each receiver's total error."""
     try:
         rms: Any = result.errors.xs(("absolute", "total"), level=("frame", "axis"))["rms_m"]
@@ -34,7 +35,7 @@ def gist(result: text.Result) -> str:
     return f"{result.scenario_name}: RMS error {', '.join([*reached, *failed])}"
 
 
-def page(result: text.Result) -> str:
+def page(result: text.ToldResult) -> str:
     """HTML: the verdicts and a row for each receiver; the tables and explanations are folded."""
     about = [text.about(result, name) for name in result.receivers]
     parts = (*about, [text.WITHIN, *text.notes(result)])
@@ -49,7 +50,7 @@ def page(result: text.Result) -> str:
     )
 
 
-def _overview(result: text.Result) -> pd.DataFrame:
+def _overview(result: text.ToldResult) -> pd.DataFrame:
     """RMS and 95 % of the total error [m], a row for each receiver, a column for each frame."""
     columns: dict[tuple[str, str], Any] = {}
     for frame in text.frames_in(result.errors):
@@ -59,16 +60,16 @@ def _overview(result: text.Result) -> pd.DataFrame:
     return pd.DataFrame(columns).reindex(list(result.receivers)).rename_axis(None)
 
 
-def _errors(result: text.Result) -> pd.DataFrame:
+def _errors(result: text.ToldResult) -> pd.DataFrame:
     frames = {
-        FRAME_WORDS[f]: result.errors.xs(f, level="frame")[list(text.STATISTICS)]
+        FRAME_WORDS[f]: result.errors.xs(f, level="frame")[[c.name for c in ERRORS.printed]]
         for f in text.frames_in(result.errors)
     }
     whole = result.errors.xs("absolute", level="frame").index
     return pd.concat(frames, axis=1).reindex(whole)
 
 
-def _within(result: text.Result) -> pd.DataFrame:
+def _within(result: text.ToldResult) -> pd.DataFrame:
     return result.percentiles.rename(index=FRAME_WORDS, level="frame")
 
 

@@ -45,6 +45,7 @@ from .definitions import (
     percentile_column,
 )
 from .metrics import availability, lost
+from .more import rows
 
 Floats = NDArray[np.float64]
 
@@ -333,14 +334,9 @@ def _percentiles(lengths: Iterable[str]) -> Iterator[Response]:
             yield Percentile(length, p)
 
 
-def _time_to_first_fix(run: Run) -> float:
-    epochs = run.judged.epoch_s[~run.judged.broken]
-    return float(epochs[0] - run.record.time_ns[0] / 1e9) if len(epochs) else float("nan")
-
-
 def _defined() -> Iterator[Response]:
     """Responses that need a record: runs with one of them do not go through lanes."""
-    yield Response("first_fix_s", "time to the first fix", _time_to_first_fix)
+    yield from (Response(*row) for row in rows("RESPONSES"))
     yield from _percentiles(("own_relative_horizontal", "own_relative_total"))
 
 

@@ -15,7 +15,7 @@ from ..data.truth import of_record
 from ..lazy import Module
 from ..scenario.labels import RAW
 from ..shown import Picture, Shown
-from . import metrics, notebook, possible, text
+from . import metrics, more, notebook, possible, text
 from .artist import drawing
 from .catalogue import Figure, by_name, jobs
 from .consistency import NEES_COLUMNS, Verdict, of_runs
@@ -45,6 +45,7 @@ FIGURES: Mapping[str, Figure[Result]] = by_name(
            lambda run: (run.record, run.estimates, None, "absolute", run.limits)),
     Figure("inclination", plots.later("plot_inclination"), lambda run: (run.record,),
            condition=lambda run: metrics.inclines(run.record)),
+    *more.rows("FIGURES"),
 )
 """The figures in the folder of a run."""
 
@@ -357,22 +358,14 @@ class Result(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Errors, percentiles and summary as plain data; missing numbers are None."""
-        errors: dict[str, Any] = {}
-        for row in self.errors.reset_index().to_dict(orient="records"):
-            receiver, frame, axis = (row.pop(name) for name in ("receiver", "frame", "axis"))
-            errors.setdefault(receiver, {}).setdefault(frame, {})[axis] = row
-        percentiles: dict[str, Any] = {}
-        for row in self.percentiles.reset_index().to_dict(orient="records"):
-            receiver, frame, length = (row.pop(n) for n in ("receiver", "frame", "length"))
-            percentiles.setdefault(receiver, {}).setdefault(frame, {})[length] = row
         result: dict[str, Any] = artifacts.plain(
             {
                 "scenario_name": self.scenario_name,
                 "seeds": self.seeds,
                 "remarks": self.remarks,
                 **({"failures": self.failures} if self.failures else {}),
-                "errors": errors,
-                "percentiles": percentiles,
+                "errors": _nested(self.errors),
+                "percentiles": _nested(self.percentiles),
                 "consistency": {
                     receiver: {frame: verdict.to_json() for frame, verdict in found.items()}
                     for receiver, found in self.consistency.items()
@@ -403,3 +396,15 @@ class Result(Shown):
 
     def _repr_html_(self) -> str:
         return notebook.page(self)
+
+
+def _nested(table: pd.DataFrame) -> dict[str, Any]:
+    """Rows by the names of their index, one inside the other."""
+    nested: dict[str, Any] = {}
+    for row in table.reset_index().to_dict(orient="records"):
+        *outer, last = (row.pop(name) for name in table.index.names)
+        inner = nested
+        for name in outer:
+            inner = inner.setdefault(name, {})
+        inner[last] = row
+    return nested

@@ -8,19 +8,23 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
-from ..layout import WIDTH, fitted, meters
+from ..layout import WIDTH, fitted
 from ..scenario.labels import RAW
+from ..words.lists import plural
+from ..words.numbers import meters
+from ..words.shares import percent
 from . import possible
+from .columns import CHI_SQUARES, ERRORS, PERCENTILES, RunTable, TableColumn
 from .consistency import COVARIANCES, Verdict
-from .definitions import AXES, FRAMES, PERCENTAGES, Judged
+from .definitions import AXES, FRAMES, Judged
 
 if TYPE_CHECKING:
     from ..data.record import Record
     from ..limits.verdict import Possible
 
 
-class Result(Protocol):
-    """What is told of a `sblcosim.Result`."""
+class ToldResult(Protocol):
+    """What is told of a `sblcosim.ToldResult`."""
 
     record: Record
     receivers: tuple[str, ...]
@@ -49,7 +53,6 @@ class Result(Protocol):
     def verdicts(self) -> Mapping[str, Possible]: ...
 
 
-STATISTICS = ("mean_m", "rms_m", "std_m")
 _HEADS = {
     "absolute": ("absolute", ""),
     "relative": ("relative to the platform", "as it reports itself"),
@@ -64,13 +67,7 @@ _SURE = "optimistic"
 _FEW = 10
 """Fewer estimates than this are said with their number, if most updates gave none."""
 _ONE_RUN = "Whether a covariance is right, one run cannot tell; a study can."
-_CONSISTENCY = {
-    "nees_position": "NEES of the position",
-    "relative_nees_position": "relative NEES of the position",
-    "own_relative_nees_position": "own relative NEES of the position",
-    "nees_state": "NEES of the state",
-    "nis": "NIS",
-}
+_CONSISTENCY = {one.name: one.words for one in CHI_SQUARES}
 _VERDICTS = {
     "optimistic": "optimistic, errors larger than claimed",
     "pessimistic": "pessimistic, errors smaller than claimed",
@@ -105,7 +102,7 @@ _CONSISTENCY_NOTES = (
 )
 
 
-def of_run(result: Result, verbose: bool = False, width: int | None = None) -> str:
+def of_run(result: ToldResult, verbose: bool = False, width: int | None = None) -> str:
     """Verdicts, then the tables of errors.
 
     Parameters
@@ -134,7 +131,7 @@ def of_run(result: Result, verbose: bool = False, width: int | None = None) -> s
     return fitted("\n".join(lines), width)
 
 
-def verdicts(result: Result) -> Iterator[str]:
+def verdicts(result: ToldResult) -> Iterator[str]:
     """What came out: a line for each receiver, what was possible, and remarks on the run."""
     for receiver in result.receivers:
         yield f"{receiver}: {_verdict(result, receiver)}"
@@ -147,7 +144,7 @@ def verdicts(result: Result) -> Iterator[str]:
     yield from result.remarks
 
 
-def _verdict(result: Result, receiver: str) -> str:
+def _verdict(result: ToldResult, receiver: str) -> str:
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return f"no estimate; {silence(result, receiver)}"
@@ -156,15 +153,14 @@ def _verdict(result: Result, receiver: str) -> str:
     most: Any = result.percentiles.loc[which, "p95_m"]
     lost = "lost; " if row.lost else ""
     if row.estimates < _FEW and row.update_share < 0.5:
-        several = "" if row.estimates == 1 else "s"
         updates = row.estimates / row.update_share
-        lost += f"{row.estimates} estimate{several} in {updates:.0f} updates; "
+        lost += f"{row.estimates} {plural(row.estimates, 'estimate')} in {updates:.0f} updates; "
     return (
         f"{lost}{meters(reached)} RMS, 95 % within {meters(most)}; {_claim(result, receiver)}"
     )
 
 
-def _claim(result: Result, receiver: str) -> str:
+def _claim(result: ToldResult, receiver: str) -> str:
     """What a receiver says of its own error, and whether to believe it, unless it is lost."""
     judged: Verdict | None = result.consistency[receiver].get("absolute")
     if judged is None:
@@ -185,7 +181,7 @@ def _claim(result: Result, receiver: str) -> str:
     return f"claims {meters(said)}: {trust}"
 
 
-def _without_covariance(result: Result, receiver: str) -> str:
+def _without_covariance(result: ToldResult, receiver: str) -> str:
     claims = result.judged[receiver].estimates.covariance is not None
     return "its covariance is never positive definite" if claims else "no covariance"
 
@@ -202,37 +198,38 @@ def errors(table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH) ->
     Parameters
     ----------
     width
-        Columns that there are.
+        Columns of the terminal.
     """
-    heads = ("Error [m]", "axis", "     mean      RMS      std")
-    rows = {name: list(map(_cell, row)) for name, row in _rows(table[list(STATISTICS)]).items()}
-    blank = [_cell(None)] * len(STATISTICS)
-    yield from _blocks(heads, frames_in(table), receivers, (*AXES, "total"), rows, blank, width)
+    yield from _blocks(ERRORS, table, receivers, 9, width)
 
 
 def percentiles(
     table: pd.DataFrame, receivers: Sequence[str], width: int = WIDTH
 ) -> Iterator[str]:
     """The lines of `metrics.percentile_table`; width as in `errors`."""
-    part = "".join(f"{f'{p} %' if p < 100 else 'all':>7}" for p in PERCENTAGES)
-    rows = {name: [_cell(value, 7) for value in row] for name, row in _rows(table).items()}
-    blank = [_cell(None, 7)] * len(PERCENTAGES)
-    heads = ("Within [m]", "error", part)
-    lengths = ("horizontal", "total")
-    yield from _blocks(heads, frames_in(table), receivers, lengths, rows, blank, width)
+    yield from _blocks(PERCENTILES, table, receivers, 7, width)
 
 
 def _blocks(
-    heads: tuple[str, str, str],
-    frames: Sequence[str],
-    receivers: Sequence[str],
-    kinds: Sequence[str],
-    rows: dict[Any, list[str]],
-    blank: list[str],
-    width: int,
+    declared: RunTable, table: pd.DataFrame, receivers: Sequence[str], least: int, width: int
 ) -> Iterator[str]:
-    """A table for as many frames as fit beside each other, then one for the next."""
-    title, kind_head, columns = heads
+    """A table for as many frames as fit beside each other, then one for the next.
+
+    Parameters
+    ----------
+    least
+        Width of a column, unless its heading is longer.
+    """
+    heads = {column: declared.heading(column) for column in declared.printed}
+    sizes = {column: max(least, len(head) + 1) for column, head in heads.items()}
+    columns = "".join(f"{head:>{sizes[column]}}" for column, head in heads.items())
+    blank = [_cell(None, column, size) for column, size in sizes.items()]
+    rows = {
+        name: [_cell(row[column.name], column, size) for column, size in sizes.items()]
+        for name, row in zip(table.index, table.to_dict(orient="records"), strict=True)
+    }
+    title, frames = f"{declared.title} [{declared.unit}]", frames_in(table)
+    kinds, kind_head = declared.index[-1].choices, declared.index[-1].heading
     label = max(len(name) for name in (*receivers, "receiver") if len(name) <= _LONGEST_LABEL) + 1
     first = label + max(map(len, (*kinds, kind_head))) + 1
     size = len(columns)
@@ -259,29 +256,25 @@ def _blocks(
                 yield f"{name:<{label}}{kind:<{first - label}}{cells}"
 
 
-def _rows(table: pd.DataFrame) -> dict[Any, Any]:
-    return dict(zip(table.index, table.to_numpy(), strict=True))
-
-
-def _cell(value: Any, size: int = 9) -> str:
+def _cell(value: Any, column: TableColumn, size: int) -> str:
     if pd.isna(value):
         return f"{'–':>{size}}"
-    text = f"{value:{size}.3f}"
+    text = f"{value:{size}.{0 if column.type is int else 3}f}"
     return text if len(text) <= size else f"{value:{size}.1e}"
 
 
-def about(result: Result, receiver: str) -> list[str]:
+def about(result: ToldResult, receiver: str) -> list[str]:
     """Availability and consistency of a receiver, in words."""
     row: Any = result.summary.loc[receiver]
     if not row.estimates:
         return [f"{receiver}: no estimate; {silence(result, receiver)}"]
-    first = f"{row.estimates} estimate{'' if row.estimates == 1 else 's'}"
+    first = f"{row.estimates} {plural(row.estimates, 'estimate')}"
     lines = [
         f"{receiver}: {first}, the first at {row.first_fix_s:g} s; a fix available "
-        f"{100 * row.availability:.1f} % of the time"
+        f"{percent(row.availability, '.1f')} of the time"
     ]
     if pd.notna(row.update_share):
-        lines.append(f"  {100 * row.update_share:.1f} % of the updates gave a new estimate")
+        lines.append(f"  {percent(row.update_share, '.1f')} of the updates gave a new estimate")
     for name, words in _CONSISTENCY.items():
         if pd.notna(row[name]):
             lines.append(f"  mean {words} {row[name]:.2f}, {_compared(row, name)}")
@@ -299,7 +292,7 @@ def about(result: Result, receiver: str) -> list[str]:
     return lines
 
 
-def silence(result: Result, receiver: str) -> str:
+def silence(result: ToldResult, receiver: str) -> str:
     """Why there may be no estimate, and which outputs to look at."""
     values = result.record.values
     count = values[f"{receiver}.update_count"].astype(int)
@@ -318,7 +311,7 @@ def silence(result: Result, receiver: str) -> str:
     return f"{why}; look at {', '.join(look)} in the record"
 
 
-def notes(result: Result) -> list[str]:
+def notes(result: ToldResult) -> list[str]:
     """Explanations of the printed numbers."""
     raw = [_RAW_NOTE] if RAW in result.receivers else []
     claims = result.summary[list(_CONSISTENCY)].notna().any(axis=None)

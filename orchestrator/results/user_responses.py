@@ -68,7 +68,7 @@ def values_of(
     runs
         One for each receiver, of the same record.
     children
-        Those of whoever asks; None: any.
+        Those that are asked for; None: any.
 
     Returns
     -------

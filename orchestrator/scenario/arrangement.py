@@ -8,6 +8,8 @@ from functools import cache
 from math import atan2, degrees, hypot, sqrt
 from typing import Any
 
+from sblcosim.models.receiver.receiver import Beacons
+
 _FLAT = 0.05
 """Smaller spread of the beacons, as a part of the larger, that is taken for none."""
 _SAME = 1e-6
@@ -105,6 +107,13 @@ def has_own_errors(platform: Any) -> bool:
 def shares_errors(platform: Any) -> bool:
     """Whether the beacons share the errors of one platform's GPS and IMU."""
     return platform.fmu is None and bool(platform.gps_shared) and _any(platform, _SENSORS)
+
+
+def errors_of(platform: Any) -> Beacons | None:
+    """What errors the beacons' places have; None if they have none, or it is not known."""
+    if has_own_errors(platform):
+        return "survey" if platform.gps_shared else "buoys"
+    return "platform" if shares_errors(platform) else None
 
 
 @cache

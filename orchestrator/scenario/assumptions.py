@@ -10,14 +10,22 @@ from sblcosim.models.settings.assumptions import SOURCES
 
 
 def assumed(
-    target: Any, platform: Any, acoustics: Any, source: str | None = None
+    target: Any, platform: Any, acoustics: Any, source: str | None = None, *, everything: bool
 ) -> dict[str, Any]:
     """As `sblcosim.models.settings.assumptions.assumed`, without what nobody can know.
 
     Of a component of somebody else only what is given is known: nothing follows from the starts
     of ours.
+
+    Parameters
+    ----------
+    everything
+        Otherwise of the clock only, which the noise of ranges depends on.
     """
-    values = assumptions.assumed(target, platform, acoustics, source)
+    if everything:
+        values = assumptions.assumed(target, platform, acoustics, source)
+    else:
+        values = assumptions.clock(acoustics)
     tables = {"target": target, "platform": platform, "acoustics": acoustics}
     foreign = {name: table for name, table in tables.items() if table.fmu is not None}
     if not foreign:

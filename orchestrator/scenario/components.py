@@ -22,7 +22,9 @@ from ..simulation.alike import alike
 from ..simulation.receiver import for_beacons
 from ..simulation.system import ComponentSpec, Value
 from ..simulation.user_files import variables_of
+from ..simulation.user_receivers import of_fmu, of_folder
 from . import tracks
+from .own_keys import values_of
 from .scenario import Scenario, Source
 from .schema import SHARED_PARAMETERS, TRUE, content_of
 from .sources import known_source, named
@@ -98,8 +100,11 @@ def receiver_of(scenario: Scenario, label: str, source: Source, fmi: int) -> Par
         assumed = scenario.assumptions(names)
         assumed = {key: assumed[key] for _, key, _ in rows if key in assumed}
         return ours_of(source, scenario, "receiver", fmi, assumed)
-    _check_contract(label, source)
     own = table.fmu is not None and source == known_source(table.fmu)
+    built = of_fmu(source)
+    if built is not None and (built.beacons, built.fmi) != (scenario.beacons, fmi):
+        source = of_folder(str(built.folder), scenario.beacons, cast(Literal[2, 3], fmi)).fmu
+    _check_contract(label, source)
     return foreign("receiver", scenario, source, own)
 
 
@@ -122,14 +127,21 @@ def foreign(table_name: str, scenario: Scenario, source: Source, own: bool) -> P
                     f"{scenario.where(table_name, key)}: must be a parameter of {named(fmu)}, "
                     f"got {name!r}{nearest(name, has)}"
                 )
+    built = of_fmu(fmu)
     wanted = {*SHARED_PARAMETERS, *given}
     if getattr(table, "prior", None) == TRUE:
         wanted.add("initialisation")
     assumed = scenario.assumptions(has) if table_name == "receiver" else {}
     values = {"seed": scenario.seed, **_values(_rows(table.variables.values()), table, assumed)}
+    if built is not None:  # told as ours are
+        wanted |= {table.variables[key].name for key in assumed}
     parameters = {k: v for k, v in values.items() if k in has and k in wanted}
     further = table.parameters or {}
-    if table.fmu is None:
+    if built is not None:
+        keys = {v.key for v in built.parameters}
+        mine = {k: v for k, v in further.items() if own or k in keys}
+        parameters |= values_of(scenario, built, mine)
+    elif table.fmu is None:
         parameters |= {k: _flat(v) for k, v in further.items() if k in has}
     elif own:
         parameters |= {k: _flat(v) for k, v in further.items()}
@@ -156,6 +168,13 @@ def ports_of_source(where: str, source: Source) -> Mapping[str, Port]:
     return ports_of(variables_of(where, source))
 
 
+def names_of(where: str, source: Source) -> frozenset[str]:
+    """Names of a component's ports, and the keys of its parameters if a folder declares them."""
+    built = of_fmu(source)
+    keys = () if built is None else (v.key for v in built.parameters)
+    return frozenset((*ports_of_source(where, source), *keys))
+
+
 def _check_contract(label: str, source: Source) -> None:
     """Refuse a source that does not fulfil the contract of a receiver."""
     from sblcosim.fmus.conformance.receiver_contract import check_receiver, check_variables
@@ -163,7 +182,7 @@ def _check_contract(label: str, source: Source) -> None:
     hint = ""
     if isinstance(source, str | Path):
         findings: Iterable[Any] = check_receiver(source).findings
-        label, hint = str(source), f"; see 'sblcosim check {source}'"
+        label, hint = named(source), f"; see 'sblcosim check {source}'"
     else:
         findings = check_variables(variables_of(label, source))
     problems = [f"{f.variable}: {f.message}" for f in findings if f.severity == "error"]

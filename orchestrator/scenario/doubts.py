@@ -5,21 +5,16 @@ from __future__ import annotations
 import marshal
 from collections.abc import Iterator, Mapping
 
+from sblcosim.models.receiver.receivers import FOUND
 from sblcosim.models.settings.beacons import beacons_of
 
 from ..simulation.alike import alike
+from ..simulation.user_receivers import of_fmu
 from . import arrangement
 from .scenario import Scenario, Source
 from .tracks import ABOVE
 
-PURPOSES: Mapping[str, str] = {
-    "ekf": "comparisons with the paper",
-    "sequential": "beacons anywhere whose reported positions are good: it estimates no error",
-    "coupled": "beacons on one platform, which share the errors of its GPS and IMU",
-    "fixed_lag": "beacons as for coupled, where estimates may come some time after their epochs",
-    "long_baseline": "beacons with errors of their own: below buoys, or surveyed on the bottom",
-    "multilateration": "comparisons: what the ranges say without a filter",
-}
+PURPOSES: Mapping[str, str] = {name: it.purpose for name, it in FOUND.items() if it.purpose}
 """What each of our receivers is for."""
 
 
@@ -83,31 +78,9 @@ def _of_arrangement(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_receivers(scenario: Scenario, chosen: Mapping[str, Source]) -> Iterator[str]:
-    """Receivers for beacons with other errors than those of the scenario.
-
-    RMS total error in 300 runs, and what the covariance is: with beacons on the bottom
-    (harbour-lbl) `long_baseline` 0.42 m, in band, `coupled` 0.57 m, pessimistic, `fixed_lag`
-    0.40 m, pessimistic; below buoys (gps-buoys) `long_baseline` 0.62 m, in band, `coupled` 0.48 m,
-    pessimistic, `fixed_lag` 0.33 m, pessimistic.
-    """
-    platform = scenario.platform
+    """Receivers for beacons with other errors than those of the scenario."""
+    beacons = arrangement.errors_of(scenario.platform)
     for label, source in chosen.items():
-        if source in ("coupled", "fixed_lag") and arrangement.has_own_errors(platform):
-            here = _surveyed(str(source)) if platform.gps_shared else _BUOYS
-        elif source == "long_baseline" and arrangement.shares_errors(platform):
-            here = "all beacons share those of one platform: try coupled"
-        else:
-            continue
-        yield f"receiver {label}: is for {PURPOSES[source]}; here {here}"
-
-
-_BUOYS = (
-    "each buoy has a GPS of its own: its covariance does not fit, and its error is small only if "
-    "the buoys keep their arrangement; compare it with long_baseline"
-)
-
-
-def _surveyed(receiver: str) -> str:
-    """What to do about a receiver for beacons on the bottom."""
-    advice = "try long_baseline" if receiver == "coupled" else "compare it with long_baseline"
-    return f"each beacon has an error of its own: {advice}"
+        declared = FOUND.get(source) if isinstance(source, str) else of_fmu(source)
+        if declared is not None and beacons is not None and beacons in declared.unfit:
+            yield f"receiver {label}: is for {declared.purpose}; here {declared.unfit[beacons]}"

@@ -15,6 +15,7 @@ from sblcosim.models.declaration import Condition, Variable
 from sblcosim.models.settings.keys import in_si
 from sblcosim.models.settings.presets import PRESET_TABLES, PRESETS, preset
 
+from ..words.lists import listed, plural
 from .schema import CORE_COMPONENTS, Table, toml
 from .tracks import FILE, FILE_KEYS
 
@@ -35,7 +36,7 @@ def is_choice(key: Key) -> bool:
     return key in _SELECTED_BY
 
 
-class Tables(Protocol):
+class _Tables(Protocol):
     """The part of a scenario that is needed here."""
 
     platform: Any
@@ -43,7 +44,7 @@ class Tables(Protocol):
     receiver: Any
 
 
-def components_of(scenario: Tables) -> Ours:
+def components_of(scenario: _Tables) -> Ours:
     """Our components that the scenario itself selects, by table."""
     receiver = scenario.receiver
     return {
@@ -52,14 +53,14 @@ def components_of(scenario: Tables) -> Ours:
     }
 
 
-def idle(scenario: Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
+def idle(scenario: _Tables, ours: Ours, keys: Iterable[Key]) -> dict[Key, str]:
     """The keys, among some, that have no effect in a scenario, each with the reason."""
     names = {table: tuple(own) for table, own in ours.items()}
     reasons = {key: _why(scenario, names, key) for key in keys}
     return {key: why for key, why in reasons.items() if why is not None}
 
 
-def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
+def in_vain(scenario: _Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, str]:
     """As `idle`, plus keys that only set other keys, all of which are given."""
     reasons = {
         key: _all_given(scenario, governed, key)
@@ -70,7 +71,7 @@ def in_vain(scenario: Tables, ours: Ours, keys: Collection[Key]) -> dict[Key, st
     return redundant | idle(scenario, ours, keys)
 
 
-def given(scenario: Tables) -> Iterator[Key]:
+def given(scenario: _Tables) -> Iterator[Key]:
     """Keys of parameters and presets that were given explicitly."""
     for name in (*CORE_COMPONENTS, "receiver"):
         table = getattr(scenario, name)
@@ -93,7 +94,7 @@ def conditions(key: Key) -> Iterator[Key]:
         yield from ((table, variable.key) for group in groups for _, variable in group)
 
 
-def _why(scenario: Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> str | None:
+def _why(scenario: _Tables, ours: Mapping[str, tuple[str, ...]], key: Key) -> str | None:
     """Why a key has no effect in any of our components that use it; None if it has one."""
     name, table = key[-1], getattr(scenario, key[0])
     if name in PRESET_TABLES:
@@ -154,22 +155,19 @@ def _text(group: Iterable[_Met], table: Any) -> str:
         elif not condition.values:
             value = 0
         names.setdefault(toml(value), []).append(variable.key)
-    return " and ".join(f"{_listed(keys)} {value}" for value, keys in names.items())
+    return " and ".join(f"{_are(keys)} {value}" for value, keys in names.items())
 
 
-def _listed(keys: list[str]) -> str:
+def _are(keys: list[str]) -> str:
     """``a is``, ``a and b are``, ``a, b, c and 4 others are``."""
-    if len(keys) == 1:
-        return f"{keys[0]} is"
-    if len(keys) <= _SHOWN:
-        return f"{', '.join(keys[:-1])} and {keys[-1]} are"
-    return f"{', '.join(keys[: _SHOWN - 1])} and {len(keys) - _SHOWN + 1} others are"
+    names = listed(keys, most=_SHOWN, shown=_SHOWN - 1, rest="others")
+    return f"{names} {plural(len(keys), 'is', 'are')}"
 
 
 # --- Keys that only set other keys ---------------------------------------------------------------
 
 
-def _governors(scenario: Tables) -> dict[Key, list[Key]]:
+def _governors(scenario: _Tables) -> dict[Key, list[Key]]:
     """Keys that only set other keys, and those keys; a key that is given takes precedence."""
     ticks = [(name, "sampling_time_s") for name in CORE_COMPONENTS]
     update = ("receiver", "update_interval_s")
@@ -185,9 +183,9 @@ def _governors(scenario: Tables) -> dict[Key, list[Key]]:
     return governors
 
 
-def _all_given(scenario: Tables, governed: Iterable[Key], key: Key) -> str | None:
+def _all_given(scenario: _Tables, governed: Iterable[Key], key: Key) -> str | None:
     governed = list(governed)
     if any(name not in getattr(scenario, table).model_fields_set for table, name in governed):
         return None
     inside = key[0] if len(key) > 1 else ""
-    return f"{_listed([n if t == inside else f'{t}.{n}' for t, n in governed])} given"
+    return f"{_are([n if t == inside else f'{t}.{n}' for t, n in governed])} given"

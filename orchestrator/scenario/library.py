@@ -1,4 +1,4 @@
-"""Names of what comes along; quick to import, for the shell waits for it."""
+"""Names of what is included; quick to import, because the shell waits for it."""
 
 from __future__ import annotations
 

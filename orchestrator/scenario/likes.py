@@ -10,7 +10,7 @@ from ..errors import ConfigurationError, nearest
 
 
 @dataclass(frozen=True)
-class Question:
+class KnownNumber:
     """One number of a system that its owner knows.
 
     Attributes
@@ -39,16 +39,16 @@ class Like:
 
     about: str
     source: str | Mapping[str, Any]
-    questions: tuple[Question, ...]
+    questions: tuple[KnownNumber, ...]
 
 
 _BEACONS = "Where the {} are: forward, right and down of {} [m], as [[x, y, z], ...]"
-_PING = Question("time.sampling_time_s", "Time from ping to ping [s]")
-_SPEED = Question("target.speed_m_s", "How fast the diver swims [m/s]")
-_GPS = Question(
+_PING = KnownNumber("time.sampling_time_s", "Time from ping to ping [s]")
+_SPEED = KnownNumber("target.speed_m_s", "How fast the diver swims [m/s]")
+_GPS = KnownNumber(
     "platform.gps_grade", "The GPS: standalone, sbas, differential, rtk_float or rtk_fixed"
 )
-_SEA = Question("platform.beaufort", "The sea [Beaufort, 0 to 6]")
+_SEA = KnownNumber("platform.beaufort", "The sea [Beaufort, 0 to 6]")
 _BOAT: Mapping[str, Any] = {
     "title": "Four receivers off a boat",
     "time": {"sampling_time_s": 0.5},
@@ -76,27 +76,27 @@ LIKES: Mapping[str, Like] = {
     "water-linked": Like(
         "four receivers hung off a boat at different depths; the diver's locator pings",
         _BOAT,
-        (Question("platform.beacon_m", _BEACONS.format("receivers", "the boat's middle")),
+        (KnownNumber("platform.beacon_m", _BEACONS.format("receivers", "the boat's middle")),
          _GPS, _SEA, _PING, _SPEED),
     ),
     "buoys": Like(
         "buoys around the dive, each with a GPS of its own",
         "gps-buoys",
-        (Question("platform.beacon_m", _BEACONS.format("beacons", "the middle of the buoys")),
+        (KnownNumber("platform.beacon_m", _BEACONS.format("beacons", "the middle of the buoys")),
          _GPS, _PING, _SPEED),
     ),
     "lbl": Like(
         "beacons on the bottom, far apart",
         "harbour-lbl",
-        (Question("platform.beacon_m", _BEACONS.format("beacons", "the origin")),
-         Question("platform.mounting_std_m", "How well they are surveyed, per axis [m]"),
+        (KnownNumber("platform.beacon_m", _BEACONS.format("beacons", "the origin")),
+         KnownNumber("platform.mounting_std_m", "How well they are surveyed, per axis [m]"),
          _PING, _SPEED),
     ),
     "paper": Like(
         "the paper's floating cross of four beacons",
         "paper-scenario-1",
-        (Question("platform.arm_length_m", "Length of its arms [m]"),
-         Question("platform.gps_horizontal_std_m", "White error of its GPS, per axis [m]"),
+        (KnownNumber("platform.arm_length_m", "Length of its arms [m]"),
+         KnownNumber("platform.gps_horizontal_std_m", "White error of its GPS, per axis [m]"),
          _PING, _SPEED),
     ),
 }

@@ -32,7 +32,8 @@ def clear_for_presets(
 _PLAIN = {bool, int, float, str, tuple, list}
 
 
-def _is_table(value: Any) -> TypeGuard[Mapping[str, Any]]:
+def is_mapping(value: Any) -> TypeGuard[Mapping[str, Any]]:
+    """Whether a value is a table, not a key."""
     # Of most values the type tells at once that they are none.
     return type(value) not in _PLAIN and isinstance(value, Mapping)
 
@@ -40,7 +41,7 @@ def _is_table(value: Any) -> TypeGuard[Mapping[str, Any]]:
 def without_none(tables: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of nested tables without the keys whose value is None."""
     return {
-        key: without_none(value) if _is_table(value) else value
+        key: without_none(value) if is_mapping(value) else value
         for key, value in tables.items() if value is not None
     }
 
@@ -67,7 +68,7 @@ def pairs(overrides: Changes | Mapping[str, Any]) -> Iterator[tuple[tuple[str, .
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             path = tuple(str(key).split("."))
-            if _is_table(value) and path[-1] != "parameters":
+            if is_mapping(value) and path[-1] != "parameters":
                 for rest, inner in pairs(value):
                     yield path + rest, inner
             else:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 from sblcosim.fmus.host.nanoseconds import SECOND, is_whole_ns, nanoseconds
 from sblcosim.models import RECEIVERS
-from sblcosim.models.settings.assumptions import levels
+from sblcosim.models.settings.assumptions import PARAMETERS, levels
 from sblcosim.models.settings.beacons import arranged
 from sblcosim.models.settings.keys import starts
 from sblcosim.models.settings.paths import counts
@@ -28,7 +28,7 @@ from ..tracks.resample import TooFewError
 from . import arrangement, effects, files, library, packets, tracks
 from .assumptions import assumed
 from .messages import cross_check, is_table, lines
-from .overrides import Changes, clear_for_presets, gathered, pairs, without_none
+from .overrides import Changes, clear_for_presets, gathered, is_mapping, pairs, without_none
 from .reading import check_values, parse, read_text, relative, shown
 from .schema import (
     PRIOR_KEYS,
@@ -206,9 +206,13 @@ class Scenario(Table):
         parameters
             Those of the receiver. One that does not estimate its clock takes the clock's error for
             one of the ranges; one that is told the arrangement takes it for noisier if beacons
-            are not where they should be.
+            are not where they should be. One that has none of what follows from the system is
+            told its noises only.
         """
-        flags = ("clock_std" in parameters, "beacon_offset" in parameters)
+        flags = (
+            "clock_std" in parameters, "beacon_offset" in parameters,
+            not PARAMETERS.isdisjoint(parameters),
+        )
         own = "pose_source" in self.receiver.model_fields_set and self.receiver.pose_source
         content = tuple(content_of(self, name) for name in ("target", "platform", "acoustics"))
         if None in content:
@@ -217,13 +221,16 @@ class Scenario(Table):
             "assumptions", (flags, own, content), lambda: self._assumptions(*flags)
         )
 
-    def _assumptions(self, estimates_clock: bool, knows_arrangement: bool) -> dict[str, Any]:
+    def _assumptions(
+        self, estimates_clock: bool, knows_arrangement: bool, everything: bool
+    ) -> dict[str, Any]:
         source = self.receiver.pose_source
         if "pose_source" not in self.receiver.model_fields_set:
             source = None
         tables = (self.target, self.platform, self.acoustics)
         return levels(
-            assumed(*tables, source), *tables, estimates_clock=estimates_clock,
+            assumed(*tables, source, everything=everything), *tables,
+            estimates_clock=estimates_clock,
             knows_arrangement=knows_arrangement,
         )
 
@@ -345,7 +352,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Changes =
     except TooFewError as error:
         raise ConfigurationError(cross_check(str(error), where, changed)) from None
     if found is not None:
-        scenario = _validated(found[0], where, changed)
+        scenario = _validated(without_none(found[0]), where, changed)
         scenario.__dict__["_track"] = found[1]
     elif isinstance(source, Scenario) and ("target", "track_m") not in changed:
         scenario.__dict__["_track"] = source.__dict__.get("_track", "")
@@ -381,14 +388,19 @@ def _override(raw: dict[str, Any], overrides: Changes) -> set[tuple[str, ...]]:
                 raise ConfigurationError(
                     f"override {shortened('.'.join(path))}: {shortened(part)} must be a table"
                 )
-        is_file = path[-1] in FILES and isinstance(value, str)
-        table[path[-1]] = str(resolved(value)) if is_file else value
+        if value is None:
+            table.pop(path[-1], None)
+        elif is_mapping(value):
+            table[path[-1]] = without_none(value)
+        else:
+            is_file = path[-1] in FILES and isinstance(value, str)
+            table[path[-1]] = str(resolved(value)) if is_file else value
     return {path for path, _ in batch}
 
 
 def _validated(raw: Mapping[str, Any], where: str, changed: set[tuple[str, ...]]) -> Scenario:
     try:
-        return Scenario.model_validate(without_none(raw))
+        return Scenario.model_validate(raw)
     except ValidationError as error:
         fields = Scenario.model_fields
         wrong = [line for e in error.errors() for line in lines(e, where, changed, fields)]

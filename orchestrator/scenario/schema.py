@@ -144,7 +144,7 @@ def _annotation(variables: Iterable[Variable], variable: Variable) -> Any:
     return annotation
 
 
-def _table(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
+def table_class(name: str, variables: Iterable[Variable], extra: Mapping[str, Any]) -> type[Table]:
     """Make the class of a table: extra keys first, then one per parameter."""
     parameters = {v.key: v for v in variables if v.causality == "parameter"}
     keys: dict[str, Any] = dict(extra)
@@ -196,7 +196,7 @@ if TYPE_CHECKING:
         """Table ``[receiver]``: keys of all our receivers."""
 
 else:
-    Target = _table(
+    Target = table_class(
         "Target",
         COMPONENTS["target"],
         {
@@ -215,7 +215,7 @@ else:
             ),
         },
     )
-    Platform = _table(
+    Platform = table_class(
         "Platform",
         COMPONENTS["platform"],
         {
@@ -232,7 +232,7 @@ else:
             ),
         },
     )
-    Acoustics = _table(
+    Acoustics = table_class(
         "Acoustics",
         COMPONENTS["acoustics"],
         {
@@ -245,7 +245,7 @@ else:
             ),
         },
     )
-    Receiver = _table(
+    Receiver = table_class(
         "Receiver",
         OF_RECEIVERS.values(),
         {

@@ -13,6 +13,7 @@ from sblcosim.models import RECEIVERS
 from ..errors import ConfigurationError, check_choice, instance, nearest, quoted
 from ..simulation.user_code import PythonSource, is_python
 from ..simulation.user_files import component_of_file
+from ..simulation.user_receivers import of_fmu, of_folder
 from .labels import RAW
 from .reading import shown
 from .scenario import Receivers, Scenario, Source
@@ -138,6 +139,8 @@ def known_source(source: Source) -> Source:
     path = Path(source)
     if os.path.isfile(path):
         return path
+    if str(source) and os.path.isdir(path) and path.suffix != ".fmu":
+        return of_folder(str(source)).fmu
     if path.suffix == ".fmu":
         got = "a folder" if os.path.isdir(path) else "no such file"
         raise ConfigurationError(f"receiver: {shown(path)}: must be an FMU file, got {got}")
@@ -156,16 +159,24 @@ def _as_file(source: str) -> str:
 
 
 def file_of(source: Source) -> str | None:
-    """The file that a source is; None for one of ours, and for a class that is not from a file."""
+    """The file or folder that a source is; None for one of ours, and for a class without a file."""
     if isinstance(source, PythonSource):
         return source.origin if source.is_file else None
     ours = isinstance(source, str) and source in RECEIVERS
-    return None if ours or callable(source) else str(Path(source).absolute())
+    if ours or callable(source):
+        return None
+    return str(_given(source).absolute())
 
 
 def named(source: Source) -> str:
     """A source for messages."""
-    return str(source) if isinstance(source, str | Path) else source.__qualname__
+    return str(_given(source)) if isinstance(source, str | Path) else source.__qualname__
+
+
+def _given(source: str | Path) -> Path:
+    """The file or folder that the user has given; an FMU may have been built of a folder."""
+    built = of_fmu(source)
+    return Path(source) if built is None else built.folder
 
 
 def _label(source: Source, taken: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from ..errors import ConfigurationError, ConfigurationWarning, shortened
 from ..tracks.place import Floats, Origin
 
 if TYPE_CHECKING:
-    from ..tracks.resample import Kept
+    from ..tracks.resample import KeptPoints
     from ..tracks.track import Recorded
 
 FILE = "file"
@@ -34,7 +34,7 @@ CAPACITIES = (TRACK_POINTS, 256, TRACK_POINTS.most)
 """Numbers of points for which Targets are built."""
 
 
-class Tables(Protocol):
+class _Tables(Protocol):
     """The part of a scenario that is needed here."""
 
     target: Any
@@ -57,7 +57,7 @@ def origin_of(place: Any) -> Origin | None:
     return Origin(place.latitude_deg, place.longitude_deg, place.height_m)
 
 
-def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
+def with_points(scenario: _Tables) -> tuple[dict[str, Any], str] | None:
     """The given tables with the points of the track in place of its file, and what was left out.
 
     So whatever is made of the scenario needs no file. None: there is no file to read.
@@ -113,7 +113,7 @@ def with_points(scenario: Tables) -> tuple[dict[str, Any], str] | None:
     return tables, _about(shortened(Path(target.track_file).name, 80), recorded, kept)
 
 
-def _about(name: str, recorded: Recorded, kept: Kept) -> str:
+def _about(name: str, recorded: Recorded, kept: KeptPoints) -> str:
     """What was left out, in a sentence."""
     added = f" and {kept.added:,} on the straight lines between them" if kept.added else ""
     others = ""

@@ -32,7 +32,7 @@ from ..simulation.execution import initial_outputs
 from ..simulation.settings import facts_of
 from ..simulation.system import ComponentSpec, Connection, System, Value
 from . import effects
-from .components import Part, described, foreign, ours_of, ports_of_source, receiver_of
+from .components import Part, described, foreign, names_of, ours_of, ports_of_source, receiver_of
 from .doubts import doubts
 from .labels import RAW
 from .scenario import Receivers, Scenario, Source, load
@@ -141,7 +141,7 @@ def applied(scenario: Scenario, choice: Choice) -> Scenario:
             known = {v.name for v in RECEIVERS[source].of("parameter")}
             own = {"type": source}
         else:
-            known = {*ports_of_source(name, source), *SHARED_PARAMETERS}
+            known = {*names_of(name, source), *SHARED_PARAMETERS}
             own = {"fmu": file}
         for key in given.keys() & table.variables.keys():
             if table.variables[key].name not in known:
@@ -215,7 +215,7 @@ def _refuse_idle_keys(scenario: Scenario, chosen: Mapping[str, Source]) -> None:
     if table.fmu is not None:
         return  # `foreign` checks against the FMU itself
     foreign = {label: s for label, s in chosen.items() if not isinstance(s, str)}
-    further = {k for label, s in foreign.items() for k in ports_of_source(label, s)}
+    further = {k for label, s in foreign.items() for k in names_of(label, s)}
     for key in table.parameters or {}:
         if key not in further:
             raise ConfigurationError(

@@ -36,7 +36,6 @@ from .masters import native, python
 from .memory import Memory, up
 from .messages import (
     Added,
-    Answer,
     Begun,
     Call,
     End,
@@ -46,6 +45,7 @@ from .messages import (
     SharedArray,
     Start,
     Task,
+    TaskEnded,
     read,
 )
 from .shared import Shared
@@ -224,7 +224,7 @@ def main() -> None:
         shared.look()
 
     user_code.allow(loaded)
-    send(answers, Answer())
+    send(answers, TaskEnded())
     while True:
         task, answer = _done(todo.get(), telling, shared)
         if os.getpid() != own:  # the user's code has forked, and this is the copy
@@ -275,7 +275,7 @@ def _follow(tasks: IO[bytes], todo: queue.SimpleQueue[bytes], folder: str) -> No
     os._exit(1)
 
 
-def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | None, Answer]:
+def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | None, TaskEnded]:
     """Do a task; return it and its answer."""
     task, value = None, None
     error: Exception | None = None
@@ -298,7 +298,7 @@ def _done(content: bytes, telling: _Telling, shared: Shared) -> tuple[Task | Non
                 f"{blamed}: must let its process go on, got {raised(problem)}"
             )
             error.component = blamed if blamed in telling.names else None
-    return task, Answer(
+    return task, TaskEnded(
         value,
         error,
         tuple(telling.failures.items()),
@@ -337,7 +337,7 @@ def _text(of: object) -> str:
         return f"{type(of).__name__}, which cannot be shown"
 
 
-def _packed(answer: Answer, blamed: str | None) -> bytes:
+def _packed(answer: TaskEnded, blamed: str | None) -> bytes:
     """An answer pickled, if its reader can read it."""
     try:
         content = pickle.dumps(answer)
@@ -348,7 +348,7 @@ def _packed(answer: Answer, blamed: str | None) -> bytes:
             f"{raised(problem)}"
         )
         error.component = blamed
-        return pickle.dumps(Answer(error=error, spoilt=True))
+        return pickle.dumps(TaskEnded(error=error, spoilt=True))
     return content
 
 

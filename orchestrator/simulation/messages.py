@@ -166,7 +166,7 @@ class SharedArray:
 
 
 @dataclass(frozen=True)
-class Answer:
+class TaskEnded:
     """Message: the task has ended.
 
     Attributes

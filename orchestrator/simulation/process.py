@@ -29,7 +29,6 @@ from ..data.record import Record
 from ..errors import ConfigurationError, FmuError, one_line
 from .memory import Memory
 from .messages import (
-    Answer,
     Begun,
     Call,
     End,
@@ -38,6 +37,7 @@ from .messages import (
     InitialOutputs,
     Start,
     Task,
+    TaskEnded,
     read,
 )
 from .plan import PROGRESS_INTERVAL, Plan
@@ -318,7 +318,7 @@ class Process:
             what = f"ended the process (exit code {code if code < 256 else hex(code)})"
         return watched.failure(self._state, None, what)
 
-    def _tell(self, answer: Answer, watched: Watched) -> None:
+    def _tell(self, answer: TaskEnded, watched: Watched) -> None:
         self.spoilt |= answer.spoilt
         watched.tell(answer)
 

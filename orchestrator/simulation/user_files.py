@@ -37,7 +37,7 @@ def component_of_file(text: str) -> PythonSource:
     path, name = Path(match["file"]), match["name"]
     where = f"receiver: {quoted(text)}"
     content = read_file(path, f"{where} must be FILE.py:CLASS, got", where)
-    maker, sha256 = _found(loading.component, path.absolute(), content, name, where)
+    maker, sha256 = found(loading.component, path.absolute(), content, name, where)
     return _source(maker, f"{maker.path}:{maker.name}", sha256)
 
 
@@ -68,33 +68,39 @@ def function_of_file(text: str, folder: Path, key: str, afterwards: str = "") ->
     where = f"{key}: {quoted(text)}"
     path = folder / file
     content = read_file(path, f"{where} must be FILE.py:FUNCTION, got", where)
-    return _found(loading.function, path.absolute(), content, name, where, afterwards)
+    return found(loading.function, path.absolute(), content, name, where, afterwards)
 
 
-def _found(
-    look: Callable[..., tuple[InFile, str]],
+def found(
+    look: Callable[..., tuple[Any, str]],
     path: Path,
     content: bytes,
-    name: str | None,
+    name: Any,
     where: str,
     afterwards: str = "",
-) -> tuple[InFile, str]:
-    """What a file holds, and what it is known by."""
+) -> tuple[Any, str]:
+    """What a child finds in a file, and what that is known by.
+
+    Parameters
+    ----------
+    look
+        Called there, with the file, its content and key, `name` and `where`.
+    """
     key = hashlib.sha256(f"{path} ".encode(errors="surrogatepass") + content).hexdigest()
 
-    def ask() -> tuple[InFile, str]:
+    def ask() -> tuple[Any, str]:
         named = {where.partition(":")[0]: f"the Python file {shortened(path.name)}"}
         question = partial(look, path, content, key, name, where)
-        found: tuple[InFile, str] = call(question, key, named, afterwards=afterwards)
-        return found
+        answer: tuple[Any, str] = call(question, key, named, afterwards=afterwards)
+        return answer
 
-    def asked() -> tuple[InFile, str]:
-        found = ask()
-        if _known.setdefault(key, found[1]) != found[1]:  # of something that the file imports
+    def asked() -> tuple[Any, str]:
+        answer = ask()
+        if _known.setdefault(key, answer[1]) != answer[1]:  # of something that the file imports
             waiting.close(key)
-            found = ask()
-            _known[key] = found[1]
-        return found
+            answer = ask()
+            _known[key] = answer[1]
+        return answer
 
     return unchanged.once((look, path, content, name, where), asked)
 
@@ -138,8 +144,8 @@ def for_others(thing: InFile) -> InFile:
     if thing.content is None:
         return thing
     named = {"workers": f"the Python file {shortened(thing.path.name)}"}
-    found: InFile = call(partial(loading.packed, thing), thing.key, named)
-    return found
+    sent: InFile = call(partial(loading.packed, thing), thing.key, named)
+    return sent
 
 
 def call(

@@ -12,7 +12,7 @@ from sblcosim.fmus.host.nanoseconds import text_of
 from sblcosim.fmus.read.ports import Fmu
 
 from ..errors import ConfigurationWarning, FmuError
-from .messages import Answer, Begun
+from .messages import Begun, TaskEnded
 from .plan import PlannedComponent
 from .state import CALLING, LOOP, State
 
@@ -93,7 +93,7 @@ class Watched:
         case = self.cases[s.progress.row] if s.progress.row < len(self.cases) else ""
         return names[s.component], _PHRASES.get(function, function), case and f" at {case}"
 
-    def tell(self, answer: Answer) -> None:
+    def tell(self, answer: TaskEnded) -> None:
         """Warn of what a task has changed, and give the warnings of the user's code."""
         for name, function, habits in answer.habits:
             what = " and ".join(text for bit, text in _HABITS.items() if habits & bit)

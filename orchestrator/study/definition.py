@@ -22,7 +22,7 @@ from . import design as designs
 from . import drawn
 from .design import Design, Factor, Number
 from .grid import crossed, grid
-from .space import NEWEST, Sample, Version
+from .space import NEWEST, Sample, SampleVersion
 from .space import sample as draw
 from .stand_in import StandIn
 from .tables import (
@@ -145,7 +145,7 @@ class Definition(Table):
             factors, self.design.base_rows or BASE_ROWS, self.seed, self.design.sample or NEWEST
         )
 
-    def with_sample(self, version: Version) -> Self:
+    def with_sample(self, version: SampleVersion) -> Self:
         """A copy, of a space, with another version of its sample."""
         given = {name: getattr(self, name) for name in self.model_fields_set}
         design = self.design.model_copy(update={"sample": version})

@@ -173,7 +173,7 @@ def problems(given: Distribution, names: Sequence[str] = ()) -> Iterator[str]:
     needed, allowed = _NUMBERS[kind]
     if names and kind != "choice":
         yield (
-            f"distribution: must be 'choice' for a key that is one of {_listed(names)}, got "
+            f"distribution: must be 'choice' for a key that is one of {_quoted(names)}, got "
             f"{kind!r}"
         )
         return
@@ -230,7 +230,7 @@ def _wrong_levels(given: Distribution, names: Sequence[str]) -> Iterator[str]:
         elif levels.count(level) > 1:
             yield f"levels: must differ, got {quoted(level)} {levels.count(level)} times"
         elif names and level not in names:
-            yield f"levels: must be among {_listed(names)}, got {quoted(level)}" + (
+            yield f"levels: must be among {_quoted(names)}, got {quoted(level)}" + (
                 nearest(level, names) if kind is str else ""
             )
         else:
@@ -245,7 +245,7 @@ def _wrong_levels(given: Distribution, names: Sequence[str]) -> Iterator[str]:
             yield f"weights: must be more than 0, got {min(given.weights):g}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _quoted(names: Sequence[str]) -> str:
     return ", ".join(map(quoted, names))
 
 

@@ -10,8 +10,7 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..scenario.file_schema import scenario_schema
 from .design import Design, Factor
-from .space import Factor as SpaceFactor
-from .space import Sample
+from .space import DrawnFactor, Sample
 from .tables import FactorTable, named
 
 ROUNDED: Mapping[str, float] = {"time.sampling_time_s": 1e-3}
@@ -20,7 +19,7 @@ ROUNDED: Mapping[str, float] = {"time.sampling_time_s": 1e-3}
 
 def factor_of(
     name: str, factor: FactorTable, of_keys: bool, *, label: str = "", unit: str = ""
-) -> SpaceFactor:
+) -> DrawnFactor:
     """A factor of a space: its distribution, with the bounds of its keys.
 
     Parameters
@@ -51,7 +50,7 @@ def factor_of(
         names = names or tuple(known.get("enum", ()))
         if known.get("type") == "boolean":
             names = ("true", "false")
-    return SpaceFactor(name, law, low, high, step or None, names, label, unit)
+    return DrawnFactor(name, law, low, high, step or None, names, label, unit)
 
 
 @cache

@@ -12,7 +12,7 @@ from ..errors import ConfigurationError
 from .design import MOST_POINTS, Design, Factor, Level, check_factors, shown
 
 _DRAWS = 1000
-"""After so many draws that miss a level, there are too few points."""
+"""Draws that miss a level, after which there are too few points."""
 
 
 def grid(factors: Sequence[Factor], points: int | None = None, seed: int = 0) -> Design:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from sblcosim.models import RECEIVERS
+
 from ..errors import ConfigurationError, instance, quoted, resolved, shortened
 from ..scenario.reading import parse, read_text, shown
 from ..scenario.sources import known_source, labelled, named
@@ -17,7 +19,9 @@ def receiver(entry: Any, folder: Path) -> Any:
     """A receiver of a study with its file found; whether there is one is checked later."""
     if isinstance(entry, str | Path):
         text = str(entry)
-        is_file = text.endswith(".fmu") or is_python(text)
+        is_file = text.endswith(".fmu") or is_python(text) or bool(
+            text and text not in RECEIVERS and (folder / text).is_dir()
+        )
         return str(resolved(folder / text)) if is_file else text
     return component_of(entry) if callable(entry) else entry
 

@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 SEED_FACTOR = "seed"
 """Name of the column of seeds, the last one that is swapped."""
 LEAST_BASE_ROWS, MOST_BASE_ROWS = 16, 2**20
-Version = Literal[1, 2]
+SampleVersion = Literal[1, 2]
 """Of the sample: 1 has A and B from one sequence, whose columns are not permuted."""
-NEWEST: Version = 2
+NEWEST: SampleVersion = 2
 _CELL = 2.0**-30  # of the Sobol' sequence; values are taken in the middle of a cell
 _ENDS = np.array([_CELL / 2, 1 - _CELL / 2])
 _SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
@@ -53,7 +53,7 @@ _SLACK = 1e-9  # of a step: 0.3 / 0.1 is less than 3
 
 
 @dataclass(frozen=True)
-class Factor:
+class DrawnFactor:
     """A quantity that is drawn from a distribution.
 
     Attributes
@@ -160,11 +160,11 @@ class Sample(Shown):
         How it was drawn.
     """
 
-    factors: tuple[Factor, ...]
+    factors: tuple[DrawnFactor, ...]
     base_rows: int
     values: pd.DataFrame
     seeds: NDArray[np.int64]
-    version: Version = NEWEST
+    version: SampleVersion = NEWEST
 
     def _gist(self) -> str:
         return f"of {len(self.factors)} factors, {self.base_rows} base rows, {len(self)} runs"
@@ -190,7 +190,7 @@ class Sample(Shown):
 
 
 def sample(
-    factors: Sequence[Factor], base_rows: int, seed: int = 1, version: Version = NEWEST
+    factors: Sequence[DrawnFactor], base_rows: int, seed: int = 1, version: SampleVersion = NEWEST
 ) -> Sample:
     """Sample a space for first-order and total Sobol' indices; see the module.
 
@@ -199,7 +199,7 @@ def sample(
     Parameters
     ----------
     base_rows
-        A power of 2: so many points of a Sobol' sequence are balanced.
+        A power of 2: only then are the points of a Sobol' sequence balanced.
     seed
         The sequences are scrambled and permuted by it, and it is the seed of the first run; the
         others follow: 2 n different ones.
@@ -212,7 +212,7 @@ def sample(
         There is no factor, two have the same name, the number of base rows is no power of 2, there
         are not enough seeds, or there is no such version.
     """
-    check_choice("version", version, get_args(Version))
+    check_choice("version", version, get_args(SampleVersion))
     _check(factors, base_rows, seed)
     k = len(factors) + 1
     a, b = (_joint if version == 1 else _permuted)(k, base_rows, seed)
@@ -250,7 +250,7 @@ def _sequence(columns: int, rng: np.random.Generator) -> qmc.Sobol:
     return qmc.Sobol(columns, scramble=True, seed=rng)
 
 
-def _check(factors: Sequence[Factor], base_rows: int, seed: int) -> None:
+def _check(factors: Sequence[DrawnFactor], base_rows: int, seed: int) -> None:
     if not factors:
         raise ConfigurationError("space: must have at least one factor, got none")
     names = [factor.name for factor in factors]

@@ -118,7 +118,7 @@ class StandIn:
         except foreseen() as error:
             raise ConfigurationError(
                 f"model: {self.name} must not raise an exception, got {raised(error)} at "
-                f"{_listed(given)}"
+                f"{_shown_values(given)}"
             ) from error
         if isinstance(value, int | float | np.number | np.bool_) and not isinstance(
             value, np.complexfloating
@@ -126,7 +126,7 @@ class StandIn:
             return float(value)
         raise ConfigurationError(
             f"model: {self.name} must return a number, got {shortened(instance(value))} at "
-            f"{_listed(given)}"
+            f"{_shown_values(given)}"
         )
 
 
@@ -192,7 +192,7 @@ def values_of(
     runs
         Values of the factors, by their names, and the seed of each.
     children
-        Those of whoever asks; None: any.
+        Those that are asked for; None: any.
 
     Raises
     ------
@@ -232,10 +232,10 @@ class _Cases(Sequence[str]):
         return len(self._runs)
 
     def __getitem__(self, row: Any) -> Any:
-        return _listed(self._model.given(*self._runs[row]))
+        return _shown_values(self._model.given(*self._runs[row]))
 
 
-def _listed(values: Mapping[str, Any]) -> str:
+def _shown_values(values: Mapping[str, Any]) -> str:
     return ", ".join(
         f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in values.items()

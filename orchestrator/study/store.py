@@ -30,7 +30,7 @@ from . import parts
 from .campaign import Campaign
 from .definition import Definition
 from .parts import PARTS, RUNS, Finished, Parts, Wanted, looked_through, refusal, write_file
-from .space import Version
+from .space import SampleVersion
 
 Space = TypeVar("Space", bound=Definition)
 
@@ -93,9 +93,9 @@ def as_begun(study: Space, folder: Path) -> Space:
     return study.with_sample(version_of_sample(before))
 
 
-def version_of_sample(definition: Mapping[str, Any]) -> Version:
+def version_of_sample(definition: Mapping[str, Any]) -> SampleVersion:
     """Of a space as its folder describes it; folders from before there were versions name none."""
-    version: Version = definition["study"]["design"].get("sample", 1)
+    version: SampleVersion = definition["study"]["design"].get("sample", 1)
     return version
 
 

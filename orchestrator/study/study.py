@@ -25,6 +25,7 @@ from ..scenario.scenario import Source
 from ..scenario.schema import SEED
 from ..shown import Listing, page
 from ..simulation.user_code import component_of_origin
+from ..words.lists import counted
 from . import levels, runner, store
 from .checks import idle_factors, known_keys, line, problems
 from .definition import Definition
@@ -64,10 +65,10 @@ class Study(Definition):
     def _size(self) -> str:
         points, met = len(self.points.values), len(self.conditions)
         return (
-            f"{_counted(len(self.factors), 'factor')}, "
-            + (f"{_counted(met, 'condition')}, " if met else "")
-            + f"{_counted(points, 'point')} × {self.replicates:,} = "
-            + _counted(points * self.replicates, "run")
+            f"{counted(len(self.factors), 'factor')}, "
+            + (f"{counted(met, 'condition')}, " if met else "")
+            + f"{counted(points, 'point')} × {self.replicates:,} = "
+            + counted(points * self.replicates, "run")
         )
 
     def with_replicates(self, replicates: int) -> Study:
@@ -97,10 +98,6 @@ class Study(Definition):
             self, out, workers=workers, executor=executor, scheduler=scheduler, master=master,
             step_timeout=step_timeout, progress=progress,
         )
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def shipped() -> tuple[str, ...]:
@@ -260,7 +257,7 @@ def read(
     Parameters
     ----------
     what, package
-        What it is, and which package has those that come along.
+        What it is, and which package has those that are included.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from ..errors import shortened
 from ..scenario.schema import Table
 from .design import Level
 from .distributions import Distribution, Kind, Numbers
-from .space import LEAST_BASE_ROWS, MOST_BASE_ROWS, NEWEST, Version
+from .space import LEAST_BASE_ROWS, MOST_BASE_ROWS, NEWEST, SampleVersion
 
 RESERVED = (
     "point", "replicate", "run_order", "seed", "error", "run_id", "centre",
@@ -192,7 +192,7 @@ class DesignTable(Table):
     base_rows: Annotated[int, Field(ge=LEAST_BASE_ROWS, le=MOST_BASE_ROWS)] | None = Field(
         default=None, description=f"Of a space: a power of 2; default: {BASE_ROWS}"
     )
-    sample: Version | None = Field(
+    sample: SampleVersion | None = Field(
         default=None,
         description=f"Of a space: version of its sample; default: that of the folder, or {NEWEST}",
     )

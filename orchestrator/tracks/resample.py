@@ -16,7 +16,7 @@ MOST = TRACK_POINTS.most
 _PARTS = 4  # of each piece of the recorded track, to bound what is between its points
 _STEEPEST = 0.2
 """A cubic with limited velocities strays from its chord by less than this times the chord."""
-_ROOM = 1.5  # so many times as many points as there may be, before the needless ones go
+_ROOM = 1.5  # times the allowed number of points, before the needless ones go
 _APART = 6
 _SHARE = 1.05  # what is said to fit is this much larger than what does
 
@@ -26,7 +26,7 @@ class TooFewError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class KeptPoints:
     """What is kept of a track.
 
     Attributes
@@ -47,7 +47,7 @@ class Kept:
     deviation: float
 
 
-def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) -> Kept:
+def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) -> KeptPoints:
     """Choose points of a track, so that the motion through them stays within a tolerance.
 
     What it is compared with, at all times, is the recorded track with straight lines between its
@@ -91,7 +91,7 @@ def fitted(times: Floats, points: Floats, tolerance: float, most: int = MOST) ->
     )
 
 
-def _choose(times: Floats, points: Floats, tolerance: float, most: int) -> Kept | None:
+def _choose(times: Floats, points: Floats, tolerance: float, most: int) -> KeptPoints | None:
     with_stops = _grown(times, points, tolerance, most, _stops(points))
     return with_stops or _grown(times, points, tolerance, most, np.zeros(len(times), bool))
 
@@ -106,7 +106,7 @@ def _stops(points: Floats) -> np.ndarray:
 
 def _grown(
     times: Floats, points: Floats, tolerance: float, most: int, chosen: np.ndarray
-) -> Kept | None:
+) -> KeptPoints | None:
     """Add points until the tolerance holds, and take those away that are not needed after all.
 
     None: there are too many. The chosen ones stay, and so do the first one and the last one.
@@ -127,7 +127,7 @@ def _grown(
             deviation = float(_deviations(times, points, knots, places)[1].max())
             added = int((~np.isin(knots, times)).sum())
             fits = len(knots) <= most
-            return Kept(knots, places, len(times), added, deviation) if fits else None
+            return KeptPoints(knots, places, len(times), added, deviation) if fits else None
         more, new = [], []
         ends = [*begins[1:], len(bounds)]
         for i in np.flatnonzero(worst > tolerance):

@@ -34,7 +34,7 @@ _BRIEF = {
 
 _POINT = "; numbers must have a decimal point, no comma"
 
-Row = tuple[int, list[str]]
+_Row = tuple[int, list[str]]
 """Number of a line, and its cells."""
 
 
@@ -83,7 +83,7 @@ def read(name: str, text: str) -> Recorded:
     return Recorded(name, times, points, GEOGRAPHIC[0] in columns, where)
 
 
-def _rows(name: str, text: str) -> Iterator[Row]:
+def _rows(name: str, text: str) -> Iterator[_Row]:
     """The lines that are neither empty nor begin with #."""
     first = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
     delimiter = max(",;\t", key=first.count)
@@ -172,7 +172,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _full(name: str, lines: Iterator[Row], header: Sequence[str]) -> Iterator[Row]:
+def _full(name: str, lines: Iterator[_Row], header: Sequence[str]) -> Iterator[_Row]:
     for line, cells in lines:
         if len(cells) != len(header):
             raise ConfigurationError(

@@ -20,7 +20,7 @@ from sblcosim.scenario.scenario import shipped
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes, lanes_driver
-from sblcosim.simulation.masters.lanes_memory import Memory
+from sblcosim.simulation.masters.lanes import LanesMemory
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve
@@ -57,7 +57,7 @@ def possible(number: int, plan: Plan) -> bool:
     return True
 
 
-def same(outcome: lanes.Outcome, run: int, plan: Plan) -> None:
+def same(outcome: lanes.RunsOutcome, run: int, plan: Plan) -> None:
     alone = execute(plan)
     np.testing.assert_array_equal(outcome.time_ns, alone.time_ns)
     for name, values in alone.values.items():
@@ -285,14 +285,14 @@ def test_no_run_writes_beside_its_memory(number: int, monkeypatch: pytest.Monkey
         pytest.skip("not on this processor")
     blocks: list[tuple[np.ndarray, int, int]] = []
 
-    def fenced(memory: Memory, size: int) -> int:
+    def fenced(memory: LanesMemory, size: int) -> int:
         whole = np.full(size + 2 * FENCE + 64, 0xA5, np.uint8)
         first = FENCE + -(whole.ctypes.data + FENCE) % 64
         whole[first : first + size] = 0
         blocks.append((whole, first, size))
         return int(whole.ctypes.data) + first
 
-    monkeypatch.setattr(Memory, "_aligned", fenced)
+    monkeypatch.setattr(LanesMemory, "_aligned", fenced)
     runs = seeds(np.arange(1, number + 1))
     asked = {"record": everything(plan), "percentages": (5, 50, 100), "threads": 1}
     outcome = lanes.execute(plan, runs, lanes=number, **asked)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -14,6 +15,8 @@ import pandas as pd
 import pytest
 
 ROOT = Path(__file__).parents[2]
+MOST_LINES_ELSEWHERE = 1
+"""That an extension may need outside its own file."""
 FOLDERS = {"orchestrator": "", "models": "models", "fmus": "fmus"}
 
 
@@ -62,15 +65,23 @@ class Copy:
         return commands
 
     def run(self, commands: str) -> str:
-        """Run commands of a shell, with ``sblcosim`` from the copy."""
+        """Run commands of a shell, with ``sblcosim`` from the copy; what they print."""
+        done = self._done(commands)
+        assert "warning" not in done.stderr
+        return done.stdout
+
+    def warned(self, commands: str) -> str:
+        """The same: what they warn of."""
+        return self._done(commands).stderr
+
+    def _done(self, commands: str) -> subprocess.CompletedProcess[str]:
         script = commands.replace("sblcosim ", f"'{sys.executable}' -m sblcosim ")
         done = subprocess.run(
             ["sh", "-euc", script], cwd=self.folder, capture_output=True, text=True, check=False,
             env=os.environ | {"PYTHONPATH": str(self.package.parent), "MPLBACKEND": "Agg"},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        assert "warning" not in done.stderr
-        return done.stdout
+        return done
 
 
 @pytest.fixture
@@ -85,6 +96,22 @@ def errors(copy: Copy, run: str) -> pd.DataFrame:
 def done(copy: Copy, title: str) -> str:
     (commands,) = copy.follow(recipe(title))
     return copy.run(commands)
+
+
+def titles() -> list[str]:
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    return re.findall(r"^## (Add .*)$", text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("title", titles())
+def test_an_extension_is_one_file_and_at_most_one_line_elsewhere(title: str) -> None:
+    languages = [language for language, _ in recipe(title)]
+    assert languages.count("python") <= 1
+    changes = [line for language, text in recipe(title) if language == "diff"
+               for line in text.splitlines()[1:] if line[:1] in ("-", "+")]  # fmt: skip
+    added = [line for line in changes if line.startswith("+")]
+    assert len(added) <= MOST_LINES_ELSEWHERE
+    assert len(changes) - len(added) <= len(added)
 
 
 SHORT = "sblcosim run harbour-square --no-figures --set time.duration_s=20"
@@ -104,16 +131,26 @@ def test_an_error_of_the_ranges(copy: Copy) -> None:
     copy.run(f"{SHORT} --out runs/without")
     pd.testing.assert_frame_equal(errors(copy, "before"), errors(copy, "without"))
     assert errors(copy, "bubbles")["rms_m"].mean() > errors(copy, "without")["rms_m"].mean()
+    # The bound says that it knows nothing of it, and the budget switches it.
+    said = copy.run(f"{SHORT} --set acoustics.bubble_excess_m=5 --out runs/said")
+    assert "acoustics.bubble_excess_m" in said
+    known = "from sblcosim.scenario.error_sources import SOURCES; print(SOURCES['bubbles'].words)"
+    assert copy.run(f"'{sys.executable}' -c \"{known}\"") == "the bubbles\n"
 
 
 def test_a_trajectory(copy: Copy) -> None:
     done(copy, "Add a trajectory")
-    # On a zigzag of 45 degrees the course is sqrt(2) times as long as its progress.
+    # At the default of 45 degrees the course is sqrt(2) times as long as its progress.
     record = pd.read_parquet(copy.folder / "runs" / "zigzag" / "record.parquet")
     north = record["target.position[1]"].to_numpy()
     east = record["target.position[2]"].to_numpy()
     steps = np.hypot(np.diff(north), np.diff(east))
     assert steps.sum() > 1.3 * np.hypot(north[-1] - north[0], east[-1] - east[0]) > 1.0
+    # Its own parameter is a key, and what has no effect with it is known.
+    own = "--set target.trajectory=zigzag --set target.zigzag_angle_deg=10"
+    idle = copy.warned(f"{SHORT} {own} --set target.radius_m=3 --out runs/idle")
+    assert "target.radius_m" in idle or "radius_m" in idle
+    assert "zigzag_angle_deg" not in idle
 
 
 def test_a_response(copy: Copy) -> None:
@@ -127,6 +164,61 @@ def test_a_figure(copy: Copy) -> None:
     done(copy, "Add a figure")
     names = {p.name for p in (copy.folder / "runs" / "figure").iterdir()}
     assert {"depth.svg", "depth.png", "errors.svg"} <= names
+
+
+SHOW = """
+import json, sys
+import sblcosim
+from declarations import columns
+
+run = sblcosim.run("harbour-square", overrides={"time.duration_s": 20.0})
+print(json.dumps({
+    "frame": run.errors["median_m"].to_list(), "html": run._repr_html_(), "text": str(run),
+    "reference": [line for line in columns("errors") if "median_m" in line],
+}))
+"""
+
+
+def test_a_column_of_the_table_of_errors(copy: Copy) -> None:
+    title = "Add a column to the table of errors"
+    edits = [text for language, text in recipe(title) if language == "diff"]
+    assert len(edits) == 1
+    text = done(copy, title)
+    assert re.search(r"^receiver +axis +mean +RMS +std +median$", text, re.MULTILINE)
+    table = errors(copy, "median")
+    assert table.columns.to_list()[-2:] == ["median_m", "n"]
+    estimates = pd.read_parquet(copy.folder / "runs" / "median" / "estimates.parquet")
+    of_raw = estimates.loc[estimates["receiver"] == "raw", "error_total_m"]
+    total = table.set_index(["receiver", "frame", "axis"])["median_m"]["raw", "absolute", "total"]
+    assert total == np.median(of_raw)
+
+    short = SHORT.replace("harbour-square", "harbour-square --json")
+    printed = json.loads(copy.run(f"{short} --out runs/json"))
+    assert printed["errors"]["raw"]["absolute"]["total"]["median_m"] == total
+    part = json.loads(copy.run("sblcosim schema run.json"))["$defs"]["Statistics"]
+    assert part["properties"]["median_m"]["description"] == "Median; for total, of the length"
+    assert "median_m" in part["required"]
+
+    (copy.folder / "show.py").write_text(SHOW, "utf-8")
+    extensions = ROOT / "docs" / "extensions"
+    path = f'PYTHONPATH="$PYTHONPATH{os.pathsep}{extensions}"'
+    shown = json.loads(copy.run(f"{path} '{sys.executable}' show.py"))
+    assert shown["frame"] == table["median_m"].to_list()
+    assert "<th>median_m</th>" in shown["html"]
+    assert f" {total:.3f}" in shown["text"]
+    (row,) = shown["reference"]
+    assert row == "* - `median_m`\n  - m\n  - Median; for total, of the length"
+
+
+def test_a_command(copy: Copy) -> None:
+    assert done(copy, "Add a command") == "4 beacons\n"
+    assert "how many beacons" in copy.run("sblcosim --help")
+
+
+def test_a_grade(copy: Copy) -> None:
+    done(copy, "Add a grade of a sensor")
+    text = (copy.folder / "runs" / "survey" / "scenario.toml").read_text("utf-8")
+    assert "gps_horizontal_std_m = 0.0015" in text
 
 
 def test_a_block_that_no_longer_fits_is_noticed() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sblcosim.models.loading import load as load_model
 from sblcosim.models.ports import DEPTH, PING_POSE, RECEPTION
 from sblcosim.scenario.wiring import connect
-from sblcosim.simulation.masters.lanes import Outcome, execute
+from sblcosim.simulation.masters.lanes import RunsOutcome, execute
 from sblcosim.simulation.resolve import resolve
 from stepper import Stepper
 
@@ -34,7 +34,7 @@ _model = cache(load_model)
 
 
 @cache
-def dives() -> tuple[Outcome, dict[str, Any]]:
+def dives() -> tuple[RunsOutcome, dict[str, Any]]:
     """What is heard in `RUNS` realistic dives, and the filter's parameters."""
     plan = resolve(connect(sblcosim.load("realistic-dive"), "coupled"))
     record = [f"acoustics.{v.name}" for v in (*RECEPTION, *PING_POSE)]

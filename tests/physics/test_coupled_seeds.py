@@ -17,7 +17,7 @@ from sblcosim import limits
 from sblcosim.results.over_runs import pooled
 from sblcosim.results.sums import responses
 from sblcosim.scenario.wiring import connect
-from sblcosim.simulation.masters.lanes import Outcome, execute
+from sblcosim.simulation.masters.lanes import RunsOutcome, execute
 from sblcosim.simulation.plan import Plan
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import Connection
@@ -38,7 +38,7 @@ SHORT = {"platform.arm_length_m": 0.4}
 def simulated(
     plan: Plan, runs: int, true_prior: bool, record: tuple[str, ...] = (),
     **varied: Any,
-) -> Outcome:
+) -> RunsOutcome:
     """Many runs of a plan, each with its own seed."""
     seeds = np.arange(1, runs + 1)
     prior = [Connection("target.position", "coupled.prior_position")] if true_prior else []
@@ -46,7 +46,7 @@ def simulated(
     return execute(plan, given, handovers=prior, record=record)
 
 
-def judged(plan: Plan, outcome: Outcome) -> tuple[float, float, float]:
+def judged(plan: Plan, outcome: RunsOutcome) -> tuple[float, float, float]:
     """RMS error [m] over the runs, mean NEES, and share of lost runs."""
     table = responses(outcome.sums["coupled"], plan.stop_ns - plan.start_ns)
     rms = pooled(table.absolute_total_rms_m)

@@ -16,7 +16,7 @@ import pytest
 import sblcosim
 from sblcosim import limits
 from sblcosim.report import possible
-from sblcosim.report.page import Table
+from sblcosim.report.page import PageTable
 from sblcosim.report.study import save
 from sblcosim.results.result import Result
 from sblcosim.scenario.scenario import load
@@ -231,7 +231,7 @@ def test_the_report_of_a_study_has_it_for_its_points(tmp_path: Path) -> None:
     study = sblcosim.study.load(STUDY)
     table = study.run(tmp_path / "runs")
     (shown,) = possible.tables(study, table)
-    assert isinstance(shown, Table)
+    assert isinstance(shown, PageTable)
     assert [row[0] for row in shown.rows] == ["arm 0.4 m", "arm 3 m"]
     for number, row in enumerate(shown.rows, 1):
         scenario = study.base.override(study.overrides(number) | {"seed": study.seed + number - 1})

@@ -9,17 +9,17 @@ from ... import lazy
 if TYPE_CHECKING:
     from .campaigns import SCENARIOS, SESSIONS, progress_of
     from .numbers import PRACTICAL, facts, pooled, pooled_intervals, verdict
-    from .page import Outcome, run
+    from .page import PaperReport, run
 
 __all__ = [
-    "PRACTICAL", "SCENARIOS", "SESSIONS", "Outcome", "facts", "pooled",
+    "PRACTICAL", "SCENARIOS", "SESSIONS", "PaperReport", "facts", "pooled",
     "pooled_intervals", "progress_of", "run", "verdict",
 ]  # fmt: skip
 
 __getattr__, __dir__ = lazy.names(
     __name__,
     {
-        "Outcome": "page", "PRACTICAL": "numbers", "SCENARIOS": "campaigns",
+        "PaperReport": "page", "PRACTICAL": "numbers", "SCENARIOS": "campaigns",
         "SESSIONS": "campaigns", "facts": "numbers", "pooled": "numbers",
         "pooled_intervals": "numbers", "progress_of": "campaigns", "run": "page",
         "verdict": "numbers",

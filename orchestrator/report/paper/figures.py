@@ -34,16 +34,16 @@ from ...study.again import replay
 from ...study.design import INTERACTION_SIGN
 from ...study.executors import deferring_signals, processes
 from ...style import ThemeName, new_figure, use
+from ...words.numbers import interval, number, signed, unbroken
 from .. import factorial
 from ..factorial import Findings
 from ..figures import FIGURES as STUDY_FIGURES
-from ..formats import minus, number, signed, span
-from ..page import Block, Table, Text
+from ..page import Block, PageTable, Text
 from .campaigns import SCENARIOS, SEAS, Progress, sea
 from .numbers import (
     MEAN,
     TOTAL,
-    Numbers,
+    PaperNumbers,
     compared,
     facts,
     facts_of_errors,
@@ -70,13 +70,13 @@ class Material:
         The platform in waves, by Beaufort number.
     """
 
-    numbers: Numbers
+    numbers: PaperNumbers
     points: Mapping[int, Result]
     session: Result
     seas: Mapping[int, Record]
 
 
-def gather(folder: Path, numbers: Numbers) -> Material:
+def gather(folder: Path, numbers: PaperNumbers) -> Material:
     """Simulate the runs of the figures again, with full records.
 
     Parameters
@@ -127,7 +127,7 @@ class PaperFigure(Figure[Material]):
 
     @property
     def number(self) -> int:
-        """Of the paper's figure; 0 if there is none."""
+        """Number of the paper's figure; 0 if there is none."""
         return int(self.label.rstrip("ab") or 0)
 
 
@@ -253,8 +253,8 @@ def _ranking(n: int, findings: Findings) -> Block:
     for name, rank in ranking(a).items():
         effect: Any = a.effects.loc[name]
         rows.append((name, "named" if name in named else "–", rank, signed(effect["effect"]),
-                     span(effect["low"], effect["high"]), number(abs(effect["t"]))))
-    return Table(
+                     interval(effect["low"], effect["high"], signed), number(abs(effect["t"]))))
+    return PageTable(
         "Main effects: which the paper names as the most influential, and the size of ours",
         ("Factor", "Paper", "Our place", "Effect [m]", "95% interval [m]", "|t|"), rows, (1,),
         f"Verdict: {order_row(n, findings)[3]}. Where several factors share places, the sizes of "
@@ -268,7 +268,8 @@ def _interactions(n: int, findings: Findings) -> Block:
     several = ranked[ranked["order"] == 2]
     top = [
         f"{name} ({signed(effect['effect'])}{factorial.unit(a)}, "
-        f"{span(effect['low'], effect['high'])})" for name, effect in several.head(3).iterrows()
+        f"{interval(effect['low'], effect['high'], signed)})"
+        for name, effect in several.head(3).iterrows()
     ]
     gps = findings.study.labels["gps"]
     names = several.index[several["significant"].astype(bool)]
@@ -295,7 +296,7 @@ def _residuals(n: int, findings: Findings) -> Block:
         text += (" They scatter more where the fitted value is larger, so that the intervals in "
                  "metres are an average over the points; the ratios below, from the logarithm, "
                  "suffer less from it.")
-    return Text(minus(text))
+    return Text(unbroken(text))
 
 
 # --- The table -----------------------------------------------------------------------------------

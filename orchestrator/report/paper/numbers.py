@@ -17,10 +17,10 @@ from ...analysis.ranking import ranking
 from ...analysis.sensitivity import Sensitivity
 from ...results.definitions import AXES
 from ...study.study import Study
+from ...words.numbers import interval, number
 from .. import factorial
 from ..factorial import Findings
-from ..formats import number, span
-from ..page import Table
+from ..page import PageTable
 from . import ranges
 from .campaigns import SCENARIOS, SESSIONS, Progress
 
@@ -51,7 +51,7 @@ def facts_of_errors(n: int) -> tuple[int, Mapping[str, float]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class PaperNumbers:
     """All runs and their analyses, by scenario or session."""
 
     studies: Mapping[int, Study]
@@ -65,14 +65,14 @@ class Numbers:
 def analyse(
     studies: Mapping[str, Study], tables: Mapping[str, pd.DataFrame], practical: float,
     tell: Progress,
-) -> Numbers:
+) -> PaperNumbers:
     """Analyse the three studies; `practical` is the smallest effect that matters [m]."""
     three, findings = {n: studies[f"paper-scenario-{n}"] for n in SCENARIOS}, {}
     for n, study in three.items():
         tell(0.5 + 0.03 * n, "analysing")
         table = tables[f"paper-scenario-{n}"]
         findings[n] = factorial.find(study, table, practical=practical)
-    return Numbers(
+    return PaperNumbers(
         three,
         {n: tables[f"paper-scenario-{n}"] for n in SCENARIOS},
         findings,
@@ -159,15 +159,15 @@ def row_with_interval(
 ) -> tuple[str, ...]:
     """As `row`; ours is a mean and its interval."""
     mean, low, high = ours
-    return row(what, theirs, mean, span(low, high, number))
+    return row(what, theirs, mean, interval(low, high, number))
 
 
-def compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> Table:
+def compared(caption: str, rows: Sequence[Sequence[str]], note: str = "") -> PageTable:
     """The paper's numbers and ours; without intervals if there are none."""
     head: Sequence[str] = HEAD
     if all(cells[3] == "–" for cells in rows):
         rows, head = [(*cells[:3], *cells[4:]) for cells in rows], (*HEAD[:3], *HEAD[4:])
-    return Table(caption, head, rows, (len(head) - 1,), note)
+    return PageTable(caption, head, rows, (len(head) - 1,), note)
 
 
 def session_rows(
@@ -175,7 +175,7 @@ def session_rows(
 ) -> list[tuple[str, ...]]:
     """Rows of Table 2 for a receiver on a path: mean and standard deviation."""
     return [
-        row(f"{what}: {word}{unit}", known, ours, span(*ends, number))
+        row(f"{what}: {word}{unit}", known, ours, interval(*ends, number))
         for word, known, ours, ends in zip(
             ("mean", "standard deviation"), theirs, pooled(table, receiver),
             pooled_intervals(table, receiver), strict=True,
@@ -183,7 +183,9 @@ def session_rows(
     ]
 
 
-def error_rows(n: int, numbers: Numbers) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+def error_rows(
+    n: int, numbers: PaperNumbers
+) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """Rows of a scenario's table of errors: of the favourable point, and of all points."""
     _, table = facts_of_errors(n)
     point, whole = [], []

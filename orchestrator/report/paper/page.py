@@ -22,10 +22,10 @@ from ...analysis.sentences import answer
 from ...errors import ConfigurationError, resolved
 from ...scenario.scenario import load as load_scenario
 from ...study import store
+from ...words.numbers import unbroken
 from .. import factorial, possible
 from ..common import DEFINITIONS, method, reproduce, seeding
-from ..formats import minus
-from ..page import Block, Page, Picture, Section, Table, Text, render
+from ..page import Block, Page, PagePicture, PageTable, Section, Text, render
 from ..study import REPORT
 from . import ranges
 from .campaigns import (
@@ -46,7 +46,7 @@ from .numbers import (
     NEAR,
     PRACTICAL,
     TOTAL,
-    Numbers,
+    PaperNumbers,
     analyse,
     average,
     compared,
@@ -64,8 +64,8 @@ from .numbers import (
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What came of `run`.
+class PaperReport:
+    """Result of `run`.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def run(
     command: str = "sblcosim paper",
     progress: Progress | None = None,
     started: float | None = None,
-) -> Outcome:
+) -> PaperReport:
     """Do the missing runs of all campaigns, and write the report.
 
     Parameters
@@ -142,7 +142,7 @@ def run(
         _write(folder / PAGES, _page(material, drawings, folder, command, quick), numbers, drawings)
         tell(1.0, "writing")
     answers = {n: answer(findings.shown) for n, findings in numbers.findings.items()}
-    return Outcome(folder / PAGES / REPORT, answers, seconds)
+    return PaperReport(folder / PAGES / REPORT, answers, seconds)
 
 
 def _silently(share: float, doing: str) -> None:
@@ -181,14 +181,14 @@ def _page(
                 f"sblcosim {artifacts.software()['sblcosim']}")
 
 
-def _summary(numbers: Numbers, quick: bool) -> list[Block]:
+def _summary(numbers: PaperNumbers, quick: bool) -> list[Block]:
     blocks: list[Block] = []
     if quick:
         blocks.append(Text("A quick look with few replicates: intervals are wide, and some factors "
                            "cannot be told apart that can be without --quick.", "note"))
     for n, findings in numbers.findings.items():
-        blocks.append(Text(minus(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
-        blocks.append(Text(minus(factorial.what_matters(findings.shown))))
+        blocks.append(Text(unbroken(f"Scenario {n}. {answer(findings.shown)}"), "answer"))
+        blocks.append(Text(unbroken(factorial.what_matters(findings.shown))))
     rows: list[Sequence[str]] = []
     for n in SCENARIOS:
         table, theirs = facts_of_errors(n)
@@ -202,14 +202,14 @@ def _summary(numbers: Numbers, quick: bool) -> list[Block]:
         rows += session_rows(numbers.sessions[name], "ekf", facts()["table2"][name]["ekf"],
                              f"Table 2, EKF, {name}", " [m]")
     blocks.append(compared("The paper's numbers and ours", rows))
-    blocks.append(Table("Factors that influence the error most, the largest effect first",
+    blocks.append(PageTable("Factors that influence the error most, the largest effect first",
                         ("Scenario", "Paper", "Ours", "Verdict"),
                         [order_row(n, numbers.findings[n]) for n in SCENARIOS], (1, 2, 3),
                         "Factors in brackets cannot be told apart by the size of their effects."))
     return blocks
 
 
-def _harbour(numbers: Numbers) -> list[Block]:
+def _harbour(numbers: PaperNumbers) -> list[Block]:
     rows = []
     for name in SESSIONS:
         theirs = facts()["table2"][name]
@@ -274,9 +274,9 @@ def _figure(
 
 def _pictures(
     figures: Sequence[PaperFigure], material: Material, drawings: Mapping[str, str]
-) -> list[Picture]:
+) -> list[PagePicture]:
     return [
-        Picture(f.name, drawings[f.name], f.caption(material), f.alt(material))
+        PagePicture(f.name, drawings[f.name], f.caption(material), f.alt(material))
         for f in figures
         if f.name in drawings
     ]
@@ -299,7 +299,7 @@ def _scenario(n: int, material: Material, drawings: Mapping[str, str]) -> Sectio
     return Section(f"Scenario {n}: {title}", f"scenario-{n}", factorial.summary(findings), sections)
 
 
-def _errors(n: int, numbers: Numbers) -> list[Block]:
+def _errors(n: int, numbers: PaperNumbers) -> list[Block]:
     """The scenario's table of errors beside the favourable point and the mean over all points."""
     table, theirs = facts_of_errors(n)
     point, whole = error_rows(n, numbers)
@@ -350,7 +350,7 @@ def _possible(n: int) -> list[Block]:
 
 
 
-def _method(numbers: Numbers) -> list[Block]:
+def _method(numbers: PaperNumbers) -> list[Block]:
     study = facts()["study"]
     points = len(numbers.studies[1].points.values)
     return [
@@ -371,7 +371,7 @@ def _method(numbers: Numbers) -> list[Block]:
     ]
 
 
-def _again(numbers: Numbers, folder: Path, command: str) -> Section:
+def _again(numbers: PaperNumbers, folder: Path, command: str) -> Section:
     lines = [
         f"Results of all runs are in the folder {RUNS}; the command goes on where it was "
         "interrupted. Seeds: " + "; ".join(
@@ -385,7 +385,7 @@ def _again(numbers: Numbers, folder: Path, command: str) -> Section:
 
 
 def _write(
-    folder: Path, page: Page, numbers: Numbers, drawings: Mapping[str, str]
+    folder: Path, page: Page, numbers: PaperNumbers, drawings: Mapping[str, str]
 ) -> None:
     about = {"paper": {"citation": facts()["citation"],
                        "replicates": numbers.studies[1].replicates}}

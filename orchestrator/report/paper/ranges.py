@@ -7,14 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis import sobol, workflow
+from ...analysis import sensitivity_sentences, workflow
 from ...analysis.sensitivity import Sensitivity
 from ...study import study as studies
 from ...study.space import SEED_FACTOR
 from ...study.study import Study
+from ...words.numbers import interval, number, signed
 from ..factorial import Findings
-from ..formats import number, signed, span
-from ..page import Block, Table, Text
+from ..page import Block, PageTable, Text
 
 BASE_ROWS, QUICK_BASE_ROWS = 256, 32
 SEED = 60001
@@ -45,9 +45,9 @@ def indices(study: Study, table: pd.DataFrame) -> tuple[Sensitivity, ...]:
     return workflow.of_space(study, table)
 
 
-def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
+def blocks(analyses: Sequence[Sensitivity], findings: Findings) -> list[Block]:
     """The total indices beside the two-level effects."""
-    main = found[0]
+    main = analyses[0]
     a = findings.data
     own = f" [{a.unit}]" if a.unit else ""
     effects = a.effects["effect"].to_dict()
@@ -58,19 +58,19 @@ def blocks(found: Sequence[Sensitivity], findings: Findings) -> list[Block]:
         rows.append((
             main.name_of(str(name)),
             "–" if is_chance else signed(effects[str(name)]),
-            number(row["first"], 2), span(row["first_low"], row["first_high"], _two),
-            number(row["total"], 2), span(row["total_low"], row["total_high"], _two),
+            number(row["first"], 2), interval(row["first_low"], row["first_high"], _two),
+            number(row["total"], 2), interval(row["total_low"], row["total_high"], _two),
         ))  # fmt: skip
     head = ("Factor", f"Effect, low to high{own}", "First-order index", "95% interval",
             "Total index", "95% interval")
     return [
-        Text(sobol.answer(main), "answer"),
-        Table("What explains the variance of the logarithm of the error over the whole ranges",
+        Text(sensitivity_sentences.answer(main), "answer"),
+        PageTable("What explains the variance of the logarithm of the error over the whole ranges",
               head, rows, (),
               "The effects are those between the two levels. The indices are shares of the "
               "variance with all seven factors uniform between their levels: first-order alone, "
               "total with all interactions. The seed is one of the factors; its index is chance."),
-        *(Text(line, "note") for one in found for line in sobol.notes(one)),
+        *(Text(line, "note") for one in analyses for line in sensitivity_sentences.notes(one)),
     ]  # fmt: skip
 
 

@@ -26,7 +26,9 @@ from ..plan import Plan
 from ..system import Connection
 from .lanes_driver import (
     LENGTHS,
+    MOMENT,
     SUMS,
+    Errors,
     Floats,
     LanesPlan,
     Link,
@@ -34,8 +36,7 @@ from .lanes_driver import (
     loaded_driver,
     unsupported,
 )
-from .lanes_layout import layout_of
-from .lanes_memory import Memory, remembered, starts_of
+from .lanes_layout import layout_of, remembered, starts_of
 
 _GROUPS_PER_CALL = 16
 _SHORT = 10_000
@@ -46,7 +47,7 @@ A single long run may take more."""
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class RunsOutcome:
     """Results of many runs of a plan.
 
     Attributes
@@ -88,7 +89,7 @@ def execute(
     lanes: int = 0,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Outcome:
+) -> RunsOutcome:
     """Run a plan many times with different parameters.
 
     Parameters
@@ -268,7 +269,7 @@ class _Batch:
             self.instants.ctypes.data, settling_ns,
         )
 
-    def run(self, threads: int, progress: Callable[[float], None] | None) -> Outcome:
+    def run(self, threads: int, progress: Callable[[float], None] | None) -> RunsOutcome:
         groups = -(-self.runs // self.lanes)
         sums = np.empty((groups, len(self.receivers), len(SUMS), self.lanes))
         width = sum(count for _, _, count in self.spans)
@@ -281,7 +282,7 @@ class _Batch:
 
         def chunk(first: int) -> None:
             if not hasattr(local, "memory"):
-                local.memory = Memory(self)
+                local.memory = LanesMemory(self)
                 local.done = ctypes.c_int64(0)
                 counters.append(local.done)
             last = min(first + _GROUPS_PER_CALL, groups)
@@ -356,7 +357,7 @@ class _Batch:
             "must be whole nanoseconds"
         )
 
-    def _outcome(self, sums: Floats, order: Floats, history: Floats) -> Outcome:
+    def _outcome(self, sums: Floats, order: Floats, history: Floats) -> RunsOutcome:
         shape = (len(sums) * self.lanes, *sums.shape[1:3])
         by_run = np.moveaxis(sums, 3, 1).reshape(shape)[: self.runs]
         lengths = [LENGTHS.index(length) for length in self.lengths]
@@ -371,7 +372,7 @@ class _Batch:
                 column = flat[:, :, start : start + count].reshape(*flat.shape[:2], *port.shape)
                 values[name] = _typed(column, port.type)
                 start += count
-        return Outcome(
+        return RunsOutcome(
             {name: by_run[:, i] for i, name in enumerate(self.receivers)},
             {name: ordered[:, i] for i, name in enumerate(self.receivers)}
             if self.percentages
@@ -388,4 +389,39 @@ def _typed(values: Floats, kind: str) -> NDArray[Any]:
     return values.astype(np.bool_ if kind == "Boolean" else np.int32)
 
 
-__all__ = ["Outcome", "execute", "unsupported"]
+__all__ = ["RunsOutcome", "execute", "unsupported"]
+
+
+class LanesMemory:
+    """Memory for one thread."""
+
+    def __init__(self, batch: _Batch) -> None:
+        self._kept: list[NDArray[Any]] = []
+        blocks, held = [], []
+        for engine, holds in zip(batch.engines, batch.needs_holding, strict=True):
+            k = engine.contents
+            blocks.append(self._aligned(k.block_size))
+            size = (k.parameters + k.inputs + k.outputs) * k.lanes * 8
+            held.append(self._aligned(size) if holds else None)
+        self.moments = self._aligned(batch.remembered * MOMENT * batch.lanes * 8)
+        self.blocks = (ctypes.c_void_p * len(blocks))(*blocks)
+        self.held = (ctypes.c_void_p * len(held))(*held)
+        self.errors = self._room_for_errors(batch)
+
+    def _room_for_errors(self, batch: _Batch) -> Errors | None:
+        """Space for the errors of a group, if order statistics are requested."""
+        if not batch.percentages:
+            return None
+        given = np.array(batch.percentages, np.int32)
+        self._kept.append(given)
+        values = batch.room * len(LENGTHS) * batch.lanes
+        sizes = (len(batch.receivers) * values * 8, values * 2, values * 8)
+        return Errors(
+            batch.room, len(given), given.ctypes.data, *(self._aligned(size) for size in sizes)
+        )
+
+    def _aligned(self, size: int) -> int:
+        memory = np.zeros(size + 64, np.uint8)
+        self._kept.append(memory)
+        address: int = memory.ctypes.data
+        return address + -address % 64

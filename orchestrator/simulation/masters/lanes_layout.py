@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,7 @@ import numpy as np
 
 from ...errors import ConfigurationError, nearest
 from ..alike import alike
-from ..plan import Plan, PlannedComponent
+from ..plan import LAG, Plan, PlannedComponent
 from .lanes_driver import (
     MAX_COMPONENTS,
     MAX_RECEIVERS,
@@ -25,7 +26,6 @@ from .lanes_driver import (
     engine_of,
     unsupported,
 )
-from .lanes_memory import first_elements, receivers_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,3 +205,69 @@ def _special(component: PlannedComponent) -> ConfigurationError:
         f"{component.name}: must have inputs that are whole outputs to run in lanes, got parts, "
         "conversions or values at the start; use the native or the python master"
     )
+
+
+# --- What follows from a plan ---------------------------------------------------------------------
+
+
+def receivers_of(plan: Plan) -> list[str]:
+    """Receivers to judge; none unless the system has a target and a platform."""
+    if not {"target", "platform"} <= {c.name for c in plan.components}:
+        return []
+    return [c.name for c in plan.components if {"update_count", "epoch"} <= c.ports.keys()]
+
+
+def remembered(plan: Plan, variations: Mapping[str, Any] | None = None) -> int:
+    """Number of instants for which the truth is kept, so that they cover the receivers' epochs.
+
+    An estimate refers to the newest sample before its update, which may be one sampling time old,
+    and is visible one update later; if the receiver has a parameter `LAG`, it may be older by its
+    value, the largest of all runs. An epoch between two instants of the target needs the earlier
+    one too.
+
+    Parameters
+    ----------
+    variations
+        As for `sblcosim.simulation.masters.lanes.execute`.
+    """
+    receivers = receivers_of(plan)
+    longest = {c.name: max(c.tick_ns or 0, c.interval_ns) for c in plan.components}
+    updates = [longest[name] for name in receivers]
+    samples = [longest[name] for name in longest if name not in receivers]
+    instants = plan.instants
+    behind = 2 * max(updates, default=0) + max(samples, default=0)
+    lags = [_lag(c, variations or {}) for c in plan.components if c.name in receivers]
+    lag_ns = math.ceil(min(max(lags, default=0.0) * 1e9, float(instants[-1] - instants[0])))
+    return int(min((behind + lag_ns) // np.diff(instants).min() + 2, len(instants)))
+
+
+def _lag(component: PlannedComponent, variations: Mapping[str, Any]) -> float:
+    """The largest lag of a receiver in all runs [s]; 0 without one."""
+    if LAG not in component.ports:
+        return 0.0
+    given = variations.get(f"{component.name}.{LAG}", component.lag_s)
+    return float(np.max(np.asarray(given, np.float64), initial=0.0))
+
+
+def first_elements(component: PlannedComponent) -> dict[str, int]:
+    """Index of each variable's first element; our value references count elements from 1."""
+    return {p.name: min(p.references) - 1 for p in component.ports.values()}
+
+
+def starts_of(
+    component: PlannedComponent, starts: Sequence[float], first: Mapping[str, int]
+) -> Floats:
+    """Initial parameters and inputs, as in the plan.
+
+    Parameters
+    ----------
+    starts
+        Those of the component by itself.
+    first
+        Its `first_elements`.
+    """
+    values = [*starts]
+    for setting in component.settings:
+        place = first[setting.port.name]
+        values[place : place + len(setting.values)] = setting.values
+    return np.array(values, np.float64)

@@ -24,11 +24,13 @@ from sblcosim.fmus.read.ports import Fmu
 from ... import errors
 from ...data.record import Record
 from ...errors import ConfigurationError, FmuError, SblcosimError, instance, nearest, one_line
-from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent
+from ..plan import PROGRESS_INTERVAL, Column, Plan, PlannedComponent, Read, Write
 from ..resolve import resolve
 from ..system import ComponentSpec, System
 from ..user_code import CONSTRUCTOR, foreseen, raised
-from .vectors import Vectors, converter, vectors_of, views
+
+_Vectors = Mapping[str, Vector]
+"""Latest outputs of all components, by type; see `sblcosim.simulation.plan`."""
 
 
 def execute(
@@ -59,7 +61,7 @@ def execute(
     """
     columns = chosen(plan, record)
     instants = plan.instants
-    vectors = vectors_of(plan)
+    vectors = _vectors_of(plan)
     history = {
         kind: watch().array((len(instants), n), DTYPES[kind]) for kind, n in plan.sizes.items()
     }
@@ -170,7 +172,7 @@ def initial_outputs(
     """
     plan = plan or alone(spec, start_ns)
     name = plan.components[0].name
-    vectors = vectors_of(plan)
+    vectors = _vectors_of(plan)
     with ExitStack() as stack:
         (component,) = plan.components
         runner = _start(component, plan, vectors, stack)
@@ -210,7 +212,7 @@ class _Runner(Protocol):
         """Called at the end of the run."""
 
 
-def _start(component: PlannedComponent, plan: Plan, vectors: Vectors, stack: ExitStack) -> _Runner:
+def _start(component: PlannedComponent, plan: Plan, vectors: _Vectors, stack: ExitStack) -> _Runner:
     if not isinstance(component.source, Fmu):
         return _PythonRunner(component, vectors, plan.start_ns)
     return _FmuRunner(component, initialised(component, plan.start_ns, stack), vectors)
@@ -232,7 +234,7 @@ def initialised(component: PlannedComponent, start_ns: int, stack: ExitStack) ->
 class _Playback:
     """Plays back the outputs of components that have been run."""
 
-    def __init__(self, record: Record, plan: Plan, vectors: Vectors) -> None:
+    def __init__(self, record: Record, plan: Plan, vectors: _Vectors) -> None:
         # Between the record's instants its components held their outputs.
         rows = np.searchsorted(record.time_ns, plan.instants, side="right") - 1
         self._row_of = dict(zip(plan.instants.tolist(), rows.tolist(), strict=True))
@@ -261,7 +263,7 @@ class _FmuRunner:
     """Calls an FMU through functions with pre-bound arguments."""
 
     def __init__(
-        self, component: PlannedComponent, instance: instances.Instance, vectors: Vectors
+        self, component: PlannedComponent, instance: instances.Instance, vectors: _Vectors
     ) -> None:
         self._instance = instance
         bound = watch().bound
@@ -279,7 +281,7 @@ class _FmuRunner:
             inputs = np.zeros(len(w.sources), DTYPES[w.type])
             index = np.array(w.sources, np.intp)
             set_ = named("Set", w.type, instance.setter(w.type, w.references, inputs))
-            convert = converter(w, inputs)
+            convert = _converter(w, inputs)
             self._sets.append((vectors[w.type].take, index, inputs, convert, set_, w.type))
         do_step = f"fmi{instance.fmu.fmi}DoStep"
         self._step = bound(component.name, do_step, instance.stepper(component.interval_ns))
@@ -311,7 +313,7 @@ class _FmuRunner:
 class _PythonRunner:
     """Calls a Python component and holds its outputs until the end of the step."""
 
-    def __init__(self, component: PlannedComponent, vectors: Vectors, start_ns: int) -> None:
+    def __init__(self, component: PlannedComponent, vectors: _Vectors, start_ns: int) -> None:
         assert not isinstance(component.source, Fmu)
         self._name = component.name
         self._class = getattr(component.source, "__name__", component.origin)
@@ -319,7 +321,7 @@ class _PythonRunner:
         self._targets = {
             name: target
             for read in component.reads
-            for name, target in views(read, vectors[read.type]).items()
+            for name, target in _views(read, vectors[read.type]).items()
         }
         values = {
             port.name: np.array(port.start, DTYPES[port.type])
@@ -345,7 +347,7 @@ class _PythonRunner:
             for port in write.ports:
                 targets.append((values[port.name], inputs[first : first + port.size]))
                 first += port.size
-            convert = converter(write, inputs)
+            convert = _converter(write, inputs)
             self._sources.append((vectors[write.type], index, inputs, convert, targets))
         with watch().calling(self._name, CONSTRUCTOR), self._named("before the start"):
             self._component = component.source()
@@ -421,3 +423,31 @@ class _PythonRunner:
 
     def finish(self) -> None:
         pass
+
+
+# --- Outputs of all components in one array of each type ------------------------------------------
+
+
+def _vectors_of(plan: Plan) -> _Vectors:
+    """Zeros for the outputs of a plan."""
+    return {kind: np.zeros(size, DTYPES[kind]) for kind, size in plan.sizes.items()}
+
+
+def _converter(write: Write, inputs: Vector) -> Callable[[], None] | None:
+    """A function that converts those inputs of a write that are to be; None if there are none."""
+    given = [[np.array(column) for column in zip(*own, strict=True)] for own in write.rounds]
+
+    def convert() -> None:
+        for where, factors, offsets in given:
+            inputs[where] = inputs[where] * factors + offsets
+
+    return convert if given else None
+
+
+def _views(read: Read, vector: Vector) -> dict[str, Vector]:
+    """View of each output in the vector, in its shape."""
+    views, start = {}, read.start
+    for port in read.ports:
+        views[port.name] = vector[start : start + port.size].reshape(port.shape)
+        start += port.size
+    return views

@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.build.archive import contents, write_fmu
-from sblcosim.fmus.conformance.receiver_contract import Report, check_receiver
+from sblcosim.fmus.conformance.receiver_contract import ContractReport, check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.platforms import folder, suffix, this_platform
 from sblcosim.fmus.standard import Fmi
@@ -74,7 +74,9 @@ def fmi2(variables: Mapping[str, str], interface: str = "CoSimulation") -> bytes
     ).encode()
 
 
-def checked(folder: Path, description: bytes, files: Mapping[str, bytes] | None = None) -> Report:
+def checked(
+    folder: Path, description: bytes, files: Mapping[str, bytes] | None = None
+) -> ContractReport:
     path = folder / "receiver.fmu"
     write_fmu(
         path, {"modelDescription.xml": description, **(binary(2) if files is None else files)}
@@ -82,7 +84,7 @@ def checked(folder: Path, description: bytes, files: Mapping[str, bytes] | None 
     return check_receiver(path)
 
 
-def complaints(report: Report) -> dict[str, str]:
+def complaints(report: ContractReport) -> dict[str, str]:
     """Severity and message of what was not in order, by variable."""
     return {v: f"{s}: {m}" for v, s, m in report.rows if s in ("warning", "error")}
 

@@ -74,6 +74,8 @@ FILTERS = {"ekf", "sequential"}
         ("models/receiver/least_squares.py", set(RECEIVERS)),
         ("models/receiver/README.md", set(RECEIVERS)),
         ("models/geometry.py", {"platform", "acoustics"}),
+        ("models/target/trajectories/square.py", {"target"}),
+        ("models/target/trajectories/__init__.py", {"target"}),
         ("models/equations.py", ALL),
         ("models/__init__.py", set()),
         ("models/platform/beaufort.py", set()),
@@ -147,28 +149,31 @@ def test_the_bound_is_known_by_its_equations_and_its_c(tree: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "changed"),
+    ("file", "old", "new", "changed"),
     [
-        ("rejected; 0 ", "rejected, 0 ", {"sequential"}),
-        ('"Form of Q"', '"The form of Q"', FILTERS),
-        ("start=0.01, min=0.0", "start=0.02, min=0.0",
+        ("receivers/sequential", "rejected; 0 ", "rejected, 0 ", {"sequential"}),
+        ("receivers/coupled", '"each beacon has', '"each of the beacons has', set()),
+        ("variables", '"Form of Q"', '"The form of Q"', FILTERS),
+        ("variables", "start=0.01, min=0.0", "start=0.02, min=0.0",
          FILTERS | {"coupled", "fixed_lag", "long_baseline"}),
-        ('{1: "variance", 2: "literal"}', '{1: "variances", 2: "literal"}', set(RECEIVERS)),
-        ('"Multilateration", 6,', '"Multilateration", 99,', {"multilateration"}),
-        ("_NOISE = choice", "_NOISE  = choice", set()),
+        ("variables", '{1: "variance", 2: "literal"}', '{1: "variances", 2: "literal"}',
+         set(RECEIVERS)),
+        ("receivers/multilateration", '"Multilateration", 6,', '"Multilateration", 99,',
+         {"multilateration"}),
+        ("variables", "NOISE = choice", "NOISE  = choice", set()),
     ],
 )
 def test_a_changed_declaration_changes_the_fmus_of_its_component(
-    old: str, new: str, changed: set[str], tree: Path, before: dict[str, str]
+    file: str, old: str, new: str, changed: set[str], tree: Path, before: dict[str, str]
 ) -> None:
-    file = tree / "models/receiver/variables.py"
-    content = file.read_text()
+    path = tree / f"models/receiver/{file}.py"
+    content = path.read_text()
     assert content.count(old) == 1
     try:
-        file.write_text(content.replace(old, new))
+        path.write_text(content.replace(old, new))
         after = keys(tree)
     finally:
-        file.write_text(content)
+        path.write_text(content)
     assert {name.split()[0] for name in after if after[name] != before[name]} == changed
 
 
@@ -223,7 +228,7 @@ def by_syntax(module: str) -> set[ingredients.Import]:
                           ingredients.Import(origin, alias.name)}
     ours = ("sblcosim.models.", "sblcosim.fmus.")
     return {
-        w for w in found if w.module.startswith(ours) and ingredients._file(w.module).is_file()
+        w for w in found if w.module.startswith(ours) and ingredients._is_there(w.module)
     }
 
 

@@ -18,7 +18,8 @@ import pytest
 from sblcosim.fmus.host.nanoseconds import SECOND, nanoseconds
 from sblcosim.models import COMPONENTS, RECEIVERS, settings
 from sblcosim.models.declaration import Variable
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings import assumptions, beacons, either, keys, parameters, times
 from sblcosim.scenario.scenario import load, shipped
 
@@ -304,7 +305,7 @@ from types import SimpleNamespace as Table
 import sblcosim.models.settings as settings
 for module in pkgutil.iter_modules(settings.__path__):
     import_module(f"{settings.__name__}.{module.name}")
-from sblcosim.models.receiver.variables import COUPLED
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
 from sblcosim.models.settings import assumptions, keys, parameters, presets
 target, platform, acoustics = (
     Table(**keys.starts(name, 4), beacons=4) for name in ("target", "platform", "acoustics"))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
-from sblcosim.models.target.equations import _spiral_angle, _spiral_arc
+from sblcosim.models.target.trajectories.spiral import angle_at, arc
 from sblcosim.models.target.variables import TRAJECTORIES
 from scipy import integrate, stats
 from stepper import Stepper, no_noise, numpy_noise
@@ -197,7 +197,7 @@ def test_spiral_radius_is_linear_in_the_angle_and_speed_is_constant(radii: tuple
 
 def spiral(parameters: SimpleNamespace, angle: float) -> float:
     """Arc length of the spiral by the model's closed form."""
-    return float(_spiral_arc(parameters, ca.DM(angle)))
+    return float(arc(parameters, ca.DM(angle)))
 
 
 @pytest.mark.parametrize("radii", RADII)
@@ -215,8 +215,8 @@ def test_arc_length_of_the_spiral_is_its_integral(radii: tuple[float, float], tu
 def test_angle_of_the_spiral_inverts_the_arc_length_for_all_parameters() -> None:
     a, b, n, s = (ca.SX.sym(name) for name in ("r_0", "r_1", "turns", "s"))
     p = SimpleNamespace(spiral_radius=ca.vertcat(a, b), turns=n)
-    length = ca.Function("length", [a, b, n], [_spiral_arc(p, 2 * pi * n)])
-    residual = ca.Function("residual", [a, b, n, s], [_spiral_arc(p, _spiral_angle(p, s)) - s])
+    length = ca.Function("length", [a, b, n], [arc(p, 2 * pi * n)])
+    residual = ca.Function("residual", [a, b, n, s], [arc(p, angle_at(p, s)) - s])
 
     rng = np.random.default_rng(5)
     size = 50_000

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from sblcosim.limits.recursion import Epochs, Model
+from sblcosim.limits.recursion import Epochs, ReceiverModel
 from sblcosim.models.receiver import field, surroundings
 
 LEAST_VARIANCE = 1e-12
@@ -17,7 +17,7 @@ FAR, ANYWHERE = 30.0, 10.0
 
 
 def covariances(
-    model: Model, epochs: Epochs, position: Any, acceleration_psd: Any, keep: Any = None
+    model: ReceiverModel, epochs: Epochs, position: Any, acceleration_psd: Any, keep: Any = None
 ) -> tuple[Any, Any]:
     """As `sblcosim.limits.recursion.covariances`."""
     n, divers = position.shape[:2]
@@ -45,7 +45,7 @@ def covariances(
     return absolute, relative
 
 
-def prior(model: Model, p: Any) -> Any:
+def prior(model: ReceiverModel, p: Any) -> Any:
     known = model.situation["known_start"]
     place = p.prior_position_std if known else FAR
     if model.own_errors:
@@ -60,7 +60,7 @@ def prior(model: Model, p: Any) -> Any:
     return np.diag(np.array(stds, float) ** 2)
 
 
-def transition(model: Model, p: Any, dt: float) -> tuple[Any, Any]:
+def transition(model: ReceiverModel, p: Any, dt: float) -> tuple[Any, Any]:
     phi, noise = (field if model.own_errors else surroundings).transition(np, p, dt)
     size = field.states(p.beacons) if model.own_errors else surroundings.STATES
     Phi, Q = np.eye(size), np.zeros((size, size))
@@ -72,7 +72,13 @@ def transition(model: Model, p: Any, dt: float) -> tuple[Any, Any]:
 
 
 def measured(
-    model: Model, p: Any, position: Any, platform: Any, attitude: Any, beacons: Any, there: Any
+    model: ReceiverModel,
+    p: Any,
+    position: Any,
+    platform: Any,
+    attitude: Any,
+    beacons: Any,
+    there: Any,
 ) -> tuple[Any, Any, Any]:
     """Rows, variances and how much there is of each measurement."""
     readings, packets, heard = there
@@ -95,7 +101,7 @@ def measured(
     return np.vstack(H), np.maximum(np.concatenate(R), LEAST_VARIANCE), np.concatenate(weights)
 
 
-def _state(model: Model, p: Any, position: Any, platform: Any, attitude: Any) -> Any:
+def _state(model: ReceiverModel, p: Any, position: Any, platform: Any, attitude: Any) -> Any:
     if model.own_errors:
         x = np.zeros(field.states(p.beacons))
         x[[0, 2, 4]], x[field.SPEED] = position, model.situation["speed"]
@@ -146,7 +152,7 @@ def _updated(P: Any, H: Any, R: Any) -> Any:
     return rest @ P @ rest.T + K @ np.diag(R) @ K.T
 
 
-def marginals(model: Model, p: Any, P: Any) -> tuple[Any, Any]:
+def marginals(model: ReceiverModel, p: Any, P: Any) -> tuple[Any, Any]:
     if model.own_errors:
         place = P[np.ix_([0, 2, 4], [0, 2, 4])]
         return place, place

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import Factor
+from sblcosim.study.space import DrawnFactor
 
 ANGLE = distribution_of("uniform", range=[-math.pi, math.pi])
-ANGLES = tuple(Factor(f"x{i}", ANGLE) for i in (1, 2, 3))
+ANGLES = tuple(DrawnFactor(f"x{i}", ANGLE) for i in (1, 2, 3))
 UNIT = distribution_of("uniform", range=[0, 1])
-UNITS = tuple(Factor(f"x{i}", UNIT) for i in range(1, 9))
+UNITS = tuple(DrawnFactor(f"x{i}", UNIT) for i in range(1, 9))
 WEIGHTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0, 99.0, 99.0)
 
 ISHIGAMI = {"first": (0.3139, 0.4424, 0.0), "total": (0.5576, 0.4424, 0.2437)}

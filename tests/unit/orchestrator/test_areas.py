@@ -32,6 +32,7 @@ from sblcosim.limits.path import circle_psd, path_psd
 from sblcosim.limits.run import reference
 from sblcosim.results.responses import Percentile, Run, value_of
 from sblcosim.scenario.likes import LIKES
+from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
 from seams import Seam
@@ -173,7 +174,7 @@ def test_no_two_runs_share_their_noise() -> None:
     dot = Grid((9.0, 9.0), (2.0, 2.0), 4, 6, 5.0)
     still = simulator(dot)
     still.bearings = lambda cell, replicate: np.zeros(len(cell))  # type: ignore[method-assign]
-    sample = still.run(cell, replicate, 2, lambda share: None)
+    sample = still.run(cell, replicate, How(workers=2))
     assert len(np.unique(sample.lengths, axis=0)) == len(cell)
     rows = np.log(sample.lengths[:, 5].reshape(4, -1))
     correlation = np.corrcoef(rows[:, np.isfinite(rows).all(axis=0)])
@@ -182,15 +183,15 @@ def test_no_two_runs_share_their_noise() -> None:
 
 def test_a_run_is_the_same_whatever_others_there_are() -> None:
     cell, replicate = np.array([3, 17, 3, 20]), np.array([0, 1, 5, 2])
-    every = simulator(GRID).run(cell, replicate, 2, lambda share: None)
-    alone = simulator(GRID).run(cell[2:3], replicate[2:3], 1, lambda share: None)
+    every = simulator(GRID).run(cell, replicate, How(workers=2))
+    alone = simulator(GRID).run(cell[2:3], replicate[2:3], How(workers=1))
     np.testing.assert_array_equal(alone.lengths[0], every.lengths[2])
 
 
 def test_a_run_of_a_cell_is_that_of_its_scenario() -> None:
     one = simulator(GRID)
     cell, replicate = np.array([13]), np.array([2])
-    sample = one.run(cell, replicate, 1, lambda share: None)
+    sample = one.run(cell, replicate, How(workers=1))
     bearing = float(one.bearings(cell, replicate)[0])
     record = sblcosim.run(
         one.base, overrides={
@@ -248,11 +249,11 @@ def test_failed_runs_are_counted_by_what_is_said_of_them() -> None:
 # --- Pooling -------------------------------------------------------------------------------------
 
 
-def sample_of(lengths_: Any, cells: int, each: int) -> runs.Sample:
+def sample_of(lengths_: Any, cells: int, each: int) -> runs.CellRuns:
     cell = np.repeat(np.arange(cells), each)
     n = len(cell)
     wide = np.broadcast_to(np.asarray(lengths_, float), (n, len(runs.PERCENTAGES)))
-    return runs.Sample(cell, wide, np.zeros(n, bool), np.ones(n))
+    return runs.CellRuns(cell, wide, np.zeros(n, bool), np.ones(n))
 
 
 def test_the_percentile_is_that_of_the_weighted_errors_of_the_neighbours() -> None:
@@ -343,7 +344,7 @@ def test_pooled_percentiles_are_those_of_cells_with_2000_runs(cells: int) -> Non
     rows = np.linspace(0, found.grid.rows - 1, 4).astype(int)
     some = (rows[:, None] * found.grid.columns + rows).ravel()
     sample = one.run(
-        np.repeat(some, 2000), np.tile(np.arange(2000), len(some)), None, lambda share: None
+        np.repeat(some, 2000), np.tile(np.arange(2000), len(some)), How()
     )
     true = np.array([np.quantile(sample.lengths[sample.cell == k], 0.95) for k in some])
     mapped, std = found.cells.loc[some, ["p95_m", "std_error_m"]].to_numpy().T
@@ -753,7 +754,7 @@ def test_errors_of_a_cell_are_those_that_were_asked_for(
     one = runs.Simulator(base, None, grid, error, 8.0)
     assert one.receiver == receiver
     cell, replicate = np.array([4]), np.array([1])
-    sample = one.run(cell, replicate, 1, lambda share: None)
+    sample = one.run(cell, replicate, How(workers=1))
     record = sblcosim.run(base, overrides={
         "seed": int(one.seeds(cell, replicate)[0]),
         "target.heading_deg": float(np.rad2deg(one.bearings(cell, replicate)[0])),
@@ -797,10 +798,10 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     cell = np.array([0, 1, 2, 3, 1, 1, 1, 3])
     lost = np.array([0, 1, 0, 1, 0, 0, 1, 0], bool)
     available = np.array([1.0, 0.2, 0.9, 0.6, 0.4, 0.6, 0.8, 0.0])
-    sample = runs.Sample(cell, np.ones((8, 10)), lost, available)
+    sample = runs.CellRuns(cell, np.ones((8, 10)), lost, available)
     grid = Grid((0.0, 2.0), (0.0, 2.0), 2, 2, 5.0)
     pooled = pooling.pooled(sample, np.ones(4), grid.shape, 1)
-    best = possible_.Possible(np.ones(4), np.ones(4, bool), np.ones(4))
+    best = possible_.PossibleInCells(np.ones(4), np.ones(4, bool), np.ones(4))
     cells = survey._table(grid, sample, pooled, best)
     assert cells["runs"].tolist() == [1, 4, 1, 2]
     assert cells["lost_share"].tolist() == [0.0, 0.5, 0.0, 0.5]
@@ -812,12 +813,12 @@ def test_cells_with_more_runs_than_others_count_each_run_once() -> None:
     assert summary["lost_share"] == 3 / 8
     # A cell with more runs weighs more among its neighbours, run by run.
     large = np.where((cell == 1)[:, None], 3.0, 1.0) * np.ones((8, 10))
-    found = pooling.pooled(runs.Sample(cell, large, lost, available), np.ones(4), (2, 2), 1)
+    found = pooling.pooled(runs.CellRuns(cell, large, lost, available), np.ones(4), (2, 2), 1)
     weights = {0: np.exp(-0.5), 1: 1.0, 2: np.exp(-1.0), 3: np.exp(-0.5)}
     share = 4 * weights[1] / sum(weights[c] for c in cell.tolist())
     assert share > 0.05
     np.testing.assert_allclose(found.percentile[1], 3.0, rtol=0.01)
-    few = pooling.pooled(runs.Sample(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
+    few = pooling.pooled(runs.CellRuns(np.arange(4), large[[0, 2, 3, 5]][[0, 1, 2, 2]], lost[:4],
                                      available[:4]), np.ones(4), (2, 2), 1)  # fmt: skip
     np.testing.assert_allclose(few.percentile, 1.0, rtol=0.01)
 

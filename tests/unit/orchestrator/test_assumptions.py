@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
-from sblcosim.models.receiver.variables import COUPLED, LONG_BASELINE
+from sblcosim.models.receiver.receivers.coupled import COMPONENT as COUPLED
+from sblcosim.models.receiver.receivers.long_baseline import COMPONENT as LONG_BASELINE
 from sblcosim.models.settings.assumptions import SOURCES, rounding
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.sources import choice_of

@@ -20,7 +20,7 @@ from sblcosim.errors import SblcosimError
 from sblcosim.fmus.build import bound, compiler
 from sblcosim.limits import parameters, places, recursion, run
 from sblcosim.limits.path import circle_psd
-from sblcosim.limits.recursion import Epochs, Model
+from sblcosim.limits.recursion import Epochs, ReceiverModel
 from sblcosim.limits.verdict import rms
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.receiver.bound import BOUNDS
@@ -38,7 +38,7 @@ def close(mine: Any, theirs: Any, relative: float = 1e-9) -> None:
         assert (np.abs(one - other) <= relative * size).all()
 
 
-def a_case(seed: int) -> tuple[Model, Epochs, Any, Any]:
+def a_case(seed: int) -> tuple[ReceiverModel, Epochs, Any, Any]:
     """Anything that the recursion takes: model, packets, gaps, parameters, places."""
     draw = np.random.default_rng(seed)
     name = ("platform", "field")[seed % 2]
@@ -60,7 +60,7 @@ def a_case(seed: int) -> tuple[Model, Epochs, Any, Any]:
         attitude=draw.normal(0, 0.3, (n, 3)), beacons=draw.normal(0, 5, (n, count, 3)),
     )  # fmt: skip
     position = draw.normal((0, 0, 12), 10, (n, divers, 3))
-    return Model(name, p, situation), epochs, position, np.exp(draw.normal(-5, 2, divers))
+    return ReceiverModel(name, p, situation), epochs, position, np.exp(draw.normal(-5, 2, divers))
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -138,12 +138,12 @@ def test_what_is_too_much_is_refused() -> None:
 # --- By hand -------------------------------------------------------------------------------------
 
 
-def quiet(name: str, **numbers: float) -> Model:
+def quiet(name: str, **numbers: float) -> ReceiverModel:
     """A model without any errors but those that are given."""
     p = dict.fromkeys(BOUNDS[name].parameters, 0.0)
     p |= {key: 1.0 for key in p if key.endswith("_time")}
     situation = {"speed": 0.0, "own_beacon": False, "known_start": True}
-    return Model(name, SimpleNamespace(**p | numbers), situation)
+    return ReceiverModel(name, SimpleNamespace(**p | numbers), situation)
 
 
 def one_epoch(offset: Any, reading: float = 0.0, packet: float = 0.0, heard: float = 0.0) -> Any:

@@ -27,6 +27,7 @@ from sblcosim.comparison.shares import shares
 from sblcosim.errors import ConfigurationError
 from sblcosim.limits.run import of_run
 from sblcosim.models import COMPONENTS
+from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
 from seams import Seam
@@ -75,17 +76,17 @@ def _quick(**options: Any) -> Budget:
 
 
 def test_all_keys_of_sources_are_there_and_in_one_source_each() -> None:
-    keys = [key for s in sources.SOURCES.values() for part in s.parts for key in part.keys]
+    keys = [key for s in SOURCES.values() for part in s.parts for key in part.keys]
     assert len(keys) == len(set(keys))
     known = {f"{name}.{v.key}" for name in ("target", "platform", "acoustics")
              for v in COMPONENTS[name].of("parameter")}
     assert set(keys) <= known
-    assert {part.about for s in sources.SOURCES.values() for part in s.parts} - {""} <= known
+    assert {part.about for s in SOURCES.values() for part in s.parts} - {""} <= known
 
 
 def test_no_error_of_a_sensor_is_forgotten() -> None:
     """Whatever is named as an error is in a source; the rest says how errors vary in time."""
-    keys = {key for s in sources.SOURCES.values() for part in s.parts for key in part.keys}
+    keys = {key for s in SOURCES.values() for part in s.parts for key in part.keys}
     error = re.compile(r"_(std|bias|drift|step|offset|error|probability|resolution|amplitude|"
                        r"coefficient|misalignment)(_|$)")
     no_error = {
@@ -118,10 +119,10 @@ def test_what_is_switched_is_gone(name: str, better: bool) -> None:
         there = sources.of_scenario(base, better)
         after = load(base.given(), sources.switched(base, there, better).items())
     if name == "presets" and not better:
-        assert there == tuple(sources.SOURCES)
+        assert there == tuple(SOURCES)
     assert sources.of_scenario(after, better) == ()
     for source in there:
-        for part in sources.SOURCES[source].parts:
+        for part in SOURCES[source].parts:
             for key in part.keys:
                 old, new = (np.abs(np.ravel(sources._value(s, key)) - (
                     sources._value(s, part.about) if part.about else 0)) for s in (base, after))
@@ -224,7 +225,7 @@ def test_the_numbers_are_those_of_single_runs() -> None:
 
 def test_a_single_error_makes_all_of_it() -> None:
     """Alone on, it is the scenario itself."""
-    clean = sources.switched(load(DIVE), [n for n in sources.SOURCES if n != "GPS"])
+    clean = sources.switched(load(DIVE), [n for n in SOURCES if n != "GPS"])
     clean |= {"acoustics.range_std_m": 0.01, "target.depth_std_m": 0.01}
     found = _found(changes=tuple(clean.items())).of("absolute")
     assert [*found.index[found["kind"] == "source"]] == ["GPS"]
@@ -363,7 +364,7 @@ def test_the_sentence_names_what_matters() -> None:
     first = rows.index[1]
     share = f"{100 * rows.loc[first, 'share']:.0f} %"
     assert found.answer().startswith(
-        f"coupled: {share} of the mean square is {sources.SOURCES[first].words}: "
+        f"coupled: {share} of the mean square is {SOURCES[first].words}: "
         f"{rows.loc[ALL, 'rms_m']:.2f} m → {rows.loc[first, 'rms_m']:.2f} m RMS; "
     )
     better = _found(better=True).answer()

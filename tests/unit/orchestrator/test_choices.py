@@ -21,6 +21,7 @@ from sblcosim.analysis import (
     factorial,
     general,
     general_figures,
+    saving,
     sensitivity,
     sensitivity_figures,
     sweep,
@@ -90,10 +91,10 @@ BUDGET = budget_result.Budget(
 )  # fmt: skip
 STUDY = study.load("paper-scenario-1").with_replicates(1)
 DRAWN = space.sample(
-    [space.Factor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
+    [space.DrawnFactor("x", distributions.distribution_of("uniform", range=[1.0, 2.0]))], 16
 )
 SHARES = sensitivity.indices(DRAWN, DRAWN.values["x"].to_numpy())
-PICTURE = page.Picture("x", "<svg></svg>", "x", "x")
+PICTURE = page.PagePicture("x", "<svg></svg>", "x", "x")
 
 
 def of_runs(function: Any, **options: Any) -> Any:
@@ -157,8 +158,8 @@ CALLS: dict[str, Any] = {
     "require.figures.plot_narrow theme": partial(require_figures.plot_narrow, None),
     "analysis.workflow.of_table transform": partial(of_runs, workflow.of_table),
     "report.factorial.find transform": partial(of_runs, report.find),
-    "analysis.workflow.save theme": partial(workflow.save, FOUND, "nowhere"),
-    "analysis.workflow.save_advice theme": partial(workflow.save_advice, ADVICE, "nowhere"),
+    "analysis.saving.save theme": partial(saving.save, FOUND, "nowhere"),
+    "analysis.saving.save_advice theme": partial(saving.save_advice, ADVICE, "nowhere"),
     "report.page.inline theme": partial(page.inline, PICTURE),
     "report.paper.figures.plot_waves theme": partial(paper_figures.plot_waves, {"x": RECORD}),
     "export.ssp.export_ssp version": partial(ssp.export_ssp, "paper-scenario-1"),
@@ -211,15 +212,16 @@ ELSEWHERE = {
     "analysis.workflow.of_grid transform": "analysis.general.analyse",
     "analysis.workflow.of_space transform": "analysis.sensitivity.indices",
     "report.study.save transform": "report.factorial.find",
-    "analysis.workflow.write theme": "analysis.workflow.save",
+    "analysis.saving.write theme": "analysis.saving.save",
     "results.catalogue.Job.save theme": "results.catalogue.Job.axes",
     "results.catalogue.drawing theme": "results.catalogue.Job.axes",
     "comparison.budget_result.Budget.save theme": "comparison.budget_result.Budget.plot",
     "comparison.budget_result.Budget.save other": "artifacts.draft",
     "packages.recording.Recording.save theme": "results.result.Result.save",
     "packages.recording.Recording.save other": "results.result.Result.save",
+    "simulation.user_receivers.of_folder fmi": "api.run",
 }
-"""Those that hand the argument on before they do anything with it, and to what."""
+"""Those that hand the argument on before they do anything with it, or get it checked; and where."""
 
 
 def literals() -> set[str]:

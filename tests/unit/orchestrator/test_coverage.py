@@ -10,10 +10,10 @@ import pytest
 from known_indices import FUNCTIONS, RARE, STEPS, Known
 from numpy.typing import NDArray
 from sblcosim.analysis import jackknife, two_values
-from sblcosim.analysis.jackknife import Estimate
+from sblcosim.analysis.jackknife import IndexEstimates
 from sblcosim.analysis.sensitivity import indices
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import NEWEST, Factor, Version, sample
+from sblcosim.study.space import NEWEST, DrawnFactor, SampleVersion, sample
 from scipy import stats
 
 Floats = NDArray[np.float64]
@@ -25,13 +25,13 @@ SAMPLES = 200
 COUNTED = 0.02
 """Indices below it are not counted."""
 COLUMNS = tuple(
-    Factor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(1, 13)
+    DrawnFactor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(1, 13)
 )
 
 
 @cache
 def drawn(
-    samples: int, rows: int, seed: int = 0, version: Version = NEWEST
+    samples: int, rows: int, seed: int = 0, version: SampleVersion = NEWEST
 ) -> tuple[Floats, Floats]:
     """A and B of many samples; shape of each (samples, rows, columns)."""
     all_drawn = [sample(COLUMNS, rows, 100_000 * seed + 7 * s, version) for s in range(samples)]
@@ -39,7 +39,7 @@ def drawn(
     return u[:, :, 0], u[:, :, -1]
 
 
-def held(found: Estimate, known: tuple[float, ...], digit: float = 5e-4) -> Floats:
+def held(found: IndexEstimates, known: tuple[float, ...], digit: float = 5e-4) -> Floats:
     """Share of the samples whose interval holds an index, of those that count."""
     inside = (found.low <= np.add(known, digit)) & (np.subtract(known, digit) <= found.high)
     share: Floats = inside.mean(axis=0)[np.array(known) > COUNTED]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sblcosim
-from sblcosim.analysis import workflow
+from sblcosim.analysis import columns, workflow
 from sblcosim.analysis.conditions import of_choices
 from sblcosim.analysis.general import GeneralFactorial
 from sblcosim.cli import contents
@@ -20,7 +20,7 @@ from sblcosim.report import levels as level_pages
 from sblcosim.report import possible
 from sblcosim.report import study as reports
 from sblcosim.report.common import as_toml
-from sblcosim.report.page import Table
+from sblcosim.report.page import PageTable
 from sblcosim.results.responses import ON_REQUEST, RESPONSES
 from sblcosim.study import again, runner, study
 from sblcosim.study.design import Factor
@@ -306,7 +306,7 @@ def test_a_report_names_the_errors_that_what_is_possible_leaves_out(tmp_path: Pa
     fixed = {"time": {"duration_s": 15.0}, "platform": {"mounting_std_m": 0.2}}
     made = small(factors=arms, fixed=fixed)
     (table,) = possible.tables(made, made.run(tmp_path))
-    assert isinstance(table, Table)
+    assert isinstance(table, PageTable)
     assert table.note.endswith("Errors that it leaves out: mounting_std_m.")
 
 
@@ -363,7 +363,7 @@ def test_pairs_are_judged_by_what_is_said_wherever_they_stand(
     assert by["differs"].to_dict() == ((low > 0) | (high < 0)).to_dict()
     assert by["differs"].tolist() == [False, True, True]
     made = level_pages.parts(of, found, tmp_path).tables
-    (page,) = (t for t in made if isinstance(t, Table) and t.caption == "Pairs of levels")
+    (page,) = (t for t in made if isinstance(t, PageTable) and t.caption == "Pairs of levels")
     document = contents.analysis(found, tmp_path, tmp_path).model_dump()["pairs"]
     for shown in page.rows:
         one, other = (float(text.removesuffix(" m")) for text in shown[1].split(" less "))
@@ -411,7 +411,7 @@ def test_an_empty_level_is_the_scenario_as_it_is_and_no_level_is_there_twice(
 def test_an_unknown_response_is_refused_in_a_line(asked: str, hint: str) -> None:
     table = pd.DataFrame({f"ekf.{name}": [1.0] for name in RESPONSES if name not in ON_REQUEST})
     with pytest.raises(ConfigurationError) as refused:
-        workflow.column_of(table, asked)
+        columns.column_of(table, asked)
     assert hint in str(refused.value)
     assert len(str(refused.value)) < 250
 

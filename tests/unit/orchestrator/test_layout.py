@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from sblcosim.layout import fitted, meters, table
+from sblcosim.layout import fitted, table
 from sblcosim.scenario.scenario import shipped
 
 LONG = "ekf: 2.9 m RMS, 95 % within 5.1 m; claims 0.6 m: do not trust its covariance, says NEES"
@@ -56,15 +56,6 @@ def test_a_table_is_as_wide_as_it_must_be_or_may_be() -> None:
         assert {"1.234e-05", "0.1234%"} <= set(" ".join(lines).split()), lines
     assert [*table([], None, head)] == ["name  what it is  error [m]"]
     assert [*table([("[bold]x[/bold]", ":smile:")], None)] == ["[bold]x[/bold]  :smile:"]
-
-
-@pytest.mark.parametrize(
-    ("length", "text"),
-    [(0.0123, "0.012 m"), (0.0995, "0.10 m"), (0.995, "1.0 m"), (9.949, "9.9 m"), (9.95, "10 m"),
-     (12345.6, "12,346 m"), (1.2345e13, "1.2e+13 m"), (0.0, "0.000 m"), (float("nan"), "– m")],
-)  # fmt: skip
-def test_lengths_have_two_digits_that_mean_something(length: float, text: str) -> None:
-    assert meters(length) == text
 
 
 STUDY = """

@@ -23,7 +23,8 @@ import pytest
 import sblcosim.cli
 import typer
 from sblcosim import api
-from sblcosim.analysis import workflow
+from sblcosim.analysis import study_advice
+from sblcosim.analysis.saving import save_advice
 from sblcosim.areas.survey import map_area
 from sblcosim.calibrate import calibrate
 from sblcosim.cli import contents
@@ -107,8 +108,8 @@ CASES = [
     Case(("replay", "studies/x", "abc"), (replay,)),
     Case(("analyse", "studies/x"), (reports.save, contents.analysis)),
     Case(("advise", "studies/x", "--costs", "costs.toml"),
-         (workflow.advice_on_study, workflow.readable_advice,
-          workflow.save_advice, contents.advice)),
+         (study_advice.advice_on_study, study_advice.readable_advice,
+          save_advice, contents.advice)),
     Case(("paper",), (paper.run,)),
     Case(("map", SCENARIO, "--area", "10x10", "--depth", "5"), (map_area,)),
     Case(("budget", SCENARIO), (budget,)),

@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
-from sblcosim.analysis import workflow
+from sblcosim.analysis import columns
 from sblcosim.errors import ConfigurationError, DamageWarning
 from sblcosim.report import study as reports
 from sblcosim.study import campaign, definition, parts, runner, store, study
@@ -126,7 +126,7 @@ def test_no_run_becomes_a_python_object(large: Path) -> None:
     before = sys.getallocatedblocks()
     found = store.finished(large)
     missing = runner.missing(asked, large)
-    table = store.table(large, workflow.needed(asked.study))  # type: ignore[arg-type]
+    table = store.table(large, columns.needed(asked.study))  # type: ignore[arg-type]
     made = sys.getallocatedblocks() - before
     assert made < RUNS / 10
     assert (len(found), missing.runs, len(table)) == (RUNS, 0, RUNS)

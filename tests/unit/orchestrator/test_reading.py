@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sblcosim.analysis import workflow
+from sblcosim.analysis import study_advice
 from sblcosim.cli import app
 from sblcosim.errors import ConfigurationError
 from sblcosim.scenario.reading import DEEPEST, LARGEST, check_values, parse
@@ -46,7 +46,7 @@ def line_of(call: Callable[[], object]) -> str:
 def test_a_text_that_is_too_much_is_refused_in_one_short_line(name: str, tmp_path: Path) -> None:
     text, message = TEXTS[name]
     for kind, read in (
-        ("scenario", load), ("study", study.load), ("costs", workflow._read),
+        ("scenario", load), ("study", study.load), ("costs", study_advice._read),
     ):
         file = tmp_path / f"{kind}.toml"
         file.write_text(text)
@@ -151,7 +151,7 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a file without end")
 def test_a_file_without_end_is_not_read() -> None:
-    for read in (load, study.load, workflow._read):
+    for read in (load, study.load, study_advice._read):
         assert line_of(lambda: read(Path("/dev/zero"))) == (  # noqa: B023
             "/dev/zero: must be a file that can be read, got a device"
         )
@@ -161,7 +161,7 @@ def test_a_large_file_is_not_read_to_its_end(tmp_path: Path) -> None:
     large = tmp_path / "large.toml"
     with large.open("wb") as file:
         file.truncate(1 << 40)  # of holes
-    for read in (load, study.load, workflow._read):
+    for read in (load, study.load, study_advice._read):
         assert line_of(lambda: read(large)) == (  # noqa: B023
             f"{large}: must have at most {LARGEST:,} bytes, got more"
         )

@@ -24,8 +24,8 @@ from sblcosim.analysis.costs import of_levels
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus.build import factory
 from sblcosim.report.common import as_toml
-from sblcosim.require import figures, limiting, report, sequential, weighing, words
-from sblcosim.require.answer import Answer
+from sblcosim.require import figures, limiting, report, sequential, weighing
+from sblcosim.require.answer import Answer, missing
 from sblcosim.require.figures import plot_front, plot_narrow
 from sblcosim.require.file_schema import question_schema
 from sblcosim.require.question import Question, passable
@@ -731,7 +731,7 @@ def test_costs_may_be_written_as_the_levels_are() -> None:
 def test_what_is_missing_to_decide_is_true(passed: int, runs: int) -> None:
     """Each number of runs that is said would decide it, and none before does."""
     rule = Rule(0.9, 0.05, 6, 2)
-    text = words.missing(rule, passed, runs)
+    text = missing(rule, passed, runs)
     shares = [passed / runs]
     if "not even" in text:
         for n in (10**3, 10**5, 10**7):

@@ -13,9 +13,9 @@ from sblcosim.require.sequential import (
     LANES,
     NEAR,
     WEIGHT,
+    Decision,
     Elimination,
     Rule,
-    Verdict,
     enough,
     evidence,
     looks,
@@ -51,7 +51,7 @@ RESPONSES: dict[str, Draw] = {
 
 def played(
     shares: Sequence[float], draw: Draw, rng: np.random.Generator, most_runs: int = 40_000
-) -> tuple[list[Verdict], int]:
+) -> tuple[list[Decision], int]:
     """The verdicts on designs of given shares, and the runs that they have taken."""
     elimination = Elimination(
         Rule(0.95, 0.05, len(shares)), range(len(shares)), most_runs
@@ -63,7 +63,7 @@ def played(
     return [elimination.verdict(n) for n in range(len(shares))], elimination.spent
 
 
-def is_wrong(verdict: Verdict, share: float) -> bool:
+def is_wrong(verdict: Decision, share: float) -> bool:
     return verdict == ("fails" if share >= 0.95 else "suffices")
 
 

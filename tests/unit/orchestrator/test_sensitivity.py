@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from published_functions import ANGLES, ISHIGAMI, UNIT, UNITS, WITH_NOISE, G, g, ishigami, noisy
-from sblcosim.analysis import sobol
+from sblcosim.analysis import sensitivity_sentences
 from sblcosim.analysis.sensitivity import Sensitivity, indices, of_table
 from sblcosim.errors import ConfigurationError
 from sblcosim.results.definitions import LOST
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import Factor, sample
+from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.study.stand_in import evaluate, model_of
 from scipy import optimize, stats
 
@@ -23,7 +23,7 @@ DIGIT = 5e-5
 """Published values are rounded."""
 
 
-def of(function: Any, factors: tuple[Factor, ...], n: int, seed: int = 1) -> Sensitivity:
+def of(function: Any, factors: tuple[DrawnFactor, ...], n: int, seed: int = 1) -> Sensitivity:
     drawn = sample(factors, n, seed)
     return indices(drawn, evaluate(model_of(function), drawn), function.__name__)
 
@@ -166,7 +166,7 @@ def test_intervals_are_those_of_the_jackknife_by_hand() -> None:
 # --- Logarithms, tails and lost runs -------------------------------------------------------------
 
 POSITIVE = distribution_of("uniform", range=[0, 1])
-TWO = (Factor("gps", POSITIVE, label="GPS error", unit="m"), Factor("depth", POSITIVE))
+TWO = (DrawnFactor("gps", POSITIVE, label="GPS error", unit="m"), DrawnFactor("depth", POSITIVE))
 
 
 def error(gps, depth, seed):
@@ -204,12 +204,12 @@ def test_the_answer_is_one_sentence_of_the_two_largest_and_chance() -> None:
     """Rough where the intervals are wide; what adds up to more than all is explained once."""
     for model, factors, rows in ((g, UNITS, 256), (noisy, ANGLES, 64)):
         found = of(model, factors, rows)
-        said, total = sobol.answer(found), found.indices["total"]
+        said, total = sensitivity_sentences.answer(found), found.indices["total"]
         first, second, *rest = found.ranked().drop(index="seed").index
         assert said.count(". ") == 0
         assert f"is explained by {found.name_of(first)}, {100 * total[second]:.0f} % by " in said
         assert not any(found.name_of(name) in said for name in rest)
-        assert said.startswith("Roughly ") == (found.widest > sobol.WIDEST)
+        assert said.startswith("Roughly ") == (found.widest > sensitivity_sentences.WIDEST)
         assert total.sum() > 1
         assert found.text().count("Totals add up to more than 100 %: an interaction counts") == 1
 
@@ -229,19 +229,19 @@ def test_that_no_factor_matters_is_said_only_where_the_intervals_say_it() -> Non
     ):  # fmt: skip
         table = found.indices.assign(**small, first_high=high, total_high=high)
         table.loc["seed"] = [0.97, chance_low, 1.0, 0.97, chance_low, 1.0]
-        assert re.fullmatch(words, sobol.answer(replace(found, indices=table)))
+        assert re.fullmatch(words, sensitivity_sentences.answer(replace(found, indices=table)))
     assert "Totals" not in replace(found, indices=found.indices.assign(total=0.01)).text()
 
 
 def test_few_rows_of_noise_and_little_else_do_not_say_that_no_factor_matters() -> None:
     """Unless each interval is below the share that is said."""
-    factors = tuple(Factor(f"x{i}", UNIT) for i in (1, 2))
+    factors = tuple(DrawnFactor(f"x{i}", UNIT) for i in (1, 2))
     said = 0
     for seed in range(40):
         drawn = sample(factors, 16, 1000 * seed)
         noise = stats.norm.ppf(((drawn.seeds + 0.5) * 0.6180339887) % 1)
         found = indices(drawn, drawn.values["x1"].to_numpy() + noise)
-        answer = sobol.answer(found)
+        answer = sensitivity_sentences.answer(found)
         assert not answer.startswith("Each factor") or found.indices["total_high"][:2].max() <= 0.05
         said += answer.startswith("No factor stands out")
     assert said
@@ -387,7 +387,7 @@ def steps(gps, depth, seed):
 @pytest.mark.parametrize("rows", [64, 256])
 def test_a_factor_without_a_change_is_bounded_whatever_the_others_do(rows: int) -> None:
     """A run is moved to the farthest of all, in a share that likelihood does not exclude."""
-    levels = Factor("kind", distribution_of("choice", levels=[1.0, 2.0]))
+    levels = DrawnFactor("kind", distribution_of("choice", levels=[1.0, 2.0]))
     share = 1 - np.exp(-(stats.t.ppf(0.975, rows - 1) ** 2) / 2 / rows)
     for of_levels in (False, True):
         drawn = sample((*TWO, levels), rows)
@@ -406,7 +406,7 @@ def test_a_factor_without_a_change_is_bounded_whatever_the_others_do(rows: int) 
 @pytest.mark.parametrize("share", [0.3, 0.08, 0.01])
 def test_rare_values_of_any_number_have_wide_intervals_or_are_too_few(share: float) -> None:
     """As of ``lost`` averaged over conditions: 0, 1/2 or 1."""
-    factors = [Factor(f"x{i}", POSITIVE) for i in range(5)]
+    factors = [DrawnFactor(f"x{i}", POSITIVE) for i in range(5)]
     rng = np.random.default_rng(1)
     a, b = rng.random((2, 2**16, 5))
     limits = np.quantile(a.sum(axis=1), [1 - share, 1 - share / 2])

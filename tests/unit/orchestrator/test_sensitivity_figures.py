@@ -11,15 +11,17 @@ from matplotlib.text import Text
 from sblcosim.analysis import sensitivity_figures as figures
 from sblcosim.analysis.sensitivity import Sensitivity, indices
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import Factor, sample
+from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.style import new_figure
 
 DRAWN = sample(
     (
-        Factor("gps", distribution_of("log-uniform", range=[0.05, 5]), label="GPS error", unit="m"),
-        Factor("arm", distribution_of("uniform", range=[1, 3])),
-        Factor("grade", distribution_of("choice", levels=["good", "bad $x$"])),
-        Factor("ticks", distribution_of("choice", levels=[1, 4])),
+        DrawnFactor(
+            "gps", distribution_of("log-uniform", range=[0.05, 5]), label="GPS error", unit="m"
+        ),
+        DrawnFactor("arm", distribution_of("uniform", range=[1, 3])),
+        DrawnFactor("grade", distribution_of("choice", levels=["good", "bad $x$"])),
+        DrawnFactor("ticks", distribution_of("choice", levels=[1, 4])),
     ),
     64,
 )  # fmt: skip
@@ -112,7 +114,7 @@ def test_conditional_means_have_equally_many_values() -> None:
 
 @pytest.mark.parametrize("low_high", [(0.05, 5), (1.1, 1.4), (0.2, 3), (1e-6, 1e6), (3, 3.0001)])
 def test_logarithmic_axes_have_plain_numbers(low_high: tuple[float, float]) -> None:
-    factor = Factor("x", distribution_of("log-uniform", range=low_high))
+    factor = DrawnFactor("x", distribution_of("log-uniform", range=low_high))
     drawn = sample([factor], 64)
     panel = figures.plot_scatter(indices(drawn, drawn.values["x"].to_numpy()))[0]
     panel.figure.draw_without_rendering()

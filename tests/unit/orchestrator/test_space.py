@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 from sblcosim.errors import ConfigurationError
 from sblcosim.study.distributions import Distribution, Kind, distribution_of
-from sblcosim.study.space import Factor, sample
+from sblcosim.study.space import DrawnFactor, sample
 from scipy import stats
 from scipy.stats import qmc
 
@@ -143,7 +143,7 @@ def test_a_wrong_distribution_is_refused_in_one_line(message: str) -> None:
 
 def refused(**options) -> str:
     with pytest.raises(ConfigurationError) as caught:
-        Factor("gps", **options)
+        DrawnFactor("gps", **options)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("factor gps: ")
     return str(caught.value).removeprefix("factor gps: ")
@@ -161,7 +161,7 @@ def test_a_key_that_is_set_by_name_has_a_choice_only() -> None:
         "levels: must be among 'ekf', 'sequential_ekf', got 'sequental_ekf'; did you mean "
         "'sequential_ekf'?"
     )
-    assert not Factor("x", distribution_of("choice", levels=names), names=names).numeric
+    assert not DrawnFactor("x", distribution_of("choice", levels=names), names=names).numeric
     given = distribution_of("choice", levels=["a", "b"])
     assert refused(distribution=given, low=0) == "levels: must be numbers, got 'a'"
 
@@ -172,9 +172,9 @@ def test_no_value_can_leave_the_bounds_of_the_keys() -> None:
         "range: must be given to keep 'normal' within the bounds of its keys, 0 to inf, got values "
         "from -2.06038 to 4.06038"
     )
-    Factor("gps", distribution_of("normal", mean=1, std=0.1), low=0)  # ten standard deviations
+    DrawnFactor("gps", distribution_of("normal", mean=1, std=0.1), low=0)  # ten standard deviations
     truncated = distribution_of("normal", mean=1, std=0.5, range=[0, 3])
-    assert Factor("gps", truncated, low=0).values(U).min() >= 0
+    assert DrawnFactor("gps", truncated, low=0).values(U).min() >= 0
     wide = distribution_of("uniform", range=[-1, 2])
     assert refused(distribution=wide, low=0, high=2) == (
         "range: must be within the bounds of its keys, 0 to 2, got [-1.0, 2.0]"
@@ -189,7 +189,7 @@ def test_no_value_can_leave_the_bounds_of_the_keys() -> None:
 @pytest.mark.parametrize("step", [0.001, 0.25, 1, 2, 0.3])
 def test_values_are_rounded_to_whole_steps_inside_the_range(step: float) -> None:
     given = distribution_of("uniform", range=[0.7, 9.2])
-    x = Factor("T", given, step=step).values(U)
+    x = DrawnFactor("T", given, step=step).values(U)
     whole = x / step
     assert np.abs(whole - np.rint(whole)).max() < 1e-9
     assert 0.7 <= x.min() < 0.7 + step
@@ -199,12 +199,12 @@ def test_values_are_rounded_to_whole_steps_inside_the_range(step: float) -> None
 
 
 def test_a_sampling_time_in_ms_is_the_number_that_people_write() -> None:
-    x = Factor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001).values(U)
+    x = DrawnFactor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001).values(U)
     assert set(np.unique(x)) == {k / 1000 for k in range(100, 2001)}
     given = distribution_of("uniform", range=[0.0004, 0.1])
-    assert Factor("T", given, low=0.0001, step=0.001).values(U).min() == 0.001  # and not 0
+    assert DrawnFactor("T", given, low=0.0001, step=0.001).values(U).min() == 0.001  # and not 0
     choice = distribution_of("choice", levels=[0.1, 0.3, 2])
-    assert set(Factor("T", choice, step=0.001).values(U)) == {0.1, 0.3, 2}
+    assert set(DrawnFactor("T", choice, step=0.001).values(U)) == {0.1, 0.3, 2}
     choice = distribution_of("choice", levels=[0.1, 0.3004])
     assert refused(distribution=choice, step=0.001) == (
         "levels: must be whole multiples of 0.001, got 0.3004"
@@ -234,7 +234,7 @@ def test_random_numbers_make_a_distribution_or_a_line() -> None:
         }
         step = rng.choice([None, 0.001, 1])
         try:
-            factor = Factor("x", distribution_of(kind, **numbers), low=-10, high=10, step=step)
+            factor = DrawnFactor("x", distribution_of(kind, **numbers), low=-10, high=10, step=step)
         except ConfigurationError as error:
             lines.append(str(error))
             continue
@@ -250,9 +250,9 @@ def test_random_numbers_make_a_distribution_or_a_line() -> None:
 # --- Samples -------------------------------------------------------------------------------------
 
 FACTORS = (
-    Factor("gps", distribution_of("log-uniform", range=[0.1, 5])),
-    Factor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001),
-    Factor("receiver", distribution_of("choice", levels=["ekf", "ukf"])),
+    DrawnFactor("gps", distribution_of("log-uniform", range=[0.1, 5])),
+    DrawnFactor("T", distribution_of("uniform", range=[0.1, 2]), step=0.001),
+    DrawnFactor("receiver", distribution_of("choice", levels=["ekf", "ukf"])),
 )
 
 
@@ -287,7 +287,7 @@ def test_equal_arguments_give_equal_bits_and_more_rows_continue() -> None:
 
 def test_no_column_goes_with_another_one() -> None:
     """Over many samples of 16 rows, pairs of columns of A and B are as independent ones."""
-    factors = [Factor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(6)]
+    factors = [DrawnFactor(f"x{i}", distribution_of("uniform", range=[0, 1])) for i in range(6)]
     spread = {}
     for version in (1, 2):
         found = []
@@ -321,13 +321,13 @@ def test_the_sample_of_before_is_drawn_as_it_was() -> None:
 
 def test_a_sample_is_more_even_than_independent_points() -> None:
     for n in (64, 1024):
-        u = sample([Factor("x", distribution_of("uniform", range=[0, 1]))], n).values["x"]
+        u = sample([DrawnFactor("x", distribution_of("uniform", range=[0, 1]))], n).values["x"]
         at_a = u.to_numpy().reshape(n, -1)[:, 0]
         assert {*np.floor(at_a * n).astype(int).tolist()} == {*range(n)}  # one in each cell
 
 
 def test_every_quantile_is_finite() -> None:
-    drawn = sample([Factor("x", distribution_of("normal", mean=0, std=1))], 2**14, seed=3)
+    drawn = sample([DrawnFactor("x", distribution_of("normal", mean=0, std=1))], 2**14, seed=3)
     assert np.isfinite(drawn.values["x"]).all()
     assert stats.kstest(drawn.values["x"][:: drawn.runs_per_row], "norm").pvalue > 0.5
 
@@ -347,7 +347,7 @@ def test_every_quantile_is_finite() -> None:
          "seed: must be from 0 on and leave room for 32 seeds up to 2147483647, got -1"),
         (FACTORS, 16, 2**31 - 31,
          "seed: must be from 0 on and leave room for 32 seeds up to 2147483647, got 2147483617"),
-        ([Factor("seed", FACTORS[0].distribution)], 16, 1,
+        ([DrawnFactor("seed", FACTORS[0].distribution)], 16, 1,
          "factor seed: must have another name, the seed is a factor of every space"),
     ],
 )  # fmt: skip

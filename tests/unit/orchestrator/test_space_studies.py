@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import sblcosim
 from sblcosim import cli
-from sblcosim.analysis import sensitivity, sobol, workflow
+from sblcosim.analysis import sensitivity, sensitivity_sentences, workflow
 from sblcosim.cli import contents
 from sblcosim.errors import ConfigurationError
 from sblcosim.report import study as reports
@@ -193,7 +193,7 @@ def test_reports_and_documents_say_which_rows_are_left_out(
     found = reports.save(tmp_path / "out", tmp_path / "page")
     assert isinstance(found, Indices)
     assert 0 < found.main.left_out < 0.2 * 256
-    sentence = sobol.answer(found.main)
+    sentence = sensitivity_sentences.answer(found.main)
     assert sentence.startswith("Without ")
     document = contents.analysis(found, tmp_path, tmp_path)
     assert document.answer == sentence

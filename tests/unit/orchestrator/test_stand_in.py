@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from sblcosim.errors import ConfigurationError
 from sblcosim.study.distributions import distribution_of
-from sblcosim.study.space import Factor, sample
+from sblcosim.study.space import DrawnFactor, sample
 from sblcosim.study.stand_in import evaluate, model_of
 
 FACTORS = (
-    Factor("gps", distribution_of("uniform", range=[1, 2])),
-    Factor("receiver", distribution_of("choice", levels=["ekf", "ukf"])),
+    DrawnFactor("gps", distribution_of("uniform", range=[1, 2])),
+    DrawnFactor("receiver", distribution_of("choice", levels=["ekf", "ukf"])),
 )
 DRAWN = sample(FACTORS, 16, seed=5)
 FILE = """

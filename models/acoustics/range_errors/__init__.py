@@ -1,0 +1,13 @@
+"""The errors of a range: each module of this folder is one, named after its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...found import modules_of
+from ..range_error import RangeError, numbered
+
+FOUND: Mapping[str, RangeError] = numbered(
+    {name: module.RANGE_ERROR for name, module in modules_of(__name__).items()}
+)
+"""By name, in the order of their numbers."""

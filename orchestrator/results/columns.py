@@ -1,0 +1,315 @@
+"""The columns of the tables of a run, each declared once.
+
+From these declarations follow the DataFrames and their files, what is printed and what notebooks
+show, the documents that ``--json`` prints with their JSON schemas, and the tables of the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from ..data.estimates import Floats
+from .definitions import (
+    AXES,
+    FRAMES,
+    PERCENTAGES,
+    POSITION_STATES,
+    PREFIXES,
+    Judged,
+    errors_of,
+    nees,
+    of_position,
+    percentile_column,
+)
+
+Number = float | None
+"""Type of a number in JSON, where what is missing or not finite is null."""
+CovarianceVerdict = Literal["consistent", "optimistic", "pessimistic", "unknown"]
+"""What `metrics.verdict` says of a mean NEES or NIS."""
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """A column of a table.
+
+    Parameters
+    ----------
+    name
+        In DataFrames, files and JSON; it ends with the unit.
+    description
+        What it is, as the reference and JSON schemas say it.
+    unit
+        Empty for what has none.
+    heading
+        Over the column, where the table is printed; without one, the column is not printed.
+    type
+        In JSON.
+    of
+        Its value, of what a row is made from.
+    without
+        Its value in a row that is made from no values at all.
+    sometimes
+        Whether it may be missing in JSON.
+    """
+
+    name: str
+    description: str
+    unit: str = ""
+    heading: str = ""
+    type: Any = Number
+    of: Callable[[Any], Any] | None = None
+    without: Any = np.nan
+    sometimes: bool = False
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The values of a column of words."""
+        given = (self.type, *get_args(self.type))
+        return tuple(word for kind in given for word in get_args(kind) if isinstance(word, str))
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """A table: the columns that say what a row is about, and the others.
+
+    Attributes
+    ----------
+    part
+        Name of a row in JSON schemas.
+    about
+        What a row is, as they say it.
+    title, unit
+        Of the table, where it is printed; a heading tells another unit.
+    """
+
+    part: str
+    about: str
+    index: tuple[TableColumn, ...]
+    columns: tuple[TableColumn, ...]
+    title: str = ""
+    unit: str = "m"
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return [column.name for column in self.columns]
+
+    @property
+    def printed(self) -> tuple[TableColumn, ...]:
+        """The columns that are printed."""
+        return tuple(column for column in self.columns if column.heading)
+
+    def heading(self, column: TableColumn) -> str:
+        """What is printed over a column."""
+        other = column.unit not in ("", self.unit)
+        return f"{column.heading} [{column.unit}]" if other else column.heading
+
+    def row(self, values: Floats) -> dict[str, Any]:
+        """The columns that are functions of values, (m,)."""
+        return {c.name: c.of(values) if len(values) else c.without for c in self.columns if c.of}
+
+
+RECEIVER = TableColumn("receiver", "Label of the receiver", type=str)
+FRAME = TableColumn("frame", "What the error is relative to", type=Literal[FRAMES])
+AXIS = TableColumn("axis", "Axis of the error", heading="axis", type=Literal[(*AXES, "total")])
+LENGTH = TableColumn("length", "Which length", heading="error", type=Literal["horizontal", "total"])
+
+ERRORS = RunTable(
+    "Statistics",
+    "Of an error, over all estimates.",
+    (RECEIVER, FRAME, AXIS),
+    (
+        TableColumn("mean_m", "Mean: signed for an axis, of the length for total", "m", "mean",
+                    of=lambda e: e.mean()),
+        TableColumn("rms_m",
+                    "Root mean square; the square for total is the sum of those of the axes", "m",
+                    "RMS", of=lambda e: np.sqrt((e * e).mean())),
+        TableColumn("std_m", "Standard deviation about the mean: rms² = mean² + std²", "m", "std",
+                    of=lambda e: e.std()),
+        TableColumn("n", "Number of estimates", type=int, of=len, without=0),
+    ),
+    title="Error",
+)  # fmt: skip
+"""Functions of the errors of an axis, or of their lengths, [m], of the m estimates that count."""
+
+
+def _percentile(p: int) -> TableColumn:
+    rank = f"of n errors the one of rank {p / 100:g} n, rounded up"
+    words = "Largest error" if p == 100 else f"Radius that holds {p} % of the estimates: {rank}"
+    return TableColumn(percentile_column(p), words, "m", "all" if p == 100 else f"{p} %")
+
+
+PERCENTILES = RunTable(
+    "Percentiles",
+    "Order statistics of the length of an error; of the horizontal one, p50 is CEP50.",
+    (RECEIVER, FRAME, LENGTH),
+    tuple(map(_percentile, PERCENTAGES)),
+    title="Within",
+)
+
+
+@dataclass(frozen=True)
+class ChiSquare:
+    """A NEES or NIS, whose mean has a band and a verdict in the summary.
+
+    Attributes
+    ----------
+    name
+        Of the column of estimates.
+    words, description
+        What it is, and what its mean is.
+    degrees
+        Of freedom; None where each estimate has its own.
+    """
+
+    name: str
+    words: str
+    description: str
+    degrees: int | None
+
+    def columns(self) -> Iterator[TableColumn]:
+        """What the summary says of it (see `metrics.of_chi_square`)."""
+        name, verdict = self.name, CovarianceVerdict | None
+        yield TableColumn(name, self.description)
+        yield TableColumn(f"{name}_expected", "What it is of a right covariance")
+        yield TableColumn(f"{name}_low", "Of its 95 % band")
+        yield TableColumn(f"{name}_high", "Of its 95 % band")
+        yield TableColumn(f"{name}_verdict", "Mean against band", type=verdict)
+
+
+CHI_SQUARES = (
+    ChiSquare("nees_position", "NEES of the position", "Mean NEES of the absolute position", 3),
+    ChiSquare("relative_nees_position", "relative NEES of the position",
+              "Mean NEES of the position relative to the reported platform", 3),
+    ChiSquare("own_relative_nees_position", "own relative NEES of the position",
+              "Mean NEES of the receiver's own relative position", 3),
+    ChiSquare("nees_state", "NEES of the state", "Mean NEES of position and velocity", 6),
+    ChiSquare("nis", "NIS", "Mean NIS", None),
+)  # fmt: skip
+
+SUMMARY = RunTable(
+    "Summary",
+    "Availability and consistency of a receiver; null for one that failed before the end.",
+    (RECEIVER,),
+    (
+        TableColumn("estimates", "Number of valid estimates", type=int | None),
+        TableColumn("first_fix_s", "Epoch of the first one", "s"),
+        TableColumn("availability", "Share of the time with a fix"),
+        TableColumn("update_share", "Share of the updates with a new estimate"),
+        *(column for one in CHI_SQUARES for column in one.columns()),
+        TableColumn("inconsistent", "NEES of the position above its band; null without any",
+                    type=bool | None),
+        TableColumn("lost", "No good estimate in the last quarter", type=bool | None),
+        TableColumn("failure", "Why the receiver has failed", type=str | None, sometimes=True),
+    ),
+)  # fmt: skip
+
+
+# --- Estimates: functions of `Judged`; None where a receiver has no such column -------------------
+
+
+def _claimed_std(judged: Judged) -> Floats | None:
+    estimates, P = judged.estimates, judged.estimates.covariance
+    if estimates.position_std is not None or P is None:
+        return estimates.position_std
+    return np.sqrt(P[:, POSITION_STATES, POSITION_STATES])
+
+
+def _own_std(judged: Judged) -> Floats | None:
+    P = judged.estimates.relative_covariance
+    if judged.own_relative_nees is None or P is None:
+        return None
+    variances = np.diagonal(P, axis1=1, axis2=2)
+    return np.sqrt(np.where(variances >= 0, variances, np.nan))
+
+
+def _position_nees(judged: Judged) -> Floats | None:
+    return None if judged.estimates.covariance is None else judged.nees
+
+
+def _relative_nees(judged: Judged) -> Floats | None:
+    P = judged.estimates.covariance
+    if P is None or judged.relative is None:
+        return None
+    return nees(judged.relative, of_position(P))
+
+
+def _state_nees(judged: Judged) -> Floats | None:
+    estimates, P = judged.estimates, judged.estimates.covariance
+    if P is None or estimates.velocity is None:
+        return None
+    # the paper's order: position, then velocity, of each axis
+    pairs = np.stack([judged.error, estimates.velocity - judged.true_velocity], axis=2)
+    return nees(pairs.reshape(-1, 6), P)
+
+
+def _own_nees(judged: Judged) -> Floats | None:
+    known = judged.estimates.relative_covariance is not None
+    return judged.own_relative_nees if known else None
+
+
+def _error(frame: str, judged: Judged) -> Floats | None:
+    return errors_of(judged).get(frame, (None, None))[0]
+
+
+def _length(frame: str, judged: Judged) -> Floats | None:
+    square = errors_of(judged).get(frame, (None, None))[1]
+    return None if square is None else np.sqrt(square)
+
+
+def _component(of: Callable[[Judged], Floats | None], i: int, judged: Judged) -> Floats | None:
+    values = of(judged)
+    return None if values is None else values[:, i]
+
+
+def _by_axis(
+    prefix: str, description: str, of: Callable[[Judged], Floats | None]
+) -> Iterator[TableColumn]:
+    for i, axis in enumerate(AXES):
+        yield TableColumn(f"{prefix}{axis}_m", description, "m", of=partial(_component, of, i))
+
+
+def _errors() -> Iterator[TableColumn]:
+    for frame in FRAMES:
+        words = f"{frame.replace('_', ' ').capitalize()} error"
+        yield from _by_axis(f"{PREFIXES[frame]}error_", words, partial(_error, frame))
+        total = f"{PREFIXES[frame]}error_total_m"
+        yield TableColumn(total, f"Length of the {words.lower()}", "m", of=partial(_length, frame))
+
+
+ESTIMATES = RunTable(
+    "Estimate",
+    "A valid estimate with the truth.",
+    (RECEIVER,),
+    (
+        TableColumn("epoch_s", "Time to which the estimate belongs", "s", of=lambda j: j.epoch_s),
+        *_by_axis("", "The estimate", lambda j: j.estimates.position),
+        *_by_axis("true_", "The truth at that epoch", lambda j: j.true_position),
+        *_errors(),
+        *_by_axis("std_", "Standard deviation that the receiver claims", _claimed_std),
+        TableColumn("nees_position", "NEES of the absolute error, 3 degrees of freedom",
+                    of=_position_nees),
+        TableColumn("relative_nees_position", "NEES of the relative error, 3 degrees of freedom",
+                    of=_relative_nees),
+        TableColumn("nees_state",
+                    "NEES of the errors of position and velocity, 6 degrees of freedom",
+                    of=_state_nees),
+        *_by_axis("own_relative_std_", "Standard deviation that the receiver claims of its own "
+                  "relative position", _own_std),
+        TableColumn("own_relative_nees_position",
+                    "NEES of the own relative error, 3 degrees of freedom", of=_own_nees),
+        TableColumn("nis", "Sum of the squared innovations, normalised",
+                    of=lambda j: j.estimates.nis),
+        TableColumn("nis_degrees", "Degrees of freedom of the NIS",
+                    of=lambda j: j.estimates.nis_degrees),
+    ),
+)  # fmt: skip
+"""What a receiver does not have, or depends on a platform's true motion that is not known, is left
+out."""
+TABLES = {"errors": ERRORS, "percentiles": PERCENTILES, "summary": SUMMARY, "estimates": ESTIMATES}
+"""By the names of their files."""

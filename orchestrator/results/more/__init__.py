@@ -1,0 +1,20 @@
+"""Responses and figures of a run that are a file each: modules of this folder are found.
+
+A module may have ``RESPONSES``, rows of the name, the words and the function of a
+`sblcosim.results.responses.Run`, and ``FIGURES``, of `sblcosim.results.catalogue.Figure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+from sblcosim.models.found import modules_of
+
+FOUND: Mapping[str, ModuleType] = modules_of(__name__)
+
+
+def rows(what: str) -> list[Any]:
+    """What the modules have of this name, in the order of their names."""
+    return [row for module in FOUND.values() for row in getattr(module, what, ())]

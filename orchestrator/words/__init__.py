@@ -1,0 +1,1 @@
+"""How numbers, shares and lists are written for people, everywhere alike."""

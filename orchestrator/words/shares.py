@@ -1,0 +1,38 @@
+"""Shares in per cent. A share is from 0 to 1; one of a mean square may be below 0."""
+
+from __future__ import annotations
+
+from math import ceil, floor, isnan
+
+
+def percent(share: float, form: str = "g", gap: str = " ") -> str:
+    """``95 %``: a share in one of Python's formats; without the gap ``95%``."""
+    return f"{100 * share:{form}}{gap}%"
+
+
+def rough_percent(share: float) -> str:
+    """``12 %``, ``3.4 %``: whole per cents, two digits of those below 10."""
+    return percent(share, ".0f" if share >= 0.0995 or share == 0 else ".2g")
+
+
+def whole_percent(share: float) -> str:
+    """``12 %``, ``−3 %``: whole per cents with a true minus; nothing where there is no share."""
+    if isnan(share):
+        return ""
+    return f"{round(100 * share) + 0:.0f} %".replace("-", "−")
+
+
+def tight_percent(share: float) -> str:
+    """``12.3%``: narrow, for a column of shares."""
+    return "< 0.1%" if 0 < share < 5e-4 else f"{share:.1%}"
+
+
+def percent_at_least(share: float) -> str:
+    """``98 %``, ``99.2 %``: a lower bound, rounded down."""
+    digits = 0 if share < 0.99 else 1
+    return f"{floor(100 * share * 10**digits) / 10**digits:.{digits}f} %"
+
+
+def percent_at_most(share: float) -> str:
+    """``3 %``: an upper bound, rounded up."""
+    return f"{ceil(100 * share)} %"

@@ -1,0 +1,100 @@
+"""The declared columns of a run's tables, and what follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sblcosim
+from sblcosim.cli.documents import schema
+from sblcosim.results import metrics, notebook, text
+from sblcosim.results.columns import (
+    CHI_SQUARES,
+    ERRORS,
+    ESTIMATES,
+    SUMMARY,
+    TABLES,
+    RunTable,
+    TableColumn,
+)
+from synthetic_record import make_record, track
+
+
+@pytest.fixture(scope="module")
+def run() -> sblcosim.Result:
+    return sblcosim.run("paper-scenario-1", "coupled", {"time.duration_s": 10.0})
+
+
+def test_the_tables_of_a_run_have_the_declared_columns_in_their_order(run):
+    tables = {"errors": run.errors, "percentiles": run.percentiles, "summary": run.summary}
+    assert {*tables, "estimates"} == set(TABLES)
+    for name, table in tables.items():
+        declared = TABLES[name]
+        assert table.index.names == [column.name for column in declared.index]
+        assert table.columns.to_list() == [n for n in declared.names if n != "failure"]
+    every = run.estimates["coupled"].columns
+    assert every.to_list() == ESTIMATES.names
+    some = run.estimates["raw"].columns
+    assert some.to_list() == [name for name in ESTIMATES.names if name in some]
+
+
+def test_a_nees_of_the_summary_is_a_column_of_the_estimates():
+    for one in CHI_SQUARES:
+        assert {one.name} < set(ESTIMATES.names)
+        row = metrics.of_chi_square(one.name, np.ones(3), np.full(3, 3))
+        assert list(row) == [name for name in SUMMARY.names if name in row]
+
+
+def test_names_end_with_the_unit_and_every_column_is_described():
+    for table in TABLES.values():
+        for column in (*table.index, *table.columns):
+            assert column.description
+            assert column.name.endswith(f"_{column.unit}" if column.unit else column.name)
+
+
+MORE = (
+    TableColumn("big", "Number of large errors", heading="large", type=int, without=0,
+                of=lambda e: int((abs(e) > 1).sum())),
+    TableColumn("furthest_m", "Largest size", "m", "furthest from the truth",
+                of=lambda e: abs(e).max()),
+    TableColumn("square_m2", "Mean square", "m²", "square", of=lambda e: (e * e).mean()),
+    TableColumn("least_m", "Smallest size", "m", of=lambda e: abs(e).min()),
+)  # fmt: skip
+
+
+@pytest.fixture
+def more(monkeypatch: pytest.MonkeyPatch) -> RunTable:
+    table = replace(ERRORS, columns=(*ERRORS.columns, *MORE))
+    for module in (metrics, text, notebook):
+        monkeypatch.setattr(module, "ERRORS", table)
+    return table
+
+
+@pytest.mark.parametrize("width", [72, 300])
+def test_columns_of_all_kinds_are_printed_below_their_headings(more, width):
+    estimates = track(make_record({"ekf": np.array([[3.0, 0, 4]])}), "ekf")
+    table = metrics.error_table({"ekf": estimates, "mute": estimates[:0]})
+    lines = list(text.errors(table, ("ekf", "mute"), width))
+    head = next(line for line in lines if line.startswith("receiver"))
+    assert head.endswith("mean      RMS      std    large furthest from the truth square [m²]")
+    frames = head.count("large")
+    assert frames == (1 if width < 100 else 2)
+    total = next(line for line in lines if line.split()[:1] == ["total"])
+    values = ["5.000", "5.000", "0.000", "99", "5.000", "25.000"]
+    assert total.split() == ["total", *values * frames]
+    mute = next(line for line in lines if line.startswith("mute"))
+    assert mute.split() == ["mute", "x", *["–", "–", "–", "0", "–", "–"] * frames]
+    assert len(total) == len(mute) == len(head)
+
+
+def test_a_row_of_json_has_the_types_that_are_declared():
+    for name, table in TABLES.items():
+        if name == "estimates":
+            continue
+        part = schema("run")["$defs"][table.part]
+        assert list(part["properties"]) == table.names
+        assert part["required"] == [c.name for c in table.columns if not c.sometimes]
+        assert [p["description"] for p in part["properties"].values()] == [
+            c.description for c in table.columns
+        ]
