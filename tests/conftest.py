@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
@@ -11,8 +11,11 @@ from typing import Any
 
 import pytest
 
-for folder in ("fmus", "models"):
-    sys.path.insert(0, str(Path(__file__).parent / "unit" / folder))
+sys.path.insert(0, str(Path(__file__).parent / "unit" / "models"))
+sys.path.insert(0, str(Path(__file__).parent / "unit" / "fmus"))
+sys.path.insert(0, str(Path(__file__).parent))
+
+from seams import Seam
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -34,6 +37,23 @@ def pytest_sessionstart(session: pytest.Session) -> None:
                     each.result()
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Whole files go to workers with ``--dist loadfile``, but for some."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from spread import Spread
+
+    return Spread(config, log)
+
+
+@pytest.fixture
+def seam() -> Iterator[Seam]:
+    """Stand-ins for things of the product, until the end of the test."""
+    with Seam() as made:
+        yield made
+
+
 HANGS = "hangs"
 """Name of the file that whatever hangs on purpose leaves, in `fmu/hang.h` and in Python alike."""
 LONG = 600.0
@@ -41,7 +61,7 @@ LONG = 600.0
 
 
 @pytest.fixture
-def only_hangs_take_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def only_hangs_take_time(monkeypatch: pytest.MonkeyPatch, seam: Seam) -> None:
     """Time limits of calls begin when one hangs on purpose; healthy ones may take long."""
     from sblcosim.fmus.conformance import runner
     from sblcosim.simulation.process import Process
@@ -62,7 +82,7 @@ def only_hangs_take_time(monkeypatch: pytest.MonkeyPatch) -> None:
         return wait(process, folder, patience)
 
     monkeypatch.setattr(Process, "_next", patient_next)
-    monkeypatch.setattr(runner, "_wait", patient_wait)
+    seam.instead(runner._wait, patient_wait)
 
 
 def _wait_for(done: Callable[[], bool]) -> None:

@@ -19,10 +19,10 @@ from sblcosim.scenario.scenario import Scenario, load, shipped
 from sblcosim.scenario.schema import CORE_COMPONENTS
 from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters import lanes
-from sblcosim.simulation.plan import TICK_PARAMETERS, Plan
+from sblcosim.simulation.plan import TICK_PARAMETERS
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
-from sblcosim.study.groups import _ALIKE
+from sblcosim.study.groups import Point, grouped
 
 pytestmark = pytest.mark.filterwarnings("ignore::sblcosim.errors.NoEffectWarning")
 Record = Mapping[str, np.ndarray]
@@ -77,35 +77,17 @@ def changes(scenario: Scenario) -> Iterator[tuple[tuple[str, ...], Any]]:
                 yield (table, variable.key), value
 
 
-def key_of_group(system: System, plan: Plan) -> Any:
-    """Equal for systems that can run side by side."""
-    return plan.stop_ns, tuple(
-        (name, spec.interval_ns, tuple(sorted(spec.parameters)),
-         tuple(spec.parameters.get(k) for k in sorted(_ALIKE)))
-        for name, spec in system.components.items()
-    )
-
-
 def records(systems: Sequence[System]) -> list[Record]:
     """All outputs of some systems; those that differ in parameters only run side by side."""
     plans = [resolve(system) for system in systems]
-    groups: dict[Any, list[int]] = {}
-    for place, (system, plan) in enumerate(zip(systems, plans, strict=True)):
-        groups.setdefault(key_of_group(system, plan), []).append(place)
+    points = [Point(n, (), system, "") for n, system in enumerate(systems, start=1)]
     found: list[Record] = [{}] * len(systems)
-    for places in groups.values():
-        plan, first = plans[places[0]], systems[places[0]]
-        varied = {}
-        for name, spec in first.components.items():
-            for parameter in spec.parameters:
-                rows = [systems[i].components[name].parameters[parameter] for i in places]
-                if any(row != rows[0] for row in rows):
-                    varied[f"{name}.{parameter}"] = np.array(rows, np.float64)
-        columns = [column.name for column in plan.columns]
-        outcome = lanes.execute(plan, varied, record=columns)
-        for i, place in enumerate(places):
-            runs = len(next(iter(outcome.values.values())))
-            found[place] = outcome.record(min(i, runs - 1)).values
+    for group in grouped(points, plans, free=(), master="lanes", alone=False):
+        columns = [column.name for column in group.plan.columns]
+        outcome = lanes.execute(group.plan, group.values, record=columns)
+        runs = len(next(iter(outcome.values.values())))
+        for place, run in group.places.items():
+            found[place] = outcome.record(min(run, runs - 1)).values
     return found
 
 

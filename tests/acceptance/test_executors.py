@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import signal
@@ -19,7 +20,8 @@ import pytest
 from distributed import LocalCluster
 from sblcosim.errors import ConfigurationError
 from sblcosim.fmus import stopping
-from sblcosim.study import campaign, executors, runner, store, study
+from sblcosim.study import campaign, executors, store, study
+from seams import Seam
 
 MADE = {
     "name": "wide",
@@ -118,11 +120,11 @@ def test_workers_of_a_cluster_get_the_fmus_over_the_wire(tmp_path: Path, referen
 
 
 def test_a_worker_that_is_killed_costs_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cluster: LocalCluster
+    tmp_path: Path, seam: Seam, cluster: LocalCluster
 ) -> None:
     made = study.load({**MADE, "replicates": 60})
     made.run(tmp_path / "alone")
-    monkeypatch.setattr(runner, "BATCH", 8)
+    seam.tuned(batch=8)
     killed: list[int] = []
 
     def kill(share: float) -> None:
@@ -181,9 +183,9 @@ def test_a_worker_that_ended_before_it_got_runs_is_said_too() -> None:
 
 
 def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reference: bytes
+    tmp_path: Path, seam: Seam, reference: bytes
 ) -> None:
-    monkeypatch.setattr(runner, "BATCH", 8)
+    seam.tuned(batch=8)
     import multiprocessing
 
     def kill(share: float) -> None:
@@ -201,14 +203,14 @@ def test_a_worker_process_that_ends_is_said_and_nothing_is_lost(
 
 
 def test_bad_workers_get_one_line_and_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     original = distributed.Client.wait_for_workers
 
     def wait(client: distributed.Client, number: int, timeout: float) -> Any:
         return original(client, number, 1)
 
-    monkeypatch.setattr(executors, "PATIENCE", 1)
+    seam.tuned(worker_patience=1)
     made = study.load(MADE)
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"scheduler": "tcp://127.0.0.1:1"}, r"that answers, got 'tcp://127.0.0.1:1'"),
@@ -220,7 +222,7 @@ def test_bad_workers_get_one_line_and_no_folder(
         wrong.append(({"scheduler": empty.scheduler_address}, "must have workers, got none"))
         for arguments, message in wrong:
             if arguments.get("scheduler") == empty.scheduler_address:  # it answers, however late
-                monkeypatch.setattr(executors, "PATIENCE", 300)
+                seam.tuned(worker_patience=300)
                 monkeypatch.setattr(distributed.Client, "wait_for_workers", wait)
             with pytest.raises(ConfigurationError, match=message) as caught:
                 made.run(tmp_path / "out", **arguments)
@@ -228,9 +230,9 @@ def test_bad_workers_get_one_line_and_no_folder(
     assert not (tmp_path / "out").exists()
 
 
-def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_of_another_version_are_refused(seam: Seam) -> None:
     parcel = executors.pack(campaign.prepare(study.load(MADE)))
-    monkeypatch.setattr(executors, "version", lambda _: "0.0")
+    seam.instead(importlib.metadata.version, lambda _: "0.0")
     with pytest.raises(ConfigurationError, match=r"workers: must have sblcosim .*, got 0\.0"):
         executors.unpack(parcel)
 

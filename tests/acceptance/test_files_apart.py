@@ -26,6 +26,7 @@ from sblcosim.simulation.messages import Call, Here
 from sblcosim.simulation.user_files import for_others
 from sblcosim.simulation.watched import Watched
 from sblcosim.study import study
+from seams import Seam
 from typer.testing import CliRunner
 
 SCENARIO = "harbour-square"
@@ -720,9 +721,9 @@ def test_a_kept_child_is_not_one_of_a_forked_process(
 
 
 def test_exit_handlers_of_a_file_are_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(child_process, "_FAREWELL", 300.0)
+    seam.tuned(farewell=300.0)
     text = f"import atexit; atexit.register(lambda: open({str(tmp_path / 'end')!r}, 'w').close())"
     sblcosim.run(SCENARIO, str(written(tmp_path, "import", text)), SHORT)
     assert not (tmp_path / "end").exists()

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 from sblcosim.fmus import files
+from seams import program
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 
@@ -38,10 +39,7 @@ keys = ["time.sampling_time_s"]
 levels = [0.1, 1.0]
 """
 # Small batches, so that there is much to interrupt.
-PROGRAM = (
-    "import sblcosim.study.runner as r; from sblcosim import cli; "
-    "r.BATCH, r.KEPT_STEPS = 4, 1; cli.main()"
-)
+PROGRAM = program(batch=4, kept_steps=1)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 from distributed import LocalCluster
 from sblcosim import require
-from sblcosim.require import limiting
 from sblcosim.study import store
+from seams import Seam, program
 
 QUESTION = """
 name = "mine"
@@ -43,15 +43,12 @@ combine = "all"
 keys = ["acoustics.loss_probability"]
 levels = [0.0, 0.25]
 """
-PROGRAM = (
-    "import sblcosim.study.runner as r, sblcosim.require.limiting as l; "
-    "from sblcosim import cli; r.BATCH = 8; l.RUNS = 20; cli.main()"
-)
+PROGRAM = program(batch=8, limiting_runs=20)
 
 
 @pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limiting, "RUNS", 20)
+def _quick(seam: Seam) -> None:
+    seam.tuned(limiting_runs=20)
 
 
 def written(folder: Path) -> dict[str, bytes]:
@@ -67,8 +64,8 @@ def question(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def reference(question: Path) -> dict[str, bytes]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limiting, "RUNS", 20)
+    with Seam() as seam:
+        seam.tuned(limiting_runs=20)
         found = require.decide(question, question.parent / "reference", workers=1)
     assert 0 < found.spent <= 2000
     assert len(set(found.designs["runs"])) > 1  # runs went where they decide

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from seams import program
 
 STUDY = """
 scenario = "paper-scenario-1"
@@ -30,7 +31,7 @@ levels = [0.1, 1.0]
 """
 RUNS = 600
 # Small batches, so that there is much to interrupt.
-COMMAND = "import sblcosim.study.runner as r; from sblcosim import cli; r.BATCH = 4; cli.main()"
+COMMAND = program(batch=4)
 
 
 def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:

@@ -18,6 +18,7 @@ from fmpy.validation import validate_fmu
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.platforms import PLATFORMS, folder, this_platform
 from sblcosim.models import COMPONENTS
+from seams import Seam
 
 from . import binaries
 from .host import NOISY, TICKS, Host, assert_same_bits, chain, grid, host
@@ -157,7 +158,7 @@ def test_two_builds_are_byte_identical(
 
 
 def test_model_that_has_not_changed_is_not_compiled_again(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, seam: Seam
 ) -> None:
     first = factory.build(SMALL, 2)
     assert first.is_relative_to(fresh_cache)
@@ -165,13 +166,13 @@ def test_model_that_has_not_changed_is_not_compiled_again(
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("nothing should be compiled")
 
-    monkeypatch.setattr(factory, "compile_shared", fail)
+    seam.instead(factory.compile_shared, fail)
     assert factory.build(SMALL, 2) == first
     with pytest.raises(AssertionError, match="nothing should be compiled"):
         factory.build(SMALL, 3)
 
 
-def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_ingredient_counts() -> None:
     cc = compiler.find()
 
     def known_as(name: str = SMALL, fmi: Any = 2, cc: compiler.Compiler = cc) -> str:
@@ -188,12 +189,12 @@ def test_every_ingredient_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     differs(known_as(fmi=3))
     differs(known_as(cc=compiler.Compiler((*cc.command, "-O3"), cc.identity)))
     differs(known_as(cc=compiler.Compiler(cc.command, cc.identity + " newer")))
-    for flags in ("FLAGS", "LINK_FLAGS"):
-        with monkeypatch.context() as patch:
-            patch.setattr(compiler, flags, (*getattr(compiler, flags), "-g"))
+    for flags in (compiler.FLAGS, compiler.LINK_FLAGS):
+        with Seam() as seam:
+            seam.instead(flags, (*flags, "-g"))
             differs(known_as())
-    with monkeypatch.context() as patch:
-        patch.setattr(factory, "ingredients", lambda name, fmi: "other sources")
+    with Seam() as seam:
+        seam.instead(factory.ingredients, lambda name, fmi: "other sources")
         differs(known_as())
     assert known_as() in seen
 
@@ -294,7 +295,7 @@ FOUR = tuple(name for name in PLATFORMS if name != "x86_64-windows")
     ],
 )
 def test_one_fmu_runs_on_all_platforms(
-    name: str, platforms: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    name: str, platforms: tuple[str, ...], seam: Seam, tmp_path: Path
 ) -> None:
     """Each library exports the functions of the standard and the lanes, and needs an old libc."""
     allowed = {
@@ -302,7 +303,7 @@ def test_one_fmu_runs_on_all_platforms(
         "windows": r"kernel32\.dll|api-ms-win-crt-.*\.dll",
         "darwin": r"/usr/lib/libSystem\.B\.dylib",
     }
-    monkeypatch.setattr(compiler, "PLATFORMS", platforms)
+    seam.instead(compiler.PLATFORMS, platforms)
     for fmi in (2, 3):
         path = factory.build(name, fmi, all_platforms=True)  # type: ignore[arg-type]
         assert validate_fmu(str(path)) == []

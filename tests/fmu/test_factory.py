@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from importlib.metadata import PackageNotFoundError
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -11,6 +11,7 @@ from fmpy.validation import validate_fmu
 from sblcosim.fmus import files
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.errors import BuildError, DamageWarning
+from seams import Seam
 
 SMALL = "range_model"
 """The component that is built quickest."""
@@ -27,19 +28,19 @@ def test_fmi_version_must_exist() -> None:
 
 
 def test_without_a_compiler_the_error_says_what_to_install(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     monkeypatch.setenv("PATH", str(fresh_cache))
-    monkeypatch.setattr(compiler, "zig", lambda: None)
+    seam.instead(compiler.zig, lambda: None)
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
     with pytest.raises(BuildError, match=r"install gcc or clang, or pip install 'sblcosim\[zig\]'"):
         factory.build(SMALL)
 
 
 def test_without_zig_the_error_says_what_to_install(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(compiler, "zig", lambda _: None)
+    seam.instead(compiler.zig, lambda _: None)
     with pytest.raises(
         BuildError, match=r"all platforms needs the package ziglang: pip install 'sblcosim\[zig\]'"
     ):
@@ -51,11 +52,11 @@ def test_without_casadi_the_error_says_what_to_install(
 ) -> None:
     def version(package: str) -> str:
         if package == "casadi":
-            raise PackageNotFoundError(package)
+            raise metadata.PackageNotFoundError(package)
         return "1"
 
     factory._versions.cache_clear()
-    monkeypatch.setattr(factory.metadata, "version", version)
+    monkeypatch.setattr(metadata, "version", version)
     with pytest.raises(
         BuildError, match=r"needs the package casadi: pip install 'sblcosim\[models\]'"
     ):
@@ -63,19 +64,19 @@ def test_without_casadi_the_error_says_what_to_install(
 
 
 def test_ready_made_fmu_is_used_while_the_sources_are_its_own(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
-    monkeypatch.setattr(factory, "READY", fresh_cache / "ready")
+    seam.instead(factory.READY, fresh_cache / "ready")
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
     ready = factory.READY / factory.key(SMALL, 2) / f"{SMALL}.fmu"
     files.write_sealed(ready, b"ready-made")
-    monkeypatch.setattr(factory, "write", lambda *_: pytest.fail("built"))
+    seam.instead(factory.write, lambda *_: pytest.fail("built"))
     assert factory.build(SMALL, 2) == factory.build(SMALL, 2, all_platforms=True) == ready
     with monkeypatch.context() as patch:
         patch.setenv(compiler.VARIABLE, compiler.find().command[0])
         with pytest.raises(pytest.fail.Exception):
             factory.build(SMALL, 2)
-    monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-g"))
+    seam.instead(compiler.FLAGS, (*compiler.FLAGS, "-g"))
     with pytest.raises(pytest.fail.Exception):
         factory.build(SMALL, 2)
 
@@ -91,9 +92,9 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("what", ["", files.SEAL])
 def test_a_damaged_file_in_the_cache_is_built_again(
-    what: str, damage: str, fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    what: str, damage: str, fresh_cache: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(factory, "compile_shared", lambda *_: b"compiled " * 99)
+    seam.instead(factory.compile_shared, lambda *_: b"compiled " * 99)
     path = factory.library("small", {"small.c": b""}, compiler=compiler.find())
     good = path.read_bytes()
     with warnings.catch_warnings():
@@ -126,9 +127,9 @@ def test_a_file_without_its_hash_is_built_again(
 
 
 def test_a_damaged_ready_made_file_is_built_or_the_message_says_what_to_do(
-    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch
+    fresh_cache: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
-    monkeypatch.setattr(factory, "READY", fresh_cache / "ready")
+    seam.instead(factory.READY, fresh_cache / "ready")
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
     ready = factory.READY / factory.key(SMALL, 2) / f"{SMALL}.fmu"
     files.write_sealed(ready, b"ready-made")

@@ -19,8 +19,8 @@ from sblcosim import artifacts, manifests
 from sblcosim.cli.base import app
 from sblcosim.errors import ConfigurationError, ConfigurationWarning, DamageWarning
 from sblcosim.estimation.folder import read_run
-from sblcosim.require import limiting
 from sblcosim.study import store
+from seams import Seam
 from typer.testing import CliRunner
 
 SEED = int(os.environ.get("SBLCOSIM_FLIPS_SEED", "1"))
@@ -79,9 +79,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (place / "study.toml").write_text(STUDY)
     (place / "question.toml").write_text(QUESTION)
     (place / "costs.toml").write_text("gps = [500, 20]\n")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, Seam() as seam:
         patch.chdir(place)
-        patch.setattr(limiting, "RUNS", 40)
+        seam.tuned(limiting_runs=40)
         command("export", "ssp", *_SHORT, "--receiver", "ekf", "--out", "paper-scenario-1.ssp")
         command("study", "study.toml", "--out", "study")
         for name, arguments in MADE.items():
@@ -90,11 +90,11 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture
-def own(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam) -> Path:
     """A copy that may be damaged."""
     place = Path(shutil.copytree(results, tmp_path / "own"))
     monkeypatch.chdir(place)
-    monkeypatch.setattr(limiting, "RUNS", 40)
+    seam.tuned(limiting_runs=40)
     return place
 
 

@@ -13,7 +13,6 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from sblcosim.fmus.build import compiler, factory
 from sblcosim.fmus.build.archive import contents, write_fmu
-from sblcosim.fmus.conformance import receiver_contract
 from sblcosim.fmus.conformance.receiver_contract import ContractReport, check_receiver
 from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.platforms import folder, suffix, this_platform
@@ -22,6 +21,7 @@ from sblcosim.fmus.terminals import TERMINALS
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.models.equations import Model
 from sblcosim.models.ports import PING_POSE, SYSTEM
+from seams import Seam
 
 VERSIONS = get_args(Fmi)
 HANG = (Path(__file__).parents[2] / "fmu" / "hang.h").read_bytes()
@@ -404,9 +404,9 @@ def test_a_binary_that_crashes_while_it_loads_is_told_so(tmp_path: Path) -> None
 )  # fmt: skip
 @pytest.mark.usefixtures("only_hangs_take_time")
 def test_an_fmu_that_does_not_live_to_be_instantiated_is_not_sound(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, what: str, ending: str
+    tmp_path: Path, seam: Seam, where: str, what: str, ending: str
 ) -> None:
-    monkeypatch.setattr(receiver_contract, "PATIENCE", 2.0)
+    seam.tuned(patience=2.0)
     functions = {f for f in FUNCTIONS if f != "fmi2Instantiate"}
     rest = "".join(f"int {name}(void) {{ return 3; }}\n" for name in sorted(functions))
     if "fmi2Instantiate" not in where:

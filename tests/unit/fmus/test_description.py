@@ -10,7 +10,6 @@ import fmpy
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
-from sblcosim.fmus.build import description
 from sblcosim.fmus.build.archive import contents, write_fmu
 from sblcosim.fmus.build.description import (
     base_unit,
@@ -24,6 +23,7 @@ from sblcosim.models import COMPONENTS, declaration
 from sblcosim.models.declaration import UNITS, Component, Variable
 from sblcosim.models.equations import Model
 from sblcosim.models.loading import load
+from seams import Seam
 
 VERSIONS = get_args(Fmi)
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
@@ -169,10 +169,9 @@ def test_units_are_defined_by_their_true_exponents(tmp_path: Path, name: str, fm
      ("m/rad3", "m/deg3", (math.pi / 180) ** 3)],
 )  # fmt: skip
 def test_any_power_of_an_angle_is_displayed_as_that_of_degrees(
-    monkeypatch: pytest.MonkeyPatch, name: str, shown: str, factor: float, fmi: Fmi
+    seam: Seam, name: str, shown: str, factor: float, fmi: Fmi
 ) -> None:
-    for module in (declaration, description):
-        monkeypatch.setattr(module, "UNITS", {**UNITS, name: declaration.Unit(name, "x")})
+    seam.instead(UNITS, {**UNITS, name: declaration.Unit(name, "x")})
     variable = Variable("v", "A variable", "input", unit=name)
     document = model_description(model(Component("C", 1, "C", (variable,), None)), fmi, "", ())
     (unit,) = etree.fromstring(document).iter("DisplayUnit")

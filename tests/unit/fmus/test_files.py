@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from sblcosim.fmus import files
+from seams import Seam
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX")
 
@@ -71,13 +73,13 @@ def test_a_file_that_must_not_give_way_stays(tmp_path: Path) -> None:
 
 
 def test_two_that_make_the_same_new_file_do_not_both_succeed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     def quicker(folder: Path) -> bool:
         (folder / "file").write_bytes(b"theirs")
         return False
 
-    monkeypatch.setattr(files, "sweep", quicker)
+    seam.instead(files.sweep, quicker)
     with pytest.raises(FileExistsError):
         files.write_file(tmp_path / "file", b"mine", replace=False)
     assert (tmp_path / "file").read_bytes() == b"theirs"
@@ -201,6 +203,7 @@ if __name__ == "__main__":
 @POSIX
 def test_a_forked_process_leaves_its_parents_scratch_alone(tmp_path: Path) -> None:
     script = """
+import errno
 import os
 place = files.scratch()
 if os.fork() == 0:
@@ -219,8 +222,12 @@ wait()
     assert os.listdir(tmp_path) == []
 
 
+@POSIX
 def test_without_locks_all_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "_lock", lambda handle: None)
+    def refused(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", refused)
     files.write_file(tmp_path / "file", b"x")
     assert os.listdir(tmp_path) == ["file"]
 

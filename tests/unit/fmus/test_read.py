@@ -18,6 +18,7 @@ from sblcosim.fmus.errors import FmuError
 from sblcosim.fmus.read import archive, description
 from sblcosim.fmus.read.archive import opened
 from sblcosim.fmus.read.ports import Port, _array, read
+from seams import Seam
 
 BROKEN = Path(__file__).with_name("broken_fmus.py")
 XML = "modelDescription.xml"
@@ -73,17 +74,17 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("bound", "value", "reason"),
     [
-        ("MAX_FILE", 1000, "must have at most 1,000 bytes, got "),
-        ("MAX_ENTRIES", 3, "must hold at most 3 files, got 4"),
-        ("MAX_UNPACKED", 5000, "must have at most 5,000 bytes unpacked, got "),
+        ("archive_bytes", 1000, "must have at most 1,000 bytes, got "),
+        ("archive_files", 3, "must hold at most 3 files, got 4"),
+        ("archive_unpacked", 5000, "must have at most 5,000 bytes unpacked, got "),
     ],
 )
 def test_an_archive_beyond_a_bound_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str, value: int, reason: str
+    tmp_path: Path, seam: Seam, bound: str, value: int, reason: str
 ) -> None:
     path = tmp_path / "large.fmu"
     path.write_bytes(packed(intact(2)))
-    monkeypatch.setattr(archive, bound, value)
+    seam.tuned(**{bound: value})
     assert reason in refusal(path)
 
 
@@ -258,12 +259,12 @@ def test_huge_arrays_are_refused(tmp_path: Path, dimension: str, reason: str) ->
     assert reason in refusal(edited(tmp_path, was, becomes, fmi=3))
 
 
-def test_the_elements_of_all_arrays_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_elements_of_all_arrays_count(tmp_path: Path, seam: Seam) -> None:
     path = edited(tmp_path, "<Integer/>", "<Integer />")
-    monkeypatch.setattr(description, "MAX_ELEMENTS", 6)
+    seam.tuned(elements=6)
     assert "variable update_count: more than 6 elements of all variables" in refusal(path)
-    monkeypatch.setattr(description, "MAX_ELEMENTS", 7)
-    monkeypatch.setattr(description, "MAX_VARIABLES", 6)
+    seam.tuned(elements=7)
+    seam.tuned(variables=6)
     assert "7 variables, more than 6" in refusal(path)
 
 

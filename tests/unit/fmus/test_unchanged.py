@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from sblcosim.fmus import unchanged
 from sblcosim.fmus.build import factory
 from sblcosim.fmus.read import ports
+from seams import Seam
 
 
 def test_a_question_is_answered_once_while_files_stay_as_they_are() -> None:
@@ -24,10 +24,10 @@ def test_a_question_is_answered_once_while_files_stay_as_they_are() -> None:
     assert unchanged.once("q", answer) == 5
 
 
-def test_fmus_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fmus_are_looked_at_once(seam: Seam) -> None:
     looks: list[Path] = []
     opened = ports.opened
-    monkeypatch.setattr(ports, "opened", lambda path: (looks.append(path), opened(path))[1])
+    seam.instead(ports.opened, lambda path: (looks.append(path), opened(path))[1])
     with unchanged.assumed():
         paths = {factory.build("target"), factory.build("target", 3), factory.build("target")}
         assert len(paths) == 2

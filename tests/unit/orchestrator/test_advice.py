@@ -67,8 +67,8 @@ def test_an_estimate_within_the_limit_is_not_enough():
     assert "more replicates may decide it" in nothing.answer()
 
 
-def test_bound_of_a_mean_of_two_values_is_clopper_and_pearson_s(monkeypatch):
-    monkeypatch.setattr(bounds, "REACH", 1.0)  # no run can be worse than the worst
+def test_bound_of_a_mean_of_two_values_is_clopper_and_pearson_s(seam):
+    seam.tuned(reach=1.0)  # no run can be worse than the worst
     for threes in (1, 3, 10, 25):
         y = np.r_[np.ones(30 - threes), np.full(threes, 3.0)]
         found = advise(pd.DataFrame({"a": 1.0, "y": y}), ["a"], "y", {}, **MEAN).points

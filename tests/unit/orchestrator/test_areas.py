@@ -35,6 +35,7 @@ from sblcosim.scenario.likes import LIKES
 from sblcosim.simulation.how import How
 from sblcosim.simulation.masters.lanes_driver import LENGTHS
 from scipy.interpolate import RegularGridInterpolator
+from seams import Seam
 from typer.testing import CliRunner
 
 SHORT: dict[str, Any] = {"duration_s": 12.0, "settling_s": 6.0}
@@ -417,13 +418,13 @@ def test_the_recursion_side_by_side_is_that_of_a_run(name: str, changes: dict[st
         )
 
 
-def test_many_short_slots_count_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_short_slots_count_together(seam: Seam) -> None:
     given = sblcosim.load("realistic-dive", {"time.sampling_time_s": 0.05})
     circle = motion.Circle(3.0, 0.3)
     moving = motion.circling(given, circle, 5.0, 30.0)
     path, q = partial(circle.position, GRID.centres), np.full(GRID.count, 0.002)
     coarse = places.covariances(moving, path, q, (10.0, 30.0))
-    monkeypatch.setattr(places, "MOST_STEPS", 10_000)
+    seam.tuned(most_steps=10_000)
     fine = places.covariances(moving, path, q, (10.0, 30.0))
     for mine, theirs in ((coarse.absolute, fine.absolute), (coarse.relative, fine.relative)):
         one, other = (np.trace(P, axis1=2, axis2=3).mean(0) for P in (mine, theirs))

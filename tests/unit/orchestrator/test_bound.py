@@ -25,6 +25,7 @@ from sblcosim.limits.verdict import rms
 from sblcosim.models.ports import BEACONS
 from sblcosim.models.receiver.bound import BOUNDS
 from sblcosim.scenario.scenario import load
+from seams import Seam
 
 DIVE, LBL = "realistic-dive", "harbour-lbl"
 
@@ -106,14 +107,14 @@ def test_every_number_of_lanes_gives_the_same_bits(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_another_compiler_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_compiler_gives_the_same_bits(seam: Seam) -> None:
     zig = compiler.zig()
     if zig is None or zig.identity == compiler.find().identity:
         pytest.skip("there is only one compiler")
     expected = [recursion.covariances(*a_case(seed)) for seed in range(6)]
     other = bound.library(zig)
     assert other != bound.library()
-    monkeypatch.setattr(recursion.library, "library", lambda: other)
+    seam.instead(recursion.library.library, lambda: other)
     recursion._entry.cache_clear()
     try:
         for seed in range(6):
@@ -238,11 +239,11 @@ def test_slots_by_hand(count: int) -> None:
     np.testing.assert_allclose(together.packets, 1 - 0.25**count)  # lost if all are
 
 
-def test_slots_that_count_together_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slots_that_count_together_lose_nothing(seam: Seam) -> None:
     given = load("paper-scenario-1", {"time.duration_s": 10.0, "time.sampling_time_s": 0.5})
     model = parameters.model_of(given, 0.0)
     one_by_one = places.epochs_of(given, model, 10.0)
-    monkeypatch.setattr(places, "MOST_STEPS", 7)
+    seam.tuned(most_steps=7)
     few = places.epochs_of(given, model, 10.0)
     assert few.readings.tolist() == [3.0] * 6 + [1.0]
     for name in ("step_s", "readings", "packets", "heard"):

@@ -30,6 +30,7 @@ from sblcosim.models import COMPONENTS
 from sblcosim.scenario.error_sources import SOURCES
 from sblcosim.scenario.scenario import load, shipped
 from sblcosim.scenario.wiring import connect
+from seams import Seam
 from typer.testing import CliRunner
 
 DIVE, PAPER = "realistic-dive", "paper-scenario-1"
@@ -519,7 +520,7 @@ def test_runs_that_fail_are_left_out(tmp_path: Path) -> None:
 
 
 def test_a_run_without_an_error_drops_its_seed_and_not_its_frame(
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
 ) -> None:
     """Of all switches, so that what is left is paired."""
     simulated, missing = budgets.runner.simulated, {0: 4, 2: 9}  # seeds by number of the switch
@@ -534,7 +535,7 @@ def test_a_run_without_an_error_drops_its_seed_and_not_its_frame(
 
     only = sources.switched(load(PAPER), ("heading", "tilt", "depth sensor"))
     only |= {"time.duration_s": 5.0}
-    monkeypatch.setattr(budgets.runner, "simulated", with_gaps)
+    seam.instead(budgets.runner.simulated, with_gaps)
     found = sblcosim.budget(PAPER, "coupled", only.items(), runs=33)
     assert [*dict.fromkeys(found.table["frame"])] == ["absolute", "own_relative"]
     assert (found.runs, found.dropped) == (31, 2)
@@ -688,10 +689,3 @@ def test_mistakes_end_with_a_line(
     assert done.stderr.startswith(message)
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "runs").exists()
-
-
-def test_sources_are_completed() -> None:
-    from sblcosim.cli.budgets import _sources
-
-    assert [word for word, _ in _sources("clock+s")] == ["clock+sound-speed"]
-    assert len(_sources("")) == len(SOURCES)

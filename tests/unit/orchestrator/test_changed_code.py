@@ -6,6 +6,7 @@ import importlib
 import itertools
 import pickle
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -143,10 +144,15 @@ def test_two_files_that_import_the_same_in_one_process_are_both_known(folder: Pa
     assert study.run(folder / "out")["error"].isna().all()
 
 
-def test_code_sent_by_value_is_refused_where_its_imports_differ(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(user_code, "_allowed", lambda: None)
+@pytest.fixture
+def _as_in_a_child() -> Iterator[None]:
+    user_code.allow(lambda: None)
+    yield
+    user_code.allow(None)  # type: ignore[arg-type]
+
+
+@pytest.mark.usefixtures("_as_in_a_child")
+def test_code_sent_by_value_is_refused_where_its_imports_differ(folder: Path) -> None:
     name, helper = written(folder, "import HELPER\nfrom HELPER import X")
     path = folder / f"{name}.py"
     thing, _ = loading.function(path, path.read_bytes(), "key", "model", "model")

@@ -21,10 +21,14 @@ import pytest
 import sblcosim.api
 import sblcosim.cli
 import sblcosim.fmus.build.factory
+from sblcosim.artifacts import write_table
+from sblcosim.calibrate import calibrate
 from sblcosim.errors import ConfigurationWarning
 from sblcosim.fmus.build.factory import build
 from sblcosim.models import COMPONENTS, RECEIVERS
 from sblcosim.scenario.scenario import load, shipped
+from sblcosim.simulation.execution import execute
+from seams import Seam
 from typer.testing import CliRunner, Result
 
 SHORT = ["--set", "time.duration_s=5", "--no-figures"]
@@ -237,11 +241,11 @@ def test_build_writes_the_fmus_of_both_versions(cli: Callable[..., Result]) -> N
 
 
 def test_build_for_all_platforms_says_so_to_the_factory_and_what_is_missing(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+    cli: Callable[..., Result], seam: Seam
 ) -> None:
     from sblcosim.fmus.build import compiler
 
-    monkeypatch.setattr(compiler, "zig", lambda *_: None)
+    seam.instead(compiler.zig, lambda *_: None)
     done = cli("build", "range_model", "--all-platforms")
     assert done.exit_code == 2
     assert done.stderr == (
@@ -409,12 +413,13 @@ SHOWS = "; SBLCOSIM_TRACEBACK=1 shows where"
     ],
 )  # fmt: skip
 def test_what_nobody_has_foreseen_is_one_line(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, raised: Exception, line: str
+    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, seam: Seam,
+    raised: Exception, line: str,
 ) -> None:
     def fail(*arguments: Any, **options: Any) -> None:
         raise raised
 
-    monkeypatch.setattr("sblcosim.api.run", fail)
+    seam.instead(sblcosim.api.run, fail)
     done = cli("run", "paper-scenario-1")
     assert done.exit_code == 2
     assert done.stderr == f"error: {line}\n"
@@ -439,15 +444,15 @@ def test_text_that_the_terminal_cannot_show_does_no_harm(tmp_path: Path) -> None
 @pytest.mark.parametrize("command", [("run", "paper-scenario-1"), ("calibrate",)])
 def test_the_folder_is_checked_before_anything_is_simulated(
     cli: Callable[..., Result],
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
     command: tuple[str, ...],
     out: str,
 ) -> None:
     def simulated(*arguments: Any, **options: Any) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("sblcosim.api.run", simulated)
-    monkeypatch.setattr("sblcosim.calibrate.calibrate", simulated)
+    seam.instead(sblcosim.api.run, simulated)
+    seam.instead(calibrate, simulated)
     Path("broken.toml").write_text("[target\n")
     Path("full").mkdir()
     Path("full/thesis.tex").write_text("precious")
@@ -470,12 +475,12 @@ def test_a_cache_that_cannot_be_used_is_named(
 
 
 def test_too_little_memory_is_one_line(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+    cli: Callable[..., Result], seam: Seam
 ) -> None:
     def exhausted(*arguments: Any, **options: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("sblcosim.api.run", exhausted)
+    seam.instead(sblcosim.api.run, exhausted)
     done = cli("run", "paper-scenario-1")
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()
@@ -488,7 +493,7 @@ def test_several_problems_are_several_lines(cli: Callable[..., Result]) -> None:
 
 
 def test_a_warning_is_one_line_on_stderr(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+    cli: Callable[..., Result], seam: Seam
 ) -> None:
     run = sblcosim.api.run
 
@@ -496,14 +501,14 @@ def test_a_warning_is_one_line_on_stderr(
         warnings.warn("ekf: beware", ConfigurationWarning, stacklevel=2)
         return run(*arguments, **options)
 
-    monkeypatch.setattr(sblcosim.api, "run", warning)
+    seam.instead(sblcosim.api.run, warning)
     done = cli("run", "paper-scenario-1", *SHORT, "--json")
     assert done.stderr == "warning: ekf: beware\n"
     json.loads(done.stdout)
 
 
 def test_a_warning_that_comes_again_is_one_line_with_the_number(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+    cli: Callable[..., Result], seam: Seam
 ) -> None:
     run = sblcosim.api.run
 
@@ -517,18 +522,18 @@ def test_a_warning_that_comes_again_is_one_line_with_the_number(
         warnings.warn("ekf: beware", ConfigurationWarning, stacklevel=2)
         return result
 
-    monkeypatch.setattr(sblcosim.api, "run", warning)
+    seam.instead(sblcosim.api.run, warning)
     done = cli("run", "paper-scenario-1", *SHORT)
     assert done.stderr == "warning: ekf: beware (3 times)\nwarning: ekf: of this,\\ntoo\n"
 
 
 def test_an_interrupted_run_says_so_and_leaves_nothing(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    cli: Callable[..., Result], seam: Seam, tmp_path: Path
 ) -> None:
     def interrupted(*arguments: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sblcosim.artifacts.write_table", interrupted)
+    seam.instead(write_table, interrupted)
     done = cli("run", "paper-scenario-1", *SHORT, "--out", "here")
     assert (done.exit_code, done.stderr) == (130, "interrupted; nothing was written\n")
     assert list(tmp_path.iterdir()) == []
@@ -537,12 +542,12 @@ def test_an_interrupted_run_says_so_and_leaves_nothing(
 def test_a_terminated_run_leaves_nothing(tmp_path: Path) -> None:
     code = (
         "import os, signal, time\n"
-        "import sblcosim.artifacts\n"
+        f"import {write_table.__module__} as writes\n"
         "from sblcosim.cli import main\n"
         "def write_table(*arguments):\n"
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
         "    time.sleep(60)\n"
-        "sblcosim.artifacts.write_table = write_table\n"
+        "writes.write_table = write_table\n"
         "main()\n"
     )
     done = subprocess.run(
@@ -580,10 +585,10 @@ def test_a_run_leaves_the_result_of_another_alone(cli: Callable[..., Result]) ->
 
 
 def test_another_run_is_refused_before_it_is_simulated(
-    cli: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+    cli: Callable[..., Result], seam: Seam
 ) -> None:
     cli("run", "paper-scenario-1", *SHORT, "--out", "mine")
-    monkeypatch.setattr("sblcosim.api.execute", None)
+    seam.instead(execute, None)
     assert cli("run", "paper-scenario-1", "--seed", "9", *SHORT, "--out", "mine").exit_code == 2
 
 

@@ -14,12 +14,15 @@ from sblcosim.fmus.errors import DamageWarning
 from sblcosim.fmus.platforms import PLATFORMS, suffix, this_platform
 from sblcosim.simulation import c_libraries
 from sblcosim.simulation.masters import lanes_driver, native
+from seams import Seam
 
 BOTH = pytest.mark.parametrize("driver", [native.DRIVER, lanes_driver.DRIVER], ids=lambda d: d.name)
 
 
 @pytest.fixture
-def units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sequence[factory.Unit]]:
+def units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
+) -> list[Sequence[factory.Unit]]:
     """What is compiled: nothing, in truth."""
     compiled: list[Sequence[factory.Unit]] = []
 
@@ -29,8 +32,8 @@ def units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sequence[fact
 
     monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.delenv(compiler.VARIABLE, raising=False)
-    monkeypatch.setattr(factory, "READY", tmp_path / "ready")
-    monkeypatch.setattr(factory, "compile_shared", compile_shared)
+    seam.instead(factory.READY, tmp_path / "ready")
+    seam.instead(factory.compile_shared, compile_shared)
     return compiled
 
 
@@ -53,7 +56,7 @@ def test_each_platform_has_its_own_library(
 def test_what_came_along_is_used_while_the_sources_are_its_own(
     driver: c_libraries.Driver,
     units: list[Sequence[factory.Unit]],
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
     tmp_path: Path,
 ) -> None:
     here = this_platform()
@@ -66,25 +69,25 @@ def test_what_came_along_is_used_while_the_sources_are_its_own(
         changed = tmp_path / f"{name} changed"
         shutil.copytree(sources, changed)
         (changed / name).write_text((sources / name).read_text() + "\n")
-        monkeypatch.setattr(c_libraries, "FOLDER", changed)
+        seam.instead(c_libraries.FOLDER, changed)
         assert c_libraries.library(driver) != ready
     assert len(units) == len(own)
 
 
 def test_a_driver_is_not_available_without_a_compiler(
-    units: list[Sequence[factory.Unit]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    units: list[Sequence[factory.Unit]], monkeypatch: pytest.MonkeyPatch, seam: Seam, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(compiler, "zig", lambda: None)
+    seam.instead(compiler.zig, lambda: None)
     compiler.find.cache_clear()
     assert not c_libraries.available(native.DRIVER)
 
 
 def test_a_damaged_driver_is_compiled_again_and_works(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seam: Seam
 ) -> None:
     monkeypatch.setenv(factory.CACHE_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(factory, "READY", tmp_path / "ready")
+    seam.instead(factory.READY, tmp_path / "ready")
     path = c_libraries.library(native.DRIVER)
     good = path.read_bytes()
     for damaged in (b"", good[: len(good) // 2]):

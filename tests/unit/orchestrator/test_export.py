@@ -25,6 +25,7 @@ from sblcosim.scenario.wiring import connect
 from sblcosim.simulation.masters.python import execute
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
+from seams import Seam
 from typer.testing import CliRunner
 
 SCENARIO: dict[str, Any] = {
@@ -505,9 +506,9 @@ def test_an_enumeration_is_written_as_its_number(
 
 
 def test_the_toolbox_is_named_if_it_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr("sblcosim.export.container.find_spec", lambda name: None)
+    seam.instead(importlib.util.find_spec, lambda name: None)
     with pytest.raises(ConfigurationError, match="pip install fmu-manipulation-toolbox"):
         export_fmu(SCENARIO, tmp_path / "x.fmu")
 

@@ -145,12 +145,12 @@ def test_an_fmu_for_another_machine_says_what_it_has(tmp_path, stranger, fmi):
     assert refusal(path).endswith(f"must have a binary for {here}, got pdp11, riscv64-linux")
 
 
-def test_an_fmu_for_another_processor_in_the_usual_folder_says_so(tmp_path, stranger, monkeypatch):
+def test_an_fmu_for_another_processor_in_the_usual_folder_says_so(tmp_path, stranger, seam):
     path = tmp_path / "foreign.fmu"
     with zipfile.ZipFile(stranger(2)) as source, zipfile.ZipFile(path, "w") as target:
         target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
         target.writestr("binaries/linux64/stranger.so", b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")
-    monkeypatch.setattr(description, "this_platform", lambda: "aarch64-linux")
+    seam.instead(description.this_platform, lambda: "aarch64-linux")
     assert refusal(path).endswith(
         "must have a binary for aarch64-linux, got binaries/linux64/stranger.so for x86_64"
     )

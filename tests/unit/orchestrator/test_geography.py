@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from sblcosim.results import geography
 from sblcosim.tracks.place import Origin
+from seams import Seam
 
 ORIGIN = Origin(60.1, -5.2, 47.0)
 EARTH_M = 6_371_000.0
@@ -92,9 +93,9 @@ def test_one_estimate_is_a_point_and_none_is_nothing(tmp_path: Path) -> None:
 
 
 def test_a_long_path_keeps_the_times_of_the_points_that_are_left(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(geography, "MOST_POINTS", 4)
+    seam.tuned(geography_points=4)
     truth = np.column_stack([np.arange(10.0), np.zeros(10), np.zeros(10)])
     features, tracks = written(tmp_path, *a_run(truth, [], np.zeros((0, 3))))
     times = features["truth"]["properties"]["time_s"]

@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from sblcosim.simulation.masters import lanes
 from sblcosim.study import runner, store
 from sblcosim.study.kept import Kept
 from sblcosim.study.study import load
+from seams import Seam
 from typer.testing import CliRunner
 
 SHORT = ("--set", "time.duration_s=6", "--no-figures")
@@ -34,9 +36,9 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 
 
 @pytest.fixture(autouse=True)
-def _small_parts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(runner, "KEPT_STEPS", 1)
-    monkeypatch.setattr(cost, "update_seconds", lambda study: {})
+def _small_parts(monkeypatch: pytest.MonkeyPatch, seam: Seam, tmp_path: Path) -> None:
+    seam.tuned(kept_steps=1)
+    seam.instead(cost.update_seconds, lambda study: {})
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     monkeypatch.chdir(tmp_path)
 
@@ -44,7 +46,7 @@ def _small_parts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 class Runs:
     """Counts the runs that are simulated, and interrupts before a part."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, seam: Seam) -> None:
         self.done, self.parts, self.until = 0, 0, 10**9
         original = lanes.execute
 
@@ -56,15 +58,15 @@ class Runs:
             self.done += len(next(iter(variations.values())))
             return outcome
 
-        monkeypatch.setattr(lanes, "execute", counted)
+        seam.instead(lanes.execute, counted)
 
     def again(self, until: int = 10**9) -> None:
         self.done, self.parts, self.until = 0, 0, until
 
 
 @pytest.fixture
-def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
-    return Runs(monkeypatch)
+def runs(seam: Seam) -> Runs:
+    return Runs(seam)
 
 
 def command(*arguments: str, code: int = 0) -> str:
@@ -147,22 +149,21 @@ def test_before_the_first_part_nothing_is_kept(runs: Runs) -> None:
         assert os.listdir() == []
 
 
-@pytest.mark.parametrize(("at", "there"), [("check_folder", False), ("open_folder", True)])
+@pytest.mark.parametrize(("at", "there"), [(store.check_folder, False), (store.open_folder, True)])
 @pytest.mark.parametrize(
     "arguments",
     [("study", "paper-scenario-1"), ("require", "one-metre"), ("paper", "--quick")],
     ids=lambda arguments: arguments[0],
 )
 def test_a_folder_that_is_not_there_yet_is_not_named(
-    arguments: tuple[str, ...], at: str, there: bool, monkeypatch: pytest.MonkeyPatch
+    arguments: tuple[str, ...], at: Callable[..., Any], there: bool, seam: Seam
 ) -> None:
     """These begin their folder before they have a run; there is a way on from it."""
 
     def interrupted(*given: Any) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store, at, interrupted)
-    monkeypatch.setattr(runner, at, interrupted)
+    seam.instead(at, interrupted)
     same = shlex.join(["sblcosim", *arguments, "--out", "out"])
     words = rf"interrupted; 0( of \d+)? runs are in out; go on with: {same}\n"
     said = command(*arguments, "--out", "out", code=130)

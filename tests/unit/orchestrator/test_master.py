@@ -1,3 +1,4 @@
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -8,7 +9,6 @@ from python_components import Arrays, Clock, Relay
 from sblcosim.errors import ConfigurationError, FmuError
 from sblcosim.fmus.host import instances
 from sblcosim.models.declaration import Variable, input_, output
-from sblcosim.simulation.masters import python
 from sblcosim.simulation.masters.python import execute, initial_outputs
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
@@ -216,7 +216,7 @@ def test_ctrl_c_passes_through_and_leaves_the_instances_usable(fmu: Path):
 
 def test_progress_grows_to_one_and_is_reported_rarely(monkeypatch):
     now = iter(np.arange(0.0, 1e6, 0.03))  # every look at the clock is 30 ms later
-    monkeypatch.setattr(python.time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
     shares: list[float] = []
     run({"c": Clock}, stop_ns=100 * T, progress=shares.append)
     assert shares == sorted(shares)

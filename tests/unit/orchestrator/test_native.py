@@ -409,19 +409,17 @@ def test_a_python_component_is_refused_by_name(stranger):
 EMPTY = Record(np.zeros(1, np.int64), {})
 
 
-def noted(monkeypatch, *masters):
+def noted(seam, *masters):
     """The names of the masters, in the order in which they are asked to run something."""
     used = []
     for name, module in masters:
-        monkeypatch.setattr(module, "execute", lambda *_, n=name: used.append(n) or EMPTY)
+        seam.instead(module.execute, lambda *_, n=name: used.append(n) or EMPTY)
     return used
 
 
-def test_native_is_the_default_where_it_can(stranger, monkeypatch):
-    used = noted(monkeypatch, ("python here", python))
-    monkeypatch.setattr(
-        isolation, "execute", lambda *given: used.append(given[3]) or EMPTY
-    )
+def test_native_is_the_default_where_it_can(stranger, seam):
+    used = noted(seam, ("python here", python))
+    seam.instead(isolation.execute, lambda *given: used.append(given[3]) or EMPTY)
     execution.execute(plan_of({"s": stranger(2)}))
     assert used == ["native"]
     execution.execute(plan_of({"s": stranger(2), "clock": Clock}))
@@ -429,13 +427,13 @@ def test_native_is_the_default_where_it_can(stranger, monkeypatch):
     fed = {"s": stranger(2), "clock": Clock, "relay": Relay}
     execution.execute(plan_of(fed, ("clock.count", "relay.count")), master="python")
     execution.execute(plan_of({"s": stranger(2)}), master="python")
-    monkeypatch.setattr(native, "available", lambda: False)
+    seam.instead(native.available, lambda: False)
     execution.execute(plan_of({"s": stranger(2)}))
     assert used[3:] == ["python", "python", "python"]
 
 
-def test_components_of_ours_stay_in_this_process(monkeypatch):
-    used = noted(monkeypatch, ("isolated", isolation), ("python", python), ("native", native))
+def test_components_of_ours_stay_in_this_process(seam):
+    used = noted(seam, ("isolated", isolation), ("python", python), ("native", native))
     ours = ComponentSpec(build("target"), T)
     execution.execute(plan_of({"target": ours}))
     execution.execute(plan_of({"target": ours, "clock": Clock}))
@@ -445,11 +443,11 @@ def test_components_of_ours_stay_in_this_process(monkeypatch):
     assert used == ["native", "native", "python", "python", "python"]
 
 
-def test_without_a_compiler_native_is_not_available(monkeypatch):
+def test_without_a_compiler_native_is_not_available(seam):
     def none():
         raise BuildError("none")
 
-    monkeypatch.setattr(compilers, "find", none)
+    seam.instead(compilers.find, none)
     assert not native.available()
 
 

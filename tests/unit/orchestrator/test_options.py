@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
@@ -22,6 +22,34 @@ from unittest.mock import MagicMock, NonCallableMock
 import pytest
 import sblcosim.cli
 import typer
+from sblcosim import api
+from sblcosim.analysis import study_advice
+from sblcosim.analysis.saving import save_advice
+from sblcosim.areas.survey import map_area
+from sblcosim.calibrate import calibrate
+from sblcosim.cli import contents
+from sblcosim.cli.document import Document
+from sblcosim.comparison.budget import budget
+from sblcosim.comparison.many import run_many
+from sblcosim.comparison.tournament import compare
+from sblcosim.estimation.after import smooth
+from sblcosim.export.container import export_fmu
+from sblcosim.export.ssp import export_ssp
+from sblcosim.fmus.build.factory import build
+from sblcosim.fmus.conformance.kit import examine
+from sblcosim.fmus.conformance.receiver_contract import check_receiver
+from sblcosim.fmus.files import write_file
+from sblcosim.report import paper
+from sblcosim.report import study as reports
+from sblcosim.require.run import decide
+from sblcosim.results.artist import forked_artist
+from sblcosim.scenario.starter import starter
+from sblcosim.scenario.wiring import connect
+from sblcosim.simulation.plan_checks import check_size
+from sblcosim.simulation.resolve import resolve
+from sblcosim.study import campaign, runner
+from sblcosim.study.again import replay
+from seams import Seam
 
 SCENARIO = "paper-scenario-1"
 
@@ -37,13 +65,14 @@ class Case:
     calls
         Functions that stand-ins replace; at least one of them must be called.
     printed
-        Whether what it prints counts, too; for lists, which call nothing with options.
+        Whether what it prints counts, too; for lists, which call nothing with options, and for
+        questions.
     without
         Options that have no effect with these arguments, and why.
     """
 
     words: tuple[str, ...]
-    calls: tuple[str, ...]
+    calls: tuple[Callable[..., Any], ...]
     printed: bool = False
     without: Mapping[str, str] = field(default_factory=dict)
 
@@ -51,51 +80,46 @@ class Case:
         return " ".join(self.words)
 
 
-_STUDY = ("carried_out", "study", "study_lines")
-_CONTENTS = tuple(f"cli.contents.{name}" for name in _STUDY)
+_CONTENTS = (contents.carried_out, contents.study, contents.study_lines)
 CASES = [
-    Case(("run", SCENARIO), ("api.run",)),
-    Case(("run", SCENARIO, "--runs", "3"), ("comparison.many.run_many",)),
-    Case(("smooth", "runs/x"), ("estimation.after.smooth",)),
-    Case(("plan", SCENARIO), ("scenario.wiring.connect", "simulation.resolve.resolve",
-                              "simulation.plan_checks.check_size", "cli.contents.plan"),
+    Case(("run", SCENARIO), (api.run,)),
+    Case(("run", SCENARIO, "--runs", "3"), (run_many,)),
+    Case(("smooth", "runs/x"), (smooth,)),
+    Case(("plan", SCENARIO), (connect, resolve, check_size, contents.plan),
          without={"--svg": "is of packages, and is refused"}),
-    Case(("calibrate",), ("calibrate.calibrate",)),
+    Case(("calibrate",), (calibrate,)),
     Case(("scenarios",), (), printed=True),
     Case(("receivers",), (), printed=True),
     Case(("studies",), (), printed=True),
     Case(("questions",), (), printed=True),
     Case(("schema",), (), printed=True),
-    Case(("new", "mine.toml"),
-         ("scenario.starter.starter", "cli.simulate._write_new", "cli.simulate._asked"),
+    Case(("new", "mine.toml"), (starter, write_file),
          without={"--yes": "without --like nothing is asked"}),
-    Case(("new", "mine.toml", "--like", "buoys"),
-         ("scenario.starter.starter", "cli.simulate._write_new", "cli.simulate._asked"),
+    Case(("new", "mine.toml", "--like", "buoys"), (starter, write_file), printed=True,
          without={"--from": "must come without --like, and is refused"}),
-    Case(("study", SCENARIO), ("study.runner.carry_out", "study.runner.missing",
-                               "study.runner.estimate", *_CONTENTS)),
+    Case(("study", SCENARIO), (runner.carry_out, runner.missing, runner.estimate, *_CONTENTS)),
     Case(("study", SCENARIO, "--dry-run"),
-         ("study.campaign.prepare", "study.runner.missing", "study.runner.estimate", *_CONTENTS),
+         (campaign.prepare, runner.missing, runner.estimate, *_CONTENTS),
          without={
              "--executor": "the estimate is of threads, which the documents say",
              "--scheduler": "the estimate is of this machine, which its line says",
              "--verbose": "there is nothing more to say",
          }),
-    Case(("replay", "studies/x", "abc"), ("study.again.replay",)),
-    Case(("analyse", "studies/x"), ("report.study.save", "cli.contents.analysis")),
+    Case(("replay", "studies/x", "abc"), (replay,)),
+    Case(("analyse", "studies/x"), (reports.save, contents.analysis)),
     Case(("advise", "studies/x", "--costs", "costs.toml"),
-         ("analysis.study_advice.advice_on_study", "analysis.study_advice.readable_advice",
-          "analysis.saving.save_advice", "cli.contents.advice")),
-    Case(("paper",), ("report.paper.run",)),
-    Case(("map", SCENARIO, "--area", "10x10", "--depth", "5"), ("areas.survey.map_area",)),
-    Case(("budget", SCENARIO), ("comparison.budget.budget",)),
-    Case(("compare", SCENARIO), ("comparison.tournament.compare",)),
-    Case(("require", "one-metre"), ("require.run.decide", "cli.contents.requirement")),
-    Case(("build", "ekf"), ("fmus.build.factory.build", "fmus.files.write_file")),
-    Case(("check", "x.fmu"), ("fmus.conformance.receiver_contract.check_receiver",)),
-    Case(("conformance", "x.fmu"), ("fmus.conformance.kit.examine",)),
-    Case(("export", "ssp", SCENARIO), ("export.ssp.export_ssp",)),
-    Case(("export", "fmu", SCENARIO), ("export.container.export_fmu",)),
+         (study_advice.advice_on_study, study_advice.readable_advice,
+          save_advice, contents.advice)),
+    Case(("paper",), (paper.run,)),
+    Case(("map", SCENARIO, "--area", "10x10", "--depth", "5"), (map_area,)),
+    Case(("budget", SCENARIO), (budget,)),
+    Case(("compare", SCENARIO), (compare,)),
+    Case(("require", "one-metre"), (decide, contents.requirement)),
+    Case(("build", "ekf"), (build, write_file)),
+    Case(("check", "x.fmu"), (check_receiver,)),
+    Case(("conformance", "x.fmu"), (examine,)),
+    Case(("export", "ssp", SCENARIO), (export_ssp,)),
+    Case(("export", "fmu", SCENARIO), (export_fmu,)),
 ]  # fmt: skip
 
 VALUES = {
@@ -181,19 +205,19 @@ class Made:
     """What a command has called and printed."""
 
     def __init__(self, case: Case, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-        with monkeypatch.context() as patch:
+        with monkeypatch.context() as patch, Seam() as seam:
             root = MagicMock()
-            for dotted in case.calls:
-                stand_in = MagicMock(name=dotted)
+            for thing in case.calls:
+                name = f"{thing.__module__}.{thing.__qualname__}".replace(".", "_")
+                stand_in = MagicMock(name=name)
                 stand_in.return_value.blocked = None
-                root.attach_mock(stand_in, dotted.replace(".", "_"))
-                patch.setattr(f"sblcosim.{dotted}", stand_in)
-            for dotted in (
-                "cli.document.Document.of", "cli.studies._estimated", "results.artist.forked_artist"
-            ):
-                patch.setattr(f"sblcosim.{dotted}", MagicMock())
+                stand_in.return_value.estimate.seconds_from = None  # as long as nobody knows
+                root.attach_mock(stand_in, name)
+                seam.instead(thing, stand_in)
+            seam.instead(Document.of, MagicMock())
+            seam.instead(forked_artist, MagicMock())
             patch.setattr(time, "perf_counter", lambda: 0.0)
-            patch.setattr(sys, "stdin", _Terminal())
+            patch.setattr(sys, "stdin", _Terminal("\n" * 100))
             with redirect_stdout(StringIO()) as out, redirect_stderr(out), suppress(SystemExit):
                 sblcosim.cli.app([*case.words, *arguments])
         self.calls = [

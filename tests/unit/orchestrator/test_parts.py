@@ -19,6 +19,7 @@ from sblcosim.analysis import columns
 from sblcosim.errors import ConfigurationError, DamageWarning
 from sblcosim.report import study as reports
 from sblcosim.study import campaign, definition, parts, runner, store, study
+from seams import Seam
 
 RUNS = 40_000
 
@@ -41,8 +42,8 @@ def small(**changes: Any) -> definition.Study:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results in four parts."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "BATCH", 2)
+    with Seam() as seam:
+        seam.tuned(batch=2)
         small().run(out)
     assert len(stored(out)) == 4
     return out
@@ -82,7 +83,7 @@ def flip(path: Path, bit: int) -> None:
 
 
 @pytest.fixture
-def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+def read(seam: Seam) -> Counter[str]:
     """Rows read of each column."""
     rows: Counter[str] = Counter()
     original = parts._columns
@@ -92,7 +93,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         rows.update(dict.fromkeys(arrow.column_names, len(arrow)))
         return arrow
 
-    monkeypatch.setattr(parts, "_columns", counted)
+    seam.instead(parts._columns, counted)
     return rows
 
 
@@ -133,10 +134,10 @@ def test_no_run_becomes_a_python_object(large: Path) -> None:
 
 
 def test_the_whole_table_has_the_same_bytes_from_whatever_parts(
-    out: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    out: Path, whole: Path, tmp_path: Path, seam: Seam
 ) -> None:
     """Written at once or grown, in several groups of rows."""
-    monkeypatch.setattr(parts, "GROUP", 3)
+    seam.tuned(group=3)
     small().run(tmp_path / "at once")  # in one part
     once = (tmp_path / "at once" / "runs.parquet").read_bytes()
     assert parquet.ParquetFile(pa.BufferReader(once)).num_row_groups == 3
@@ -281,9 +282,9 @@ def apart(out: Path, pieces: Sequence[pd.DataFrame]) -> Path:
 
 
 def test_runs_that_are_not_in_order_or_twice_make_the_same_table(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: Path, tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(parts, "GROUP", 3)
+    seam.tuned(group=3)
     rows = store.table(whole)
     once = apart(tmp_path / "once", [rows])
     late = [rows[:4], rows[4:5], pd.concat([rows[5:6], rows[7:]]), rows[6:7]]
@@ -296,10 +297,10 @@ def test_runs_that_are_not_in_order_or_twice_make_the_same_table(
 
 
 def test_a_column_of_which_a_later_part_says_more_is_in_the_whole_table(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: Path, tmp_path: Path, seam: Seam
 ) -> None:
     """Whole numbers at first, and then fractions, in a later group of rows."""
-    monkeypatch.setattr(parts, "GROUP", 3)
+    seam.tuned(group=3)
     rows = store.table(whole)
     more = rows.assign(**{"ekf.updates": rows["ekf.updates"].astype(float) + 0.5})
     out = apart(tmp_path / "out", [rows[:4], more[4:]])

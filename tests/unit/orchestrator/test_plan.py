@@ -1,3 +1,4 @@
+import os
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,7 +8,6 @@ import pytest
 from python_components import Arrays, Clock, Relay, Sampler, Source, Updater
 from sblcosim.errors import ConfigurationError, ConfigurationWarning
 from sblcosim.fmus.host.nanoseconds import MAX_SECONDS
-from sblcosim.simulation import plan_checks
 from sblcosim.simulation.plan_checks import check_size
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import ComponentSpec, Connection, System
@@ -255,7 +255,7 @@ def test_a_machine_that_does_not_tell_its_memory_is_taken_to_have_8_gib(failure,
 
     small = resolve(system({"clock": Clock}))
     most = 2 * 1024**3 // small.row_size  # a quarter of it
-    monkeypatch.setattr(plan_checks.os, "sysconf", refuse, raising=False)
+    monkeypatch.setattr(os, "sysconf", refuse, raising=False)
     check_size(SimpleNamespace(count=most, row_size=small.row_size))
     with pytest.raises(ConfigurationError):
         check_size(SimpleNamespace(count=most + 1, row_size=small.row_size))
@@ -263,7 +263,7 @@ def test_a_machine_that_does_not_tell_its_memory_is_taken_to_have_8_gib(failure,
 
 def test_the_memory_is_that_of_the_machine(monkeypatch):
     told = {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 1000}
-    monkeypatch.setattr(plan_checks.os, "sysconf", told.__getitem__, raising=False)
+    monkeypatch.setattr(os, "sysconf", told.__getitem__, raising=False)
     check_size(SimpleNamespace(count=1000, row_size=1024))
     with pytest.raises(ConfigurationError):
         check_size(SimpleNamespace(count=1001, row_size=1024))

@@ -24,6 +24,7 @@ from sblcosim.simulation.settings import settings_of
 from sblcosim.simulation.system import ComponentSpec
 from sblcosim.study import campaign, load, runner
 from sblcosim.study.batch import Run
+from seams import Seam
 
 LEVELS: dict[str, list[Any]] = {
     "target.speed_m_s": [0.3, 0.5, -0.0, 0.0, -1.0],
@@ -168,13 +169,11 @@ def test_nothing_at_the_start_depends_on_the_depth_sensor(trajectory: str) -> No
 
 
 def test_the_target_starts_once_for_points_that_differ_in_their_sensors(
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
 ) -> None:
     started: list[Any] = []
     original = wiring.initial_outputs
-    monkeypatch.setattr(
-        wiring, "initial_outputs", lambda *a: started.append(a) or original(*a)
-    )
+    seam.instead(wiring.initial_outputs, lambda *a: started.append(a) or original(*a))
 
     def starts(key: str) -> int:
         started.clear()
@@ -191,7 +190,7 @@ def test_the_target_starts_once_for_points_that_differ_in_their_sensors(
 
 
 def test_unused_cycles_are_searched_for_again_after_points_are_made(
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
 ) -> None:
     study = load({"scenario": "paper-scenario-1", "design": {"kind": "single"}})
     during: list[bool] = []
@@ -202,7 +201,7 @@ def test_unused_cycles_are_searched_for_again_after_points_are_made(
 
     campaign.prepare(study)
     assert gc.isenabled()
-    monkeypatch.setattr(campaign, "resolved", failing)
+    seam.instead(campaign.resolved, failing)
     with pytest.raises(RuntimeError):
         campaign.prepare(study)
     assert during == [False]
@@ -265,7 +264,7 @@ def test_runs_know_our_fmus_by_what_counts_in_them() -> None:
 
 
 def test_what_is_missing_is_sampled_without_looking_at_what_is_there(
-    monkeypatch: pytest.MonkeyPatch,
+    seam: Seam,
 ) -> None:
     study = load({
         "scenario": "paper-scenario-1", "fixed": {"time.duration_s": 5.0}, "replicates": 40,
@@ -277,7 +276,7 @@ def test_what_is_missing_is_sampled_without_looking_at_what_is_there(
     group_of = {p: n for n, group in enumerate(prepared.groups) for p in group.places}
     rng = np.random.default_rng(1)
     original, asked = campaign.run_of, []
-    monkeypatch.setattr(runner, "run_of", lambda *a: asked.append(a) or original(*a))
+    seam.instead(runner.run_of, lambda *a: asked.append(a) or original(*a))
     for rows, share, size in ((40, 0.9, 5), (40, 0.99, 3), (40, 1.0, 2), (35, 0.95, 9), (0, 0, 4)):
         done = rng.random((rows, 4)) < share
         what = runner.Missing(done, 1, 1, (1,) * 4)

@@ -24,6 +24,7 @@ from sblcosim.simulation.plan import Plan, Setting
 from sblcosim.simulation.resolve import resolve
 from sblcosim.simulation.system import System
 from scipy.stats import chi2
+from seams import Seam
 from synthetic_record import make_record, silent, summary, track
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
@@ -168,7 +169,7 @@ STEP = ctypes.CFUNCTYPE(
 
 
 def tampered(
-    monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any], int], None],
+    seam: Seam, change: Callable[[dict[str, Any], int], None],
     receiver: str = "ekf",
 ) -> list[Any]:
     """Lets `change` alter what a receiver shows in each lane, by variable, after each step."""
@@ -207,7 +208,7 @@ def tampered(
         kept.extend((ours, callback, step))
         return ctypes.pointer(ours)
 
-    monkeypatch.setattr(lanes_layout, "engine_of", engine)
+    seam.instead(lanes_layout.engine_of, engine)
     return kept
 
 
@@ -236,7 +237,7 @@ def possible(number: int, plan: Plan) -> bool:
 @pytest.mark.parametrize("start_ns", [0, -12_345_678_901, 1_700_000_000 * SECOND])
 @pytest.mark.parametrize("change", [lambda s: s, coarse_target], ids=["plain", "coarse"])
 def test_any_epoch_and_covariance_is_judged_alike_to_the_last_bit(
-    monkeypatch: pytest.MonkeyPatch, change: Any, start_ns: int, number: int
+    seam: Seam, change: Any, start_ns: int, number: int
 ) -> None:
     plan = resolve(started(start_ns)(change(base())))
     if not possible(number, plan):
@@ -257,7 +258,7 @@ def test_any_epoch_and_covariance_is_judged_alike_to_the_last_bit(
         shown["covariance"][rng.choice([2, 4, 16])] *= rng.choice([1.0, 50.0], len(lag))
         shown["position"][1] += rng.choice([0.0, 0.0, 0.0, np.nan, 1e200], len(lag))
 
-    keep = tampered(monkeypatch, alter)
+    keep = tampered(seam, alter)
     sums, expected, records = judged_by_both(plan, 5, number)
     assert keep
     for run, record in enumerate(records):
@@ -273,7 +274,7 @@ def test_any_epoch_and_covariance_is_judged_alike_to_the_last_bit(
 
 @pytest.mark.parametrize("shift", [-25.0, 5.0], ids=["forgotten", "ahead"])
 def test_what_the_lanes_cannot_know_is_not_called_broken(
-    monkeypatch: pytest.MonkeyPatch, shift: float
+    seam: Seam, shift: float
 ) -> None:
     plan = resolve(base())
 
@@ -281,7 +282,7 @@ def test_what_the_lanes_cannot_know_is_not_called_broken(
         epoch = shown["epoch"][0] + shift
         shown["epoch"][0] = np.where((epoch > 0) & (epoch < 30), epoch, shown["epoch"][0])
 
-    keep = tampered(monkeypatch, alter)
+    keep = tampered(seam, alter)
     sums, expected, _ = judged_by_both(plan, 3, 1)
     assert keep
     names = dict(zip(SUMS, sums.T, strict=True))
@@ -304,7 +305,7 @@ def test_what_must_be_remembered_follows_from_the_plan() -> None:
 @pytest.mark.parametrize("number", [1, 2, 4, 8])
 @pytest.mark.parametrize("change", [lambda s: s, depth_between], ids=["plain", "between"])
 def test_own_relative_errors_are_judged_alike_whatever_the_receiver_claims(
-    monkeypatch: pytest.MonkeyPatch, change: Any, number: int
+    seam: Seam, change: Any, number: int
 ) -> None:
     changes = {"time.sampling_time_s": 0.3, "time.duration_s": 30.0}
     plan = resolve(change(connect(sblcosim.load("harbour-random", changes), ["coupled"])))
@@ -321,7 +322,7 @@ def test_own_relative_errors_are_judged_alike_whatever_the_receiver_claims(
         shown["relative_covariance"][rng.choice([0, 4, 8])] *= factor
         shown["relative_covariance"][rng.choice([1, 2, 5])] *= rng.choice([1.0, 50.0], lanes)
 
-    keep = tampered(monkeypatch, alter, "coupled")
+    keep = tampered(seam, alter, "coupled")
     sums, expected, _ = judged_by_both(plan, 5, number, "coupled")
     assert keep
     np.testing.assert_array_equal(sums, expected)
@@ -372,7 +373,7 @@ def test_the_lag_of_a_receiver_is_remembered_the_largest_of_all_runs(
 @pytest.mark.parametrize("number", [1, 8])
 @pytest.mark.parametrize("change", [lambda s: s, coarse_target], ids=["plain", "coarse"])
 def test_estimates_of_any_lag_are_judged_as_from_the_record(
-    monkeypatch: pytest.MonkeyPatch, change: Any, number: int
+    seam: Seam, change: Any, number: int
 ) -> None:
     plan = lagging(resolve(change(base())), "ekf", 0.0, None)
     if not possible(number, plan):
@@ -384,7 +385,7 @@ def test_estimates_of_any_lag_are_judged_as_from_the_record(
         shown["epoch"][0] = np.maximum(shown["epoch"][0] - lag, 0.0)
 
     rng = np.random.default_rng(number)
-    keep = tampered(monkeypatch, alter)
+    keep = tampered(seam, alter)
     sums, expected, records = judged_by_both(plan, 3, number, **{"ekf.lag": longest})
     assert keep
     np.testing.assert_array_equal(sums, expected)

@@ -16,6 +16,7 @@ from sblcosim import require
 from sblcosim.report import study as reports
 from sblcosim.study import runner, store
 from sblcosim.study.study import load
+from seams import Seam
 
 H = "{http://www.w3.org/1999/xhtml}"
 FACTORS = {"noise": ("acoustics.range_std_m", [0.05, 0.5, 1.5]),
@@ -74,8 +75,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Report]:
             definition = load(study_file(kind, folder))
             runner.run(definition, folder / "runs", workers=1)
             whole = invented(store.table(folder / "runs"), kind)
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(store, "table", lambda _, columns=None: whole.copy())
+            with Seam() as seam:
+                seam.instead(store.table, lambda _, columns=None: whole.copy())
                 reports.save(folder / "runs", folder / "out", **options)
             made[key] = (tables((folder / "out" / reports.REPORT).read_text("utf-8")),
                          folder / "out", whole)

@@ -38,6 +38,7 @@ from sblcosim.results.responses import RESPONSES, check_limit
 from sblcosim.simulation.how import How
 from sblcosim.study import store
 from scipy import stats
+from seams import Seam
 from typer.testing import CliRunner
 
 QUESTION: dict[str, Any] = {
@@ -78,15 +79,15 @@ def choices(name: str, **changes: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limiting, "RUNS", 40)
+def _quick(seam: Seam) -> None:
+    seam.tuned(limiting_runs=40)
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
     out = tmp_path_factory.mktemp("small")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limiting, "RUNS", 40)
+    with Seam() as seam:
+        seam.tuned(limiting_runs=40)
         return require.decide(QUESTION, out), out
 
 
@@ -605,7 +606,7 @@ def test_designs_without_a_finite_value_are_drawn_and_counted(plot: Any) -> None
 
 @pytest.mark.parametrize("plot", [plot_front, plot_narrow])
 def test_letters_keep_off_all_points_their_bars_and_the_limit(
-    plot: Any, monkeypatch: pytest.MonkeyPatch
+    plot: Any, seam: Seam
 ) -> None:
     given: list[np.ndarray] = []
 
@@ -613,7 +614,7 @@ def test_letters_keep_off_all_points_their_bars_and_the_limit(
         given.append(drawn)
         return free_places(ax, points, words, drawn)
 
-    monkeypatch.setattr(figures, "free_places", places)
+    seam.instead(figures.free_places, places)
     estimate, lower = [3.5, 3.2, 3.0, 2.0, 1.7, 1.0], [3.0, 2.0, 2.5, 1.5, 1.6, 0.4]
     upper = [3.6, 4.0, 3.9, 2.1, 2.7, 1.2]
     answer = at(pretended(require.load(QUESTION), dict.fromkeys(range(6), 0.5)),

@@ -28,6 +28,7 @@ from sblcosim.simulation.how import How
 from sblcosim.simulation.masters import lanes
 from sblcosim.simulation.resolve import resolve
 from sblcosim.study import campaign, study
+from seams import Seam
 
 RECEIVERS = ("ekf", "sequential", "multilateration")
 WITH_OWN = ("ekf", "coupled")
@@ -89,7 +90,7 @@ def test_percentiles_of_the_lanes_are_the_order_statistics_of_the_record(
 
 
 def test_long_runs_go_through_fewer_lanes_to_the_same_numbers(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, seam: Seam,
 ) -> None:
     plan = plan_of("paper-scenario-1", **{"time.duration_s": 10.0})
     seeds = {"acoustics.seed": np.arange(40.0)}
@@ -103,7 +104,7 @@ def test_long_runs_go_through_fewer_lanes_to_the_same_numbers(
 
     monkeypatch.setattr(lanes._Batch, "run", noted)
     for room in (1, 2 * 10 * 3 * 4 * 8 * 10):
-        monkeypatch.setattr(lanes, "ROOM_BYTES", room)
+        seam.tuned(room_bytes=room)
         small = lanes.execute(plan, seeds, percentages=(95,), threads=2)
         for receiver in RECEIVERS:
             np.testing.assert_array_equal(small.order[receiver], whole.order[receiver])

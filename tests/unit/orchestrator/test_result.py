@@ -388,11 +388,11 @@ def test_same_result_saved_twice_gives_the_same_bytes(result, tmp_path):
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
 
 
-def test_error_while_saving_leaves_nothing(result, tmp_path, monkeypatch):
+def test_error_while_saving_leaves_nothing(result, tmp_path, seam):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(style, "save", interrupt)
+    seam.instead(style.save, interrupt)
     with pytest.raises(KeyboardInterrupt):
         result.save(tmp_path / "run")
     assert not list(tmp_path.iterdir())

@@ -18,6 +18,7 @@ from sblcosim.results import metrics
 from sblcosim.results.definitions import judged_by
 from scipy.spatial.transform import Rotation
 from scipy.stats import exponnorm, norm
+from seams import Seam
 
 
 def guess(truth: np.ndarray, seed: int = 0) -> np.ndarray:
@@ -181,9 +182,9 @@ def brute_force(
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_track_is_the_maximum_of_the_posterior(
-    seed: int, monkeypatch: pytest.MonkeyPatch
+    seed: int, seam: Seam
 ) -> None:
-    monkeypatch.setattr(smoother, "CLOSE", 1e-8)
+    seam.tuned(close=1e-8)
     initialisation = ("prior", "first_receptions")[seed % 2]
     p = parameters(initialisation=initialisation, sound_speed_std=0.0, depth_bias_std_m=0.0,
                    gps_vertical_error_std_m=0.5)
@@ -207,9 +208,9 @@ def test_a_first_trajectory_that_is_metres_off_leads_to_the_track(seed: int) -> 
     assert np.abs((track.mean - truth)[:, :3]).max() < 30
 
 
-def test_states_before_the_first_packet_keep_their_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_states_before_the_first_packet_keep_their_digits(seam: Seam) -> None:
     """What a packet takes off a variance of 10⁶ times the rest is not left to rounding."""
-    monkeypatch.setattr(model, "FAR_STD", 1000.0)
+    seam.tuned(far_std=1000.0)
     p = parameters()
     samples, truth = dive(p, 1, 14)
     assert samples.range_ns[0] > samples.epochs_ns[0]

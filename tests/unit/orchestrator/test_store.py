@@ -8,6 +8,7 @@ import random
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 import zipfile
 from pathlib import Path
@@ -21,6 +22,7 @@ from sblcosim.fmus.build.factory import build
 from sblcosim.simulation.how import How
 from sblcosim.study import again, campaign, definition, runner, store, study
 from sblcosim.study import parts as stored
+from seams import Seam
 
 FLIPS = 300
 
@@ -55,8 +57,8 @@ def small(**changes: Any) -> definition.Study:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results in two parts."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "BATCH", 2)
+    with Seam() as seam:
+        seam.tuned(batch=2)
         small().run(out)
     assert len(list((out / "parts").iterdir())) == 2
     return out
@@ -256,7 +258,7 @@ def test_another_process_at_work_is_told(out: Path) -> None:
 
 
 def test_any_number_of_replicates_is_counted_at_once(
-    out: Path, monkeypatch: pytest.MonkeyPatch
+    out: Path, seam: Seam
 ) -> None:
     made: list[int] = []
     original = runner.batch
@@ -266,7 +268,7 @@ def test_any_number_of_replicates_is_counted_at_once(
         made.append(len(runs))
         return runs
 
-    monkeypatch.setattr(runner, "batch", counted)
+    seam.instead(runner.batch, counted)
     huge = campaign.prepare(small(replicates=530_000_000))
     missing = runner.missing(huge, out)
     assert missing.runs == huge.runs - 4 == 1_059_999_996
@@ -301,15 +303,15 @@ class Clock:
     ],
 )
 def test_an_estimate_is_a_range_that_no_stall_moves(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, loads: list[float], busiest: float
+    monkeypatch: pytest.MonkeyPatch, seam: Seam, tmp_path: Path, loads: list[float], busiest: float
 ) -> None:
     made = campaign.prepare(small(replicates=1_000_000))
     missing = runner.missing(made, tmp_path / "out")
     clock = Clock(loads)
-    monkeypatch.setattr(runner, "simulate", clock.simulate)
-    monkeypatch.setattr(runner.time, "perf_counter", lambda: clock.wall)
-    monkeypatch.setattr(runner.time, "process_time", lambda: clock.processor)
-    monkeypatch.setattr(runner.os, "cpu_count", lambda: 2)
+    seam.instead(runner.simulate, clock.simulate)
+    monkeypatch.setattr(time, "perf_counter", lambda: clock.wall)
+    monkeypatch.setattr(time, "process_time", lambda: clock.processor)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
     low, high = runner.estimate(made, missing)
     true = 1e-6 * missing.steps
     assert low == pytest.approx(true / runner.MARGIN)

@@ -15,8 +15,9 @@ from pyarrow import parquet
 from sblcosim.errors import BuildError, ConfigurationError, ConfigurationWarning, FmuError
 from sblcosim.results.sums import SUMS
 from sblcosim.simulation import resolve
-from sblcosim.simulation.masters import lanes, lanes_driver, lanes_layout
-from sblcosim.study import again, batch, campaign, definition, executors, runner, study
+from sblcosim.simulation.masters import lanes, lanes_layout, native
+from sblcosim.study import again, batch, campaign, definition, executors, study
+from seams import Seam
 
 ARM = {"keys": ["platform.arm_length_m"], "levels": [0.4, 3.0]}
 GPS = {"keys": ["platform.gps_horizontal_std_m"], "levels": [0.1, 3.5]}
@@ -203,7 +204,7 @@ def test_a_sea_state_is_a_factor_whatever_the_scenario_states() -> None:
     assert level.roll_amplitude_deg == rough.roll_amplitude_deg
 
 
-def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_of_a_study_come_once_with_a_count(seam: Seam) -> None:
     original = campaign.resolved
 
     def resolved(made: definition.Study, number: int) -> Any:
@@ -212,7 +213,7 @@ def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPa
             warnings.warn("of the second kind", ConfigurationWarning, stacklevel=1)
         return original(made, number)
 
-    monkeypatch.setattr(campaign, "resolved", resolved)
+    seam.instead(campaign.resolved, resolved)
     fixed = {"time.duration_s": 5.0, "target.side_m": 3.0, "acoustics.outlier_mean_m": 2.0}
     share = {"keys": ["acoustics.outlier_probability"], "levels": [0.0, 0.1]}
     with warnings.catch_warnings(record=True) as caught:
@@ -226,7 +227,7 @@ def test_warnings_of_a_study_come_once_with_a_count(monkeypatch: pytest.MonkeyPa
 
 
 def test_runs_of_a_study_do_not_warn_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     """With the master that looks up every run on its own."""
     made = small(factors={"arm": ARM}, replicates=3)
@@ -236,7 +237,7 @@ def test_runs_of_a_study_do_not_warn_again(
         known, messages = original(system, ports)
         return known, [*messages, *(["no unit"] if system.connections else [])]
 
-    monkeypatch.setattr(resolve, "_connections", connections)
+    seam.instead(resolve._connections, connections)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         made.run(tmp_path / "out", master="native")
@@ -299,19 +300,17 @@ def test_the_table_is_the_same_for_all_masters_and_numbers_of_threads(tmp_path: 
 
 @pytest.mark.parametrize("short", [False, True], ids=["remembered", "forgotten"])
 def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: bool
+    tmp_path: Path, seam: Seam, short: bool
 ) -> None:
     if short:
-        monkeypatch.setattr(lanes, "remembered", lambda plan, variations: 2)
+        seam.instead(lanes.remembered, lambda plan, variations: 2)
     made = small(
         receivers=["ekf", "multilateration"], factors={"arm": ARM}, replicates=1,
         fixed={"time.duration_s": 100.0, "time.ekf_ratio": 100}, settling_time_s=1.0,
     )  # fmt: skip
     alone = []
-    original = batch._one_by_one
-    monkeypatch.setattr(
-        batch, "_one_by_one", lambda *a: alone.append(a) or original(*a)
-    )
+    original = native.execute
+    seam.instead(native.execute, lambda *a, **k: alone.append(a) or original(*a, **k))
     reference = made.run(tmp_path / "lanes")
     assert bool(alone) == short
     assert (reference["ekf.estimates"] >= 8).all()
@@ -323,10 +322,10 @@ def test_the_table_is_the_same_for_all_masters_whatever_the_update_interval(
 
 
 def test_flags_that_are_unknown_stay_so_in_the_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     """As of a receiver without covariance; in one part of two."""
-    monkeypatch.setattr(runner, "BATCH", 4)
+    seam.tuned(batch=4)
     original = batch.responses
 
     def unknown(sums: Any, duration: Any) -> Any:
@@ -337,7 +336,7 @@ def test_flags_that_are_unknown_stay_so_in_the_folder(
         return original(sums, duration)
 
     unknown.calls = 0
-    monkeypatch.setattr(batch, "responses", unknown)
+    seam.instead(batch.responses, unknown)
     table = small().run(tmp_path / "out")
     assert unknown.calls == 2
     assert table["ekf.inconsistent"].isna().tolist() == [True] * 2 + [False] * 6
@@ -360,10 +359,10 @@ def test_the_true_prior_is_that_of_each_run(tmp_path: Path) -> None:
 
 
 def test_more_replicates_leave_those_before_as_they_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     first = small().run(tmp_path / "out")
-    counted = counting(monkeypatch)
+    counted = counting(seam)
     longer = small(replicates=4).run(tmp_path / "out")
     assert sum(counted) == 8
     pd.testing.assert_frame_equal(longer.iloc[:8], first, check_exact=True)
@@ -376,7 +375,7 @@ def test_more_replicates_leave_those_before_as_they_are(
     assert sum(counted) == 24
 
 
-def counting(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def counting(seam: Seam) -> list[int]:
     """Numbers of runs that are simulated from now on."""
     counted: list[int] = []
     original = executors.simulate
@@ -385,18 +384,18 @@ def counting(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counted.append(len(runs))
         return original(made, runs, *rest)
 
-    monkeypatch.setattr(executors, "simulate", simulated)
+    seam.instead(executors.simulate, simulated)
     return counted
 
 
-def test_a_missing_part_is_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "BATCH", 4)
+def test_a_missing_part_is_done_again(tmp_path: Path, seam: Seam) -> None:
+    seam.tuned(batch=4)
     table = small().run(tmp_path / "out")
     whole = (tmp_path / "out" / "runs.parquet").read_bytes()
     parts = sorted((tmp_path / "out" / "parts").iterdir())
     assert len(parts) == 2
     parts[0].unlink()
-    counted = counting(monkeypatch)
+    counted = counting(seam)
     pd.testing.assert_frame_equal(small().run(tmp_path / "out"), table, check_exact=True)
     assert counted == [4]
     assert (tmp_path / "out" / "runs.parquet").read_bytes() == whole
@@ -452,12 +451,11 @@ def test_a_run_without_finite_estimates_is_a_row_with_its_error(tmp_path: Path) 
 
 
 def test_components_that_are_not_ours_run_one_by_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     small().run(tmp_path / "lanes")
-    for module in (lanes, lanes_driver, lanes_layout):
-        monkeypatch.setattr(module, "unsupported", lambda plan: "ekf")
-    monkeypatch.setattr(runner, "ALONE", 1)
+    seam.instead(lanes_layout.unsupported, lambda plan: "ekf")
+    seam.tuned(alone=1)
     small().run(tmp_path / "alone", workers=2)
     assert len(list((tmp_path / "alone" / "parts").iterdir())) == 4
     assert (tmp_path / "alone" / "runs.parquet").read_bytes() == (
@@ -468,7 +466,7 @@ def test_components_that_are_not_ours_run_one_by_one(
 
 
 def test_a_run_that_fails_does_not_end_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     reference = small().run(tmp_path / "reference")
     original = lanes.execute
@@ -478,7 +476,7 @@ def test_a_run_that_fails_does_not_end_the_others(
             raise FmuError("target: has\nfailed")
         return original(plan, variations, **rest)
 
-    monkeypatch.setattr(lanes, "execute", execute)
+    seam.instead(lanes.execute, execute)
     table = small().run(tmp_path / "out")
     assert table["error"].dropna().to_dict() == {2: "target: has failed"}
     assert np.isnan(table["ekf.absolute_total_rms_m"][2])
@@ -492,7 +490,7 @@ def test_a_run_that_fails_does_not_end_the_others(
     def broken(*_: Any, **__: Any) -> Any:
         raise BuildError("no compiler")
 
-    monkeypatch.setattr(lanes, "execute", broken)
+    seam.instead(lanes.execute, broken)
     with pytest.raises(BuildError):
         small().run(tmp_path / "no compiler")
 
@@ -542,11 +540,11 @@ def test_any_run_can_be_replayed_with_its_full_record(tmp_path: Path) -> None:
 
 
 def test_a_run_of_other_fmus_is_not_replayed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     table = small().run(tmp_path / "out")
     original = campaign.point_digest
-    monkeypatch.setattr(again, "point_digest", lambda *args: original(*args)[::-1])
+    seam.instead(again.point_digest, lambda *args: original(*args)[::-1])
     with pytest.raises(ConfigurationError, match="with the FMUs and files of then"):
         again.replay(tmp_path / "out", table["run_id"][0])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from sblcosim.results.consistency import of_runs
 from sblcosim.results.definitions import LOST
 from sblcosim.scenario.scenario import load
 from sblcosim.study.study import load as load_study
+from seams import Seam
 from statsmodels.stats.proportion import proportion_confint
 from typer.testing import CliRunner, Result
 
@@ -351,7 +353,7 @@ def test_equal_questions_give_equal_files_on_any_number_of_workers(
 
 
 def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, seam: Seam,
 ) -> None:
     now = [0.0]
     original = cost.lanes.execute
@@ -360,8 +362,8 @@ def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
         now[0] += len(plan.components) ** 2  # seconds
         return original(plan, *arguments, **options)
 
-    monkeypatch.setattr(cost.lanes, "execute", execute)
-    monkeypatch.setattr(cost.time, "process_time", lambda: now[0])
+    seam.instead(cost.lanes.execute, execute)
+    monkeypatch.setattr(time, "process_time", lambda: now[0])
     study = load_study({
         "scenario": "harbour-square", "design": {"kind": "single"}, "receivers": ["ekf", "coupled"],
         "fixed": {"time.duration_s": 5.0},
@@ -369,7 +371,7 @@ def test_the_time_of_an_update_is_that_of_runs_with_it_less_that_without(
     updates = sblcosim.run("harbour-square", "ekf", SHORT).record.values["ekf.update_count"][-1]
     assert cost.update_seconds(study)["ekf"] == pytest.approx((16 - 9) / updates)
     now[0] = 0.0
-    monkeypatch.setattr(cost.time, "process_time", lambda: 0.0)  # a clock too coarse to tell
+    monkeypatch.setattr(time, "process_time", lambda: 0.0)  # a clock too coarse to tell
     assert cost.update_seconds(study) == {"ekf": None, "coupled": None}
 
 
@@ -709,10 +711,10 @@ def test_the_same_receiver_under_two_names_does_not_count_twice(tmp_path: Path) 
 
 
 def test_a_build_of_an_earlier_version_is_another_receiver(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     """It may lie in the cache still; here it is today's that is said to be another one."""
     earlier, today = tmp_path / "earlier.fmu", factory.build("coupled", 2)
     earlier.write_bytes(factory.build("ekf", 2).read_bytes())
-    monkeypatch.setattr(alike, "build", lambda *a, **k: today)
+    seam.instead(factory.build, lambda *a, **k: today, only=alike)
     tournament.compare("harbour-square", ["ekf", earlier], runs=2, overrides=SHORT, timed=False)

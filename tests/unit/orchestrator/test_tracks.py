@@ -14,6 +14,7 @@ from sblcosim.tracks.place import Origin
 from sblcosim.tracks.read import read
 from sblcosim.tracks.resample import MOST, TooFewError, fitted
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+from seams import Seam
 
 NED = "time_s,north_m,east_m,down_m"
 GEO = "time_s,latitude_deg,longitude_deg,depth_m"
@@ -223,20 +224,20 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_largest_file_is_read_to_its_end_and_a_larger_one_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
     file = written(tmp_path, table(NED, "0,1,2,3", "1,1,2,31").rstrip())
     size = file.stat().st_size
-    monkeypatch.setattr("sblcosim.tracks.read.LARGEST", size)
+    seam.tuned(track_bytes=size)
     assert read(file).points[-1].tolist() == [1, 2, 31]
-    monkeypatch.setattr("sblcosim.tracks.read.LARGEST", size - 1)
+    seam.tuned(track_bytes=size - 1)
     with pytest.raises(ConfigurationError) as error:
         read(file)
     assert str(error.value) == f"{file}: must have at most {size - 1:,} bytes, got more"
 
 
-def test_too_many_points_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sblcosim.tracks.read.MOST_POINTS", 2)
+def test_too_many_points_are_refused(tmp_path: Path, seam: Seam) -> None:
+    seam.tuned(track_points=2)
     with pytest.raises(ConfigurationError, match=r"line 4, column 1 .*one of at most 2 points"):
         read(written(tmp_path, table(NED, "0,1,2,3", "1,1,2,3", "2,1,2,3")))
 
@@ -390,9 +391,9 @@ def test_half_a_place_is_none() -> None:
 
 
 def test_a_tolerance_that_is_too_small_is_a_matter_of_the_key(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, seam: Seam
 ) -> None:
-    monkeypatch.setattr(resample, "fitted", lambda *a: fitted(*a, most=4))
+    seam.instead(resample.fitted, lambda *a: fitted(*a, most=4))
     file = scenario(tmp_path, LINE)
     with pytest.raises(ConfigurationError, match=rf"^{file}: \[target\] track_tolerance_m: must"):
         load(file)
