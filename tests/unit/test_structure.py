@@ -314,3 +314,16 @@ def test_the_graph_sees_imports_wherever_they_stand(name: str) -> None:
     """It would find nothing wrong if it found nothing at all."""
     assert len(arrows()[name]) >= 3
     assert sum(map(len, arrows().values())) > 300
+
+
+def test_what_is_to_be_found_is_there() -> None:
+    """Files in the table of ARCHITECTURE.md, and the names in brackets behind them."""
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    rows = text.partition("## Where to find what\n")[2].partition("\n## ")[0].splitlines()[3:]
+    named = 0
+    for row in filter(None, rows):
+        for path, name in re.findall(r"`([^`]+\.\w+)`(?: \(`(\w+)`\))?", row):
+            (file,) = ROOT.glob(path) if "*" not in path else [next(ROOT.glob(path))]
+            assert re.search(rf"\b{name or ''}\b", file.read_text("utf-8")), row
+            named += bool(name)
+    assert named >= 5
