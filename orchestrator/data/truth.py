@@ -91,7 +91,18 @@ class Truth(Shown):
 
 
 def of_record(record: Record) -> Truth:
-    """The truth of a run, from a record that contains `TRUTH`."""
+    """The truth of a run, from a record that contains `TRUTH`.
+
+    Raises
+    ------
+    ConfigurationError
+        The record lacks one of these outputs.
+    """
+    missing = [name for name in TRUTH if name not in record.values]
+    if missing:
+        raise ConfigurationError(
+            f"record: must have the outputs {', '.join(TRUTH)}, got no {', '.join(missing)}"
+        )
     time, own = record.time_ns, record.own("target")
     return Truth(
         time_ns=time[own],

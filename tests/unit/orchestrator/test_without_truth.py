@@ -7,6 +7,7 @@ import pytest
 import sblcosim
 from sblcosim.data import samples, truth
 from sblcosim.data.estimates import Estimates
+from sblcosim.data.record import Record
 from sblcosim.data.samples import Samples
 from sblcosim.data.truth import Truth
 from sblcosim.errors import ConfigurationError
@@ -110,6 +111,12 @@ def test_a_truth_that_is_none_is_refused(
 ) -> None:
     with pytest.raises(ConfigurationError, match=why):
         Truth(time_ns=np.array(time_ns, np.int64), position=np.zeros(shape))
+
+
+def test_a_record_without_the_truth_says_what_it_lacks(run: Result) -> None:
+    values = {k: v for k, v in run.record.values.items() if not k.startswith("platform.")}
+    with pytest.raises(ConfigurationError, match=r"record: .* got no platform\.position, "):
+        truth.of_record(Record(run.record.time_ns, values))
 
 
 @pytest.mark.parametrize("off", [0.0, -0.25, 2.0])
