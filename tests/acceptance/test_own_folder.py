@@ -121,7 +121,7 @@ def test_it_warns_where_it_is_not_for_the_beacons(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ((("def equations():", "def equations(:"),), "must be importable, got SyntaxError"),
+        ((("def equations()", "def equations("),), "must be importable, got SyntaxError"),
         ((("RECEIVER =", "RECIEVER ="),),
          r"must have RECEIVER, .*, got none; did you mean 'RECIEVER'\?"),
         ((("RECEIVER = ReceiverDeclaration(", "RECEIVER = dict("),
@@ -137,9 +137,9 @@ def test_it_warns_where_it_is_not_for_the_beacons(tmp_path: Path) -> None:
         ((("return estimate.outputs(", "return dict(position=x.position) or ("),),
          "outputs do not match: covariance"),
         ((("min=0.0, max=1.0", "unit='furlong'"),), "must be importable, got .*furlong"),
-        ((("def equations():\n", "def equations():\n    1 / 0\n"),),
+        ((("def equations() -> Equations:\n", "def equations() -> Equations:\n    1 / 0\n"),),
          "must make its equations, got ZeroDivisionError: .*receiver.py, line"),
-        ((("def equations():\n", "import os\ndef equations():\n    os._exit(3)\n"),),
+        ((("    def initial(p", "    import os\n    os._exit(3)\n\n    def initial(p"),),
          r"receiver.py ended the process \(exit code 3\) in its equations"),
         ((("x.position + share", "ca.SX.sym('free', 3) + share"),), "must fit its declaration"),
     ],

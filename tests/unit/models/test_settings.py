@@ -107,6 +107,7 @@ def _of_each_key(function: Callable[[Variable, Any], Any]) -> Callable[[Tables],
 TRIED: Mapping[str, Callable[[Tables], Any]] = {
     "assumptions.assumed": _assumed,
     "assumptions.levels": _levels,
+    "assumptions.clock": lambda t: assumptions.clock(t.acoustics),
     "assumptions.mounting_noise": lambda t: assumptions.mounting_noise(t.platform, t.acoustics),
     "assumptions.rounding": _rounding,
     "beacons.beacons_of": lambda t: beacons.beacons_of(t.platform),
