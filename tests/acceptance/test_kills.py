@@ -123,7 +123,10 @@ class Place:
         assert code == 128 + signal.SIGTERM, lines
         (said,) = lines
         kept = re.fullmatch(r"interrupted; \d+(?: of \d+)? runs are in (.*); go on with.*", said)
-        if kept is None:
+        whole = re.fullmatch(r"terminated; complete before that: (.*)", said)
+        if whole is not None:
+            assert (self.folder / whole[1] / "manifest.json").is_file()
+        elif kept is None:
             assert said == "terminated; nothing was written"
         else:
             assert (self.folder / kept[1]).is_dir()
