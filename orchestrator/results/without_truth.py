@@ -14,6 +14,7 @@ import pandas as pd
 
 from ..data.estimates import Estimates, Flags, Floats, Integers
 from ..data.samples import Samples
+from .columns import ERRORS
 from .definitions import horizontal_square, square_of
 from .metrics import of_chi_square
 
@@ -33,8 +34,8 @@ def residuals(estimates: Estimates, samples: Samples, body: Floats | None = None
     Returns
     -------
     table
-        Index: ``beacon 1`` … of those heard, and ``depth``. Columns: ``mean_m``, ``rms_m``,
-        ``median_m`` (which outliers hardly move) and ``n``.
+        Index: ``beacon 1`` … of those heard, and ``depth``. Columns: those of the table of errors
+        (`sblcosim.results.columns.ERRORS`), and ``median_m``, which outliers hardly move.
 
     Raises
     ------
@@ -116,9 +117,5 @@ def _between(estimates: Estimates, epoch_ns: Integers) -> tuple[Flags, Floats]:
 
 
 def _row(values: Floats) -> dict[str, float]:
-    if not len(values):
-        return {"mean_m": np.nan, "rms_m": np.nan, "median_m": np.nan, "n": 0}
-    return {
-        "mean_m": values.mean(), "rms_m": np.sqrt((values**2).mean()),
-        "median_m": float(np.median(values)), "n": len(values),
-    }  # fmt: skip
+    median = float(np.median(values)) if len(values) else np.nan
+    return {**ERRORS.row(values), "median_m": median}
